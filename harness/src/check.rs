@@ -155,7 +155,7 @@ impl Package {
 }
 
 impl<'a> Probe<'a> {
-    /// Supplies a texture, sampler or buffer for the resource variable `name`.
+    /// Supplies a texture, sampler or buffer for the resource variable `name`. Each variable is given once.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -331,9 +331,10 @@ where
     /// Declares that the check fails on a path, and why: a driver's bug by its number.
     ///
     /// On that path at least one case must fail; if none does, the check fails until the
-    /// declaration is removed. The declaration covers every failure there, so for lost digits
-    /// prefer [`tolerance_on`](Self::tolerance_on). Other paths are judged as usual. `karat test`
-    /// counts the check as a known issue, never as one that passes.
+    /// declaration is removed. The declaration covers every wrong value there, NaN included, so for lost
+    /// digits prefer [`tolerance_on`](Self::tolerance_on). What stops the path, such as an endless loop, is
+    /// an error all the same. Other paths are judged as usual. `karat test` counts the check as a known
+    /// issue, never as one that passes.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -346,6 +347,26 @@ where
     /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
+        self
+    }
+
+    /// Declares that a path refuses the function, and why: its compiler doesn't know what the function is
+    /// made of, or the path lacks what it reads. If it runs there, whatever its values, the check fails
+    /// until the declaration is removed. Wrong values are what [`fails_on`](Self::fails_on) declares.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let (depths, depth) = (Texture::from_fn(2, 2, |x, _| x as f32), |i: u32| f64::from(i));
+    /// SHADERS
+    ///     .function("shadow::depth_of")
+    ///     .with("shadow", depths)
+    ///     .over(Integers(0..=1_u32))
+    ///     .refused_on(Path::GL, "naga's GLSL has no textureLoad of depths")
+    ///     .agrees_with(depth, Abs(0.0));
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare_refusal(on.into(), reason);
         self
     }
 

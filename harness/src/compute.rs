@@ -32,8 +32,8 @@ use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
 use crate::reflect::Overrides;
 use crate::run::{
-    Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes as Unexpected,
-    or_panic,
+    Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed,
+    Passes as Unexpected, PathFailures, Stop, or_panic,
 };
 use crate::settings::SettingsError;
 use crate::tolerance::{LaneError, Tolerance};
@@ -154,6 +154,15 @@ pub enum ComputeError {
     /// There is nothing to compare.
     #[error("nothing is compared: {0}")]
     Nothing(String),
+    /// What passes leave is what there was before.
+    #[error(
+        "`{variable}` holds after the passes what it held before, word for word, so nothing shows that they \
+         did anything: give it other contents"
+    )]
+    Unchanged {
+        /// The variable.
+        variable: String,
+    },
     /// The reference isn't finite.
     #[error("the reference of `{variable}` is {value} at [{index}]; a reference is finite")]
     Reference {
@@ -165,7 +174,9 @@ pub enum ComputeError {
         value: f64,
     },
     /// A bound that bounds nothing.
-    #[error("the tolerance {tolerance} has the bound {bound}: use a finite number of at least 0")]
+    #[error(
+        "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
+    )]
     Bound {
         /// The tolerance.
         tolerance: Tolerance,
@@ -185,6 +196,22 @@ pub enum ComputeError {
         /// What was declared.
         reason: String,
     },
+    /// A path runs passes that it is declared to refuse.
+    #[error(
+        "the passes run on {path}, which is declared to refuse them: {reason}\n\
+         the bug is gone, or hidden: remove `.refused_on(...)`"
+    )]
+    NotRefused {
+        /// The variable that is compared.
+        variable: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// Several paths fail in several ways, or some have no verdict.
+    #[error("{0}")]
+    Paths(Box<PathFailures<Self>>),
     /// A path is declared to fail without a reason.
     #[error("`{variable}` is declared to fail on {on} without a reason: name the bug")]
     UnexplainedIssue {
@@ -229,6 +256,28 @@ impl From<NotBegun> for ComputeError {
     }
 }
 
+impl ComputeError {
+    /// Whether elements are wrong, or a declaration is: otherwise there is no verdict.
+    fn is_verdict(&self) -> bool {
+        match self {
+            Self::Differs(_) | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,
+            Self::Golden { source, .. } => source.is_failure(),
+            Self::Paths(paths) => paths.all().any(Self::is_verdict),
+            _ => false,
+        }
+    }
+}
+
+impl Stop for ComputeError {
+    fn is_refusal(&self) -> bool {
+        matches!(self, Self::Dispatch(error) if error.is_refusal())
+    }
+
+    fn of_paths(failures: PathFailures<Self>) -> Self {
+        Self::Paths(Box::new(failures))
+    }
+}
+
 impl Passed for ComputeAgreement {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
@@ -240,8 +289,7 @@ impl Concluded for Result<ComputeAgreement, ComputeError> {
         match self {
             Ok(passed) if passed.known_issues.is_empty() => Verdict::Pass,
             Ok(_) => Verdict::KnownIssue,
-            Err(ComputeError::Differs(_) | ComputeError::UnexpectedPass { .. }) => Verdict::Fail,
-            Err(ComputeError::Golden { source, .. }) if source.is_failure() => Verdict::Fail,
+            Err(error) if error.is_verdict() => Verdict::Fail,
             Err(_) => Verdict::Error,
         }
     }
@@ -427,6 +475,21 @@ impl<'a> Compute<'a> {
         self
     }
 
+    /// Declares that a path refuses the passes, and why: see
+    /// [`Check::refused_on`](crate::Check::refused_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let sums = [1_u32];
+    /// let passes = SHADERS.compute().with("data", Storage::new([1_u32])).dispatch("scan::add", [1, 1, 1]);
+    /// passes.refused_on("gl", "naga#1234").after("data").agrees_with(sums, Abs(0.0));
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.known_issues.declare_refusal(on.into(), reason);
+        self
+    }
+
     /// What a resource holds after all passes, by the name of its variable. Some pass has to write it.
     ///
     /// ```
@@ -600,8 +663,12 @@ impl After<'_> {
         executor::or_selected(&self.compute.executors)
     }
 
-    fn passes_unexpectedly(&self, Unexpected { path, reason }: Unexpected) -> ComputeError {
-        ComputeError::UnexpectedPass { variable: self.variable.clone(), path, reason }
+    fn passes_unexpectedly(&self, unexpected: Unexpected) -> ComputeError {
+        let (variable, Unexpected { path, declared, reason }) = (self.variable.clone(), unexpected);
+        match declared {
+            Declared::Fails => ComputeError::UnexpectedPass { variable, path, reason },
+            Declared::Refuses => ComputeError::NotRefused { variable, path, reason },
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::fixture::{self, Fixture, FixtureError, Fixtures};
 use crate::package::{LinkedModule, Package};
 use crate::path::{Path, PathError};
 use crate::probe::{self, ProbeError};
-use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError};
+use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError, lanes_of};
 use crate::value::Shape;
 
 /// Why nothing was dispatched.
@@ -75,6 +75,19 @@ pub enum DispatchError {
         /// The path.
         path: Path,
     },
+}
+
+impl DispatchError {
+    /// Whether a path refuses what it is given before any of it runs.
+    pub(crate) fn is_refusal(&self) -> bool {
+        match self {
+            Self::Path(PathError::Route { .. } | PathError::Driver { .. }) => true,
+            Self::Fixture(error) => error.is_unsupported(),
+            Self::Probe(error) => error.is_refusal(),
+            Self::Unable { .. } => true,
+            _ => false,
+        }
+    }
 }
 
 /// The most workgroups in a direction, on every device.
@@ -295,6 +308,13 @@ impl Passes {
             reason: "no host can read it".to_owned(),
         })?;
         Ok((number, shape))
+    }
+
+    /// The lanes of what a buffer that is written holds before all passes.
+    pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
+        let (pass, binding) = self.writer(resource)?;
+        let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
+        lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
     /// The files that it depends on.

@@ -98,3 +98,15 @@ pub enum DrawError {
         found: (u32, u32),
     },
 }
+
+impl DrawError {
+    /// Whether a path refuses what it is given before any of it runs.
+    pub(crate) fn is_refusal(&self) -> bool {
+        match self {
+            Self::Path(PathError::Route { .. } | PathError::Driver { .. }) => true,
+            Self::Fixture(error) => error.is_unsupported(),
+            Self::Unable { .. } => true,
+            _ => false,
+        }
+    }
+}

@@ -20,8 +20,9 @@ use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::fixture::{self, Fixtures};
 use crate::image::Image;
+use crate::interpret::Interpreted;
 use crate::path::{self, Adapter, Device, Path, PathError};
-use crate::probe::{BATCH, Call, Prepared, ProbeError, Probed, Runner};
+use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
 ///
@@ -170,12 +171,47 @@ pub fn call(
     let width = probed.function().result.lanes().len();
     let mut results = Vec::with_capacity(cases.len());
     for batch in cases.chunks(prepared.capacity()) {
-        let started = prepared.start(batch.len(), &batch.concat())?;
-        started(&mut |words, stride| {
+        let rows = batch.concat();
+        let started = prepared.start(batch.len(), &rows)?;
+        let mut read = |words: &[u32], stride: usize| {
             results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
-        })?;
+        };
+        if let Err(error) = started(&mut read) {
+            let partial = left_open((probed, fixtures), (batch.len(), &rows), error)?;
+            read(&partial.words, partial.stride);
+        }
     }
     Ok(results)
+}
+
+/// Results of which some words were never written, if WGSL allows each of those to be anything: then a
+/// driver needn't write it, and it is what was there before, a NaN. Otherwise the driver dropped a write,
+/// and the error stays.
+pub(crate) fn left_open(
+    (probed, fixtures): (&Probed, &Fixtures),
+    (cases, rows): (usize, &[u32]),
+    error: ProbeError,
+) -> Result<Partial, ProbeError> {
+    let ProbeError::ResultNotWritten { partial, .. } = &error else { return Err(error) };
+    let Partial { stride, unwritten, .. } = &**partial;
+    let (width, lanes) = (rows.len() / cases.max(1), probed.function().result.lanes().len());
+    let mut named: Vec<usize> = unwritten.iter().map(|place| place / stride).collect();
+    named.dedup();
+    let own: Vec<u32> =
+        named.iter().flat_map(|case| &rows[case * width..][..width]).copied().collect();
+    let bounds = Interpreted::new(probed, fixtures).and_then(|one| one.bounds(named.len(), &own));
+    let Ok(bounds) = bounds else { return Err(error) };
+    let is_open = |place: &usize| {
+        let case = named.binary_search(&(place / stride)).ok();
+        let bound = case.and_then(|case| bounds.get(case * lanes + place % stride));
+        bound.is_some_and(|bound| bound.ends().is_none())
+    };
+    match error {
+        ProbeError::ResultNotWritten { partial, .. } if partial.unwritten.iter().all(is_open) => {
+            Ok(*partial)
+        }
+        error => Err(error),
+    }
 }
 
 /// Nothing knows what would be measured.
@@ -207,4 +243,39 @@ pub(crate) fn or_selected<'e>(
     #[cfg(not(feature = "engine"))]
     debug_assert!(!cpu, "nothing runs it");
     Ok(executors.collect())
+}
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+
+    /// What WGSL leaves open may stay unwritten; what it bounds may not.
+    #[test]
+    fn a_driver_may_drop_what_may_be_anything() {
+        let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";
+        let package = Package::from_source("open", text);
+        let probed = Probed::new(&package, "open").expect("valid");
+        let (fixtures, rows) = (Fixtures::new(), [1.0_f32, 2.0, 1.0, 3.0].map(f32::to_bits));
+        let left = |unwritten: Vec<usize>| {
+            let (count, function) = (unwritten.len(), "open".to_owned());
+            let partial = Box::new(Partial { words: vec![7; 6], stride: 3, unwritten });
+            let (path, component) = (Path::VULKAN, ".y".to_owned());
+            let error = ProbeError::ResultNotWritten {
+                function,
+                path,
+                component,
+                first: 0,
+                count,
+                words: 4,
+                partial,
+            };
+            left_open((&probed, &fixtures), (2, &rows), error).map(|partial| partial.words.len())
+        };
+        assert_eq!(left(vec![1, 4]).expect("each may be anything"), 6);
+        for dropped in [vec![0], vec![3], vec![1, 3, 4]] {
+            let error = left(dropped).expect_err("the first component is bounded").to_string();
+            assert!(error.contains("the driver drops writes"), "{error}");
+        }
+    }
 }

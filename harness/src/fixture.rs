@@ -206,13 +206,21 @@ fn named(binding: &Binding, name: &str) -> bool {
     binding.path == name || binding.name() == name
 }
 
-/// Refuses a fixture that no variable is called by: a misspelt name would be ignored otherwise.
+/// Refuses a fixture that no variable is called by, and a second one of a variable: either would be ignored.
 pub(crate) fn check_used(bindings: &[Binding], fixtures: &Fixtures) -> Result<(), FixtureError> {
     let unknown = |name: &String| !bindings.iter().any(|binding| named(binding, name));
-    match fixtures.iter().map(|(name, _)| name).find(|name| unknown(name)) {
-        Some(name) => Err(FixtureError::unused(name, bindings.iter().map(Binding::name))),
-        None => Ok(()),
+    if let Some((name, _)) = fixtures.iter().find(|(name, _)| unknown(name)) {
+        return Err(FixtureError::unused(name, bindings.iter().map(Binding::name)));
     }
+    let given = |binding: &Binding| fixtures.iter().rposition(|(name, _)| named(binding, name));
+    let used: Vec<usize> = bindings.iter().filter_map(given).collect();
+    for (place, (name, _)) in fixtures.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
+        let other = |binding: &&Binding| named(binding, name) && given(binding) > Some(place);
+        if let Some(binding) = bindings.iter().find(other) {
+            return Err(FixtureError::Twice { variable: binding.path.clone() }.at(binding));
+        }
+    }
+    Ok(())
 }
 
 /// The fixture of each variable, the last one given where there are several.

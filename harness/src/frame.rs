@@ -20,7 +20,10 @@ use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
-use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
+use crate::run::{
+    Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes,
+    PathFailures, Stop,
+};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
 use crate::value::Shareable;
@@ -135,6 +138,31 @@ pub enum FrameError {
         /// What was declared.
         reason: String,
     },
+    /// No draw touches a pixel.
+    #[error(
+        "no draw touches a pixel: each still is what the frame was cleared to, {clear:?}; look at what the \
+         vertex function returns, at culling and at depth"
+    )]
+    Untouched {
+        /// What the frame was cleared to.
+        clear: [f32; 4],
+    },
+    /// A path draws what it is declared to refuse.
+    #[error(
+        "`{case}` is drawn on {path}, which is declared to refuse it: {reason}\n\
+         the bug is gone, or hidden: remove `.refused_on(...)`"
+    )]
+    NotRefused {
+        /// Name of the golden.
+        case: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// Several paths fail, or some have no verdict.
+    #[error("{0}")]
+    Paths(Box<PathFailures<Self>>),
     /// A path is declared to fail without a reason.
     #[error("the frame is declared to fail on {0} without a reason: name the bug")]
     UnexplainedIssue(Selector),
@@ -149,8 +177,44 @@ pub enum FrameError {
 }
 
 impl FrameError {
-    fn passes(case: &str, Passes { path, reason }: Passes) -> Self {
-        Self::UnexpectedPass { case: case.to_owned(), path, reason }
+    fn passes(case: &str, Passes { path, declared, reason }: Passes) -> Self {
+        let case = case.to_owned();
+        match declared {
+            Declared::Fails => Self::UnexpectedPass { case, path, reason },
+            Declared::Refuses => Self::NotRefused { case, path, reason },
+        }
+    }
+
+    /// Whether pixels are wrong, or a declaration is: otherwise there is no verdict.
+    fn is_verdict(&self) -> bool {
+        match self {
+            Self::Mean { .. } | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,
+            Self::Golden { source, .. } => {
+                matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })
+            }
+            Self::Paths(paths) => paths.all().any(Self::is_verdict),
+            _ => false,
+        }
+    }
+}
+
+impl Stop for FrameError {
+    fn is_refusal(&self) -> bool {
+        matches!(self, Self::Draw(error) if error.is_refusal())
+    }
+
+    /// A golden that is missing is missing on each path.
+    fn cause(&self) -> String {
+        match self {
+            Self::Golden { source, .. } if matches!(**source, GoldenError::Missing { .. }) => {
+                "no golden".to_owned()
+            }
+            error => error.to_string(),
+        }
+    }
+
+    fn of_paths(failures: PathFailures<Self>) -> Self {
+        Self::Paths(Box::new(failures))
     }
 }
 
@@ -186,15 +250,7 @@ impl<T: Passed> Concluded for Result<T, FrameError> {
         match self {
             Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
             Ok(_) => Verdict::KnownIssue,
-            Err(FrameError::Mean { .. } | FrameError::UnexpectedPass { .. }) => Verdict::Fail,
-            Err(FrameError::Golden { source, .. })
-                if matches!(
-                    **source,
-                    GoldenError::Differs { .. } | GoldenError::Unacceptable { .. }
-                ) =>
-            {
-                Verdict::Fail
-            }
+            Err(error) if error.is_verdict() => Verdict::Fail,
             Err(_) => Verdict::Error,
         }
     }
@@ -640,6 +696,21 @@ impl<'a> Frame<'a> {
     /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.known_issues.declare(on.into(), reason);
+        self
+    }
+
+    /// Declares that a path refuses the frame, and why: see
+    /// [`Check::refused_on`](crate::Check::refused_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
+    /// frame.refused_on("gl", "naga#1234").matches(&GOLDENS, "sky");
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.known_issues.declare_refusal(on.into(), reason);
         self
     }
 

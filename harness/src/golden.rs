@@ -97,6 +97,9 @@ pub(crate) struct Rendered<'a> {
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
     /// Whether it is known to differ: there is nothing to review then.
     pub(crate) known_issue: bool,
+    /// Whether the frame of another path waits already: one is looked at, decided about, and the test runs
+    /// again.
+    pub(crate) other_waits: bool,
 }
 
 impl Rendered<'_> {
@@ -319,7 +322,9 @@ impl Goldens {
         };
         match golden.compare(frame) {
             Ok(margin) => {
-                self.remove_pending(case, &profile);
+                if !frame.other_waits {
+                    self.remove_pending(case, &profile);
+                }
                 let profile = own.then_some(profile);
                 Ok(FrameMargin { golden: shown(&file), profile, ..margin })
             }
@@ -383,12 +388,17 @@ impl Goldens {
         if let FrameDifference::Mask(source) = difference {
             return GoldenError::Mask { case: case.to_owned(), source };
         }
-        let known = frame.known_issue && matches!(difference, FrameDifference::Values(_));
+        let known = frame.known_issue && difference.is_of_values();
         let (advice, pending) = if known {
             // What is known to differ isn't to be decided about.
             (String::new(), None)
         } else {
             match self.write_pending(case, frame, against) {
+                Ok(pending) if frame.other_waits => {
+                    let of_another =
+                        "which is the frame of another path: decide about that one first";
+                    (of_another.to_owned(), Some(pending))
+                }
                 Ok(pending) => (self.advice(&pending, &difference, golden), Some(pending)),
                 Err(source) => return unwritten(case, &difference.to_string(), source),
             }

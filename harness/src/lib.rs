@@ -41,7 +41,7 @@
 //! | a texture, a sampler, a buffer that the function reads | [`Texture`], [`CubeMap`], [`Sampler`], [`Uniform`], [`Storage`], [`Buffer`](fixture::Buffer) |
 //! | entry points that draw | [`Package::frame`], [`Frame`], [`Goldens`] |
 //! | compute passes | [`Package::compute`], [`Compute`](compute::Compute) |
-//! | a driver that is wrong | [`Check::tolerance_on`], [`Check::fails_on`], [`Path`] |
+//! | a driver that is wrong | [`Check::tolerance_on`], [`Check::fails_on`], [`Check::refused_on`], [`Path`] |
 //! | no tests at all, and doubts | [`Package::hazards`], [`Package::is_valid`] |
 //!
 //! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.

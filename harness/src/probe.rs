@@ -298,17 +298,17 @@ impl ProbeError {
     /// ```
     #[must_use]
     pub fn is_of_path(&self) -> bool {
-        let unsupported = |error: &FixtureError| match error {
-            FixtureError::Declared { source, .. } => {
-                matches!(**source, FixtureError::Unsupported { .. })
-            }
-            other => matches!(other, FixtureError::Unsupported { .. }),
-        };
         match self {
             Self::F16 { .. } | Self::Compile { .. } => true,
-            Self::Fixture(error) => unsupported(error),
+            Self::Fixture(error) => error.is_unsupported(),
             _ => false,
         }
+    }
+
+    /// Whether a path refuses what it is given before any of it runs: by its compiler, its route, or what it
+    /// lacks.
+    pub(crate) fn is_refusal(&self) -> bool {
+        self.is_of_path() || matches!(self, Self::Path(PathError::Route { .. }))
     }
 }
 
@@ -395,6 +395,8 @@ pub enum ProbeError {
         count: usize,
         /// Of how many.
         words: usize,
+        /// What was written.
+        partial: Box<Partial>,
     },
     /// The executor has no room for even one case.
     #[error("the executor of path `{path}` has room for no case of `{function}`")]
@@ -414,6 +416,30 @@ pub enum ProbeError {
         /// Words that were returned.
         found: usize,
     },
+}
+
+/// Results of which some words were never written. They still are a NaN.
+///
+/// ```
+/// use karat::probe::ProbeError;
+///
+/// fn told(error: &ProbeError) -> String {
+///     match error {
+///         ProbeError::ResultNotWritten { path, partial, .. } => format!("{path}: {partial:?}"),
+///         other => other.to_string(),
+///     }
+/// }
+/// # let package = karat::Package::from_source("m", "fn f() -> f32 { return 1.0; }");
+/// # let error = karat::probe::Probed::new(&package, "g").unwrap_err();
+/// # assert!(told(&error).contains("no function `g`"), "{}", told(&error));
+/// ```
+#[derive(Debug)]
+pub struct Partial {
+    /// The words of each case, and one more.
+    pub(crate) words: Vec<u32>,
+    pub(crate) stride: usize,
+    /// Which of them weren't written.
+    pub(crate) unwritten: Vec<usize>,
 }
 
 /// The shapes of a function's parameters.

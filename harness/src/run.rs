@@ -10,8 +10,8 @@ mod reporter;
 
 pub use host::{Host, host};
 pub(crate) use identity::{Identity, NotBegun, Replayed, leave_frame_out, with_inputs};
-pub use known_issue::KnownIssue;
-pub(crate) use known_issue::{KnownIssues, Passes, Seen};
+pub(crate) use known_issue::{Conclusion, Declared, Judged, KnownIssues, Passes, Stop};
+pub use known_issue::{KnownIssue, PathFailures};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::NotReplayed;
 pub(crate) use reporter::{Concluded, Passed, Reporter, or_panic};

@@ -362,12 +362,21 @@ impl Tolerance {
         }
     }
 
-    /// The first bound that bounds nothing: NaN, infinite or negative.
+    /// The first bound that bounds nothing: NaN, negative, or so large that no two numbers of `f32` are
+    /// farther apart.
     pub(crate) fn unusable(&self) -> Option<f64> {
-        let nothing = |bound: &f64| !(*bound >= 0.0 && bound.is_finite());
+        // From the least to the largest number, the largest quotient of two, and the steps between them.
+        let apart = 2.0 * f64::from(f32::MAX);
+        let quotient = apart / f64::from(f32::from_bits(1));
+        let steps = 2.0 * f64::from(f32::MAX.to_bits());
+        let nothing = |most: f64| move |bound: &f64| !(*bound >= 0.0 && *bound < most);
         match self {
-            Self::Ulp { bound, band } => [bound, band].into_iter().copied().find(nothing),
-            Self::Rel(bound) | Self::Abs(bound) => Some(*bound).filter(nothing),
+            Self::Ulp { bound, band } => {
+                let band = Some(*band).filter(nothing(apart));
+                Some(*bound).filter(nothing(steps)).or(band)
+            }
+            Self::Rel(bound) => Some(*bound).filter(nothing(quotient)),
+            Self::Abs(bound) => Some(*bound).filter(nothing(apart)),
             // No alternative at all: nothing could pass, or everything.
             Self::Any(parts) | Self::All(parts) if parts.is_empty() => Some(f64::NAN),
             Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {

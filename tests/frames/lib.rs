@@ -147,11 +147,9 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
         "scene" => spheres(shot, "fragment", &painted, usual, (640, 360)),
         "diffuse" => spheres(shot, "diffuse_fragment", &painted, usual, SMALL),
         "specular" => spheres(shot, "specular_fragment", &painted, usual, SMALL),
-        "masked_roughness" => spheres(shot, "masked_roughness_fragment", &painted, usual, SMALL)
-            .with("mask", scene::rings()),
+        "masked_roughness" => spheres(shot, "masked_roughness_fragment", &painted, usual, SMALL),
         "layered" => spheres(shot, "layered_fragment", &painted, usual, SMALL),
-        "masked_layered" => spheres(shot, "masked_layered_fragment", &painted, usual, SMALL)
-            .with("mask", scene::dots()),
+        "masked_layered" => spheres(shot, "masked_layered_fragment", &painted, usual, SMALL),
         "filtered_diffuse" => {
             spheres(shot, "filtered_diffuse_fragment", &painted, Samples::FILTERED, SMALL)
         }
@@ -196,6 +194,11 @@ fn spheres(
     let camera = scene::camera(f64::from(width) / f64::from(height));
     let [base_color, surface] = scene::material_maps(painted);
     let samples = shot.samples(samples);
+    let mask = match fragment {
+        "masked_roughness_fragment" => scene::rings(),
+        "masked_layered_fragment" => scene::dots(),
+        _ => scene::no_mask(),
+    };
     let frame = grid("scene", fragment, camera, (width, height))
         .fact("diffuse samples", samples.diffuse)
         .fact("specular samples", samples.specular)
@@ -203,7 +206,7 @@ fn spheres(
         .with("samples", Uniform::new(samples))
         .with("base_color_map", base_color)
         .with("surface_map", surface)
-        .with("mask", scene::no_mask())
+        .with("mask", mask)
         .with("environment", shot.light())
         .with("environment_sampler", Sampler::Linear);
     if shot.prepass { frame.depth_prepass() } else { frame }

@@ -121,10 +121,10 @@ fn one_bad_node_of_an_integral() {
             let bad = OneOf(vec![0_u32, 99_999, 70_000, 100_000]);
             let rule = move |bad: &u32| (0..100_000_u32).map(|i| ((i, *bad), weight)).collect();
             let integral = || package.function("f").integral(bad.clone(), rule);
-            let loosest = Abs(1e300).or(Rel(1e300));
+            let loosest = Abs(6e38).or(Rel(1e83));
             let found = [
                 disagreement(integral().try_agrees_with(|_| 1.0, loosest)),
-                disagreement(integral().try_is_at_most(|_| 1e300, 1e300)),
+                disagreement(integral().try_is_at_most(|_| 1e300, 6e38)),
             ];
             for path in found.iter().flat_map(|found| &found.paths) {
                 assert_eq!((path.census.cases, path.census.failures), (4, 3));
@@ -165,10 +165,10 @@ fn an_integral_of_nothing() {
     };
     let empty = "the quadrature rule of `f` has no nodes, so nothing would be integrated, for case \
                  3: 0.75";
-    assert_eq!(refused(integral(None).try_agrees_with(|x| f64::from(*x), Abs(1e300))), empty);
-    assert_eq!(refused(integral(None).try_is_at_most(|_| 1e300, 1e300)), empty);
+    assert_eq!(refused(integral(None).try_agrees_with(|x| f64::from(*x), Abs(6e38))), empty);
+    assert_eq!(refused(integral(None).try_is_at_most(|_| 1e300, 6e38)), empty);
     for weight in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let text = refused(integral(Some(weight)).try_is_at_most(|_| 1e300, 1e300));
+        let text = refused(integral(Some(weight)).try_is_at_most(|_| 1e300, 6e38));
         let expected = format!(
             "the quadrature rule of `f` has the weight {weight} at node 1 for case 3: 0.75"
         );
@@ -327,7 +327,12 @@ fn an_integral_over_directions() {
     }
     for found in <[_; 2]>::from(check("exp(1e3 * (l.x - 1.0))", Directions::sphere(), 6.283e-3)) {
         let error = found.expect_err("a lobe of 0.03 between rings of 0.05");
-        assert!(matches!(error, Failure::Rule { .. }), "{error}");
+        let rule = |error: &Failure| matches!(error, Failure::Rule { .. });
+        let undecided = match &error {
+            Failure::Paths(paths) => paths.stopped.iter().all(|(_, error)| rule(error)),
+            error => rule(error),
+        };
+        assert!(undecided, "{error}");
         assert!(error.to_string().contains("so there is no verdict: use more rings"), "{error}");
     }
     let (equal, _) = check("sqrt(l.z)", Directions::sphere(), 1.0);

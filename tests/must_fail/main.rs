@@ -9,6 +9,7 @@ mod messages;
 mod ordinary;
 mod processes;
 mod properties;
+mod weaker;
 
 use karat::check::{Disagreement, Failure};
 use karat::prelude::*;

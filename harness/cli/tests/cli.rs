@@ -18,6 +18,8 @@ mod escapes;
 mod files;
 #[path = "cli/hazards.rs"]
 mod hazards;
+#[path = "cli/idle.rs"]
+mod idle;
 #[path = "cli/init.rs"]
 mod init;
 #[path = "cli/interrupted.rs"]

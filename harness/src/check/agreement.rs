@@ -199,82 +199,66 @@ impl Session<'_> {
         tolerances: &Tolerances,
         granting: Option<&Granting>,
         recording: Recording,
-    ) -> Result<Vec<PathTally>, Failure> {
+    ) -> Result<PathTally, Failure> {
         let session = self;
         session.called.expect_result(&expected.shape, "the reference returns")?;
         tolerances.expect_usable(&session.called)?;
         if let Some(otherwise) = granting.and_then(|granting| granting.otherwise.as_ref()) {
             session.called.expect_lanes(otherwise)?;
         }
-        let witness = granting.map(|_| session.witness()).transpose()?;
         // A path's own tolerance holds there in place of what WGSL allows.
-        let ready = session.called.ready.iter();
-        let own: Vec<bool> =
-            ready.map(|ready| tolerances.on.on(ready.path, &ready.adapter).is_some()).collect();
+        let granting = granting.filter(|_| tolerances.own(&session.called).is_none());
+        let witness = granting.map(|_| session.witness()).transpose()?;
         let measured = match granting.filter(|granting| granting.measured) {
-            Some(_) => session.measured(&own)?,
-            None => Vec::new(),
+            Some(_) => Some(session.measured()?),
+            None => None,
         };
         let judged = AtomicBool::new(false);
-        let (scalars, tolerances) =
-            (session.called.scalars(), tolerances.of_paths(&session.called));
+        let (scalars, tolerance) = (session.called.scalars(), tolerances.of(&session.called));
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
         // What WGSL grants is for whoever reads the record.
-        let granted = granting.is_none() && recording == Recording::On && record::wanted();
-        let granter = granted.then(|| session.witness().ok()).flatten();
-        let mut granted_by_path: Vec<Option<Grant>> = vec![None; tolerances.len()];
+        let wanted = granting.is_none() && recording == Recording::On && record::wanted();
+        let granter = wanted.then(|| session.witness().ok()).flatten();
+        let mut grant: Option<Grant> = None;
         let mut left = grants::wanted(&session.called.probed.program);
-        let mut tallies = session.run(&mut |batch, dispatches| {
-            // The device works on the dispatches meanwhile.
+        let mut tally = session.run(&mut |batch, running| {
+            // The device works on the dispatch meanwhile.
             let lanes = session.expected(batch, batch.rows(), expected.expect)?;
             if let Some(granter) = granter.as_ref().filter(|_| left > 0)
                 && let Ok(found) = Grants::of(granter, batch, &mut left)
             {
-                for (grant, tolerance) in granted_by_path.iter_mut().zip(&tolerances) {
-                    let more = found.against(&scalars, &lanes, tolerance);
-                    *grant = Some(grant.map_or(more, |grant| grant.merge(more)));
-                }
+                let more = found.against(&scalars, &lanes, tolerance);
+                grant = Some(grant.map_or(more, |grant| grant.merge(more)));
             }
-            // Those of the specification, or of each path.
-            let bounds = match &witness {
-                None => Vec::new(),
-                Some(witness) if measured.is_empty() => {
-                    vec![witness.bounds(batch.cases, &batch.lanes())?]
-                }
-                Some(witness) => {
-                    let of = |accuracy: &Option<_>| match accuracy {
-                        Some(accuracy) => {
-                            witness.measured_bounds(batch.cases, &batch.lanes(), accuracy)
-                        }
-                        None => Ok(Vec::new()),
-                    };
-                    measured.iter().map(of).collect::<Result<_, _>>()?
+            // Those of the specification, or of the path.
+            let bounds = match (&witness, &measured) {
+                (None, _) => Vec::new(),
+                (Some(witness), None) => witness.bounds(batch.cases, &batch.lanes())?,
+                (Some(witness), Some(accuracy)) => {
+                    witness.measured_bounds(batch.cases, &batch.lanes(), accuracy)?
                 }
             };
-            let granted = |path: usize| {
-                let granting = granting.filter(|_| !own[path])?;
-                let bounds = &bounds[if measured.is_empty() { 0 } else { path }];
-                Some(Granted { granting, bounds, judged: &judged })
-            };
-            let comparison = |path: usize| Comparison {
-                granted: granted(path),
+            let comparison = Comparison {
+                granted: granting.map(|granting| Granted {
+                    granting,
+                    bounds: &bounds,
+                    judged: &judged,
+                }),
                 scalars: &scalars,
                 expected: &lanes,
                 batch,
                 arguments: &arguments,
                 expect: expected.expect,
-                tolerance: tolerances[path],
+                tolerance,
                 told_apart: &told_apart,
             };
-            let expect = |case| Some(comparison(0).of(case).to_vec());
-            session.judge(batch, dispatches, expect, comparison)
+            let expect = |case| Some(comparison.of(case).to_vec());
+            session.judge(batch, running, expect, &comparison)
         })?;
-        for (tally, granted) in tallies.iter_mut().zip(granted_by_path) {
-            tally.granted = granted;
-        }
-        let tallies = session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)?;
-        let by_spec = witness.is_some() && own.contains(&false);
-        session.expect_tested(!by_spec || judged.into_inner(), tallies, Vacuous::Ungranted)
+        tally.granted = grant;
+        let tally = session.expect_tested(told_apart.into_inner(), tally, Vacuous::Flushed)?;
+        let by_spec = witness.is_some();
+        session.expect_tested(!by_spec || judged.into_inner(), tally, Vacuous::Ungranted)
     }
 }

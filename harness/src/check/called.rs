@@ -1,15 +1,13 @@
-//! A function on its executors: calls by rows of words, with no cases and no verdict.
+//! A function on its executor: calls by rows of words, with no cases and no verdict.
 
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::{FileRead, Span};
 use crate::executor::{self, Executor};
-use crate::fixture::{self, FixtureError, Fixtures};
+use crate::fixture::{self, Fixtures};
 use crate::package::Package;
 use crate::path::{Adapter, Path};
-use crate::probe::{self, BATCH, Call, Inputs, Prepared, ProbeError, Probed, Started};
-use crate::record::PathRecord;
+use crate::probe::{self, Call, Inputs, Prepared, ProbeError, Probed, Started};
 use crate::reflect::{Function, Overrides};
-use crate::run::{KnownIssues, Seen};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
@@ -50,86 +48,38 @@ impl Fitting {
         Err(Mismatch::Arguments { declared, supplied, who }.of(&probed.function))
     }
 
-    /// Gets it ready on each executor, with room for so many calls in a batch. Where it is declared to
-    /// fail, it may be refused: a driver's compiler may not know what it is made of.
+    /// Gets it ready on an executor, with room for so many calls in a batch.
     pub(super) fn on<'e>(
         self,
-        executors: &[&'e dyn Executor],
-        fixtures: &Fixtures,
+        executor: &'e dyn Executor,
+        fixtures: &'e Fixtures,
         calls: usize,
-        known_issues: &KnownIssues,
     ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
         let words = probe::parameter_shapes(&probed.function);
         let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
         let width = probed.function.result.lanes().len();
         fixture::check_used(&probed.function.bindings, fixtures).map_err(ProbeError::from)?;
-        let call = Call { probed: &probed, fixtures, cases: calls };
-        let mut refused = Vec::new();
-        let mut ready = |executor: &&'e dyn Executor| {
-            let path = executor.path();
-            let prepared = match executor.prepare(&call) {
-                Err(
-                    ProbeError::Compile { .. }
-                    | ProbeError::F16 { .. }
-                    | ProbeError::Path(_)
-                    | ProbeError::Fixture(FixtureError::Unsupported { .. }),
-                ) if known_issues.on(path, &executor::adapter(*executor)).is_some() => {
-                    refused.push(Refused { path, adapter: executor::adapter(*executor) });
-                    return Ok(None);
-                }
-                prepared => prepared?,
-            };
-            if prepared.capacity() == 0 {
-                let function = probed.function.name.clone();
-                return Err(ProbeError::NoRoom { function, path });
-            }
-            let adapter = executor::adapter(*executor);
-            Ok(Some(Ready { path, adapter, prepared, width }))
-        };
-        let ready = executors.iter().filter_map(|executor| ready(executor).transpose());
-        let ready = ready.collect::<Result<_, ProbeError>>()?;
-        Ok(Called { probed, ready, words, refused })
-    }
-}
-
-impl Refused {
-    pub(super) fn seen(&self) -> Seen {
-        Seen { adapter: self.adapter.clone(), path: self.path, cases: 0, failures: 1 }
-    }
-
-    pub(super) fn record(&self, asserted: &str) -> PathRecord {
-        PathRecord {
-            adapter: self.adapter.clone(),
-            cases: 0,
-            failures: 1,
-            worst: "refused".to_owned(),
-            ratio: None,
-            asserted: asserted.to_owned(),
-            known_issue: None,
-            granted: None,
-            errors: None,
-            plot: None,
-            histogram: None,
-            configurations: None,
+        let path = executor.path();
+        let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
+        if prepared.capacity() == 0 {
+            let function = probed.function.name.clone();
+            return Err(ProbeError::NoRoom { function, path }.into());
         }
+        let ready = Ready { path, adapter: executor::adapter(executor), prepared, width };
+        Ok(Called { probed, ready, words, fixtures })
     }
 }
 
-/// A function that can be called on each executor.
+/// A function that can be called on one executor. What is judged on several is called on each by itself, so
+/// that none can be passed over.
 pub(super) struct Called<'e> {
     pub(super) probed: Probed,
-    pub(super) ready: Vec<Ready<'e>>,
+    pub(super) ready: Ready<'e>,
     /// Words of all arguments.
     pub(super) words: usize,
-    /// Where it isn't compiled, as was declared.
-    pub(super) refused: Vec<Refused>,
-}
-
-/// An executor that refuses a function.
-pub(super) struct Refused {
-    pub(super) path: Path,
-    pub(super) adapter: Adapter,
+    /// What it reads.
+    fixtures: &'e Fixtures,
 }
 
 /// A function on one executor.
@@ -142,54 +92,44 @@ pub(super) struct Ready<'e> {
 }
 
 impl Ready<'_> {
-    /// Calls of one batch.
-    pub(super) fn capacity(&self) -> usize {
-        self.prepared.capacity()
-    }
-
     pub(super) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
-    }
-
-    /// Starts calls, whose arguments follow one another in `rows`.
-    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
-        let started = self.prepared.start(calls, rows)?;
-        Ok(Running { started, calls, width: self.width, path: self.path })
     }
 }
 
 /// Calls that run on one executor.
 #[must_use]
 pub(super) struct Running<'p> {
+    called: &'p Called<'p>,
     started: Started<'p>,
     calls: usize,
-    width: usize,
-    path: Path,
+    rows: Vec<u32>,
 }
 
 impl Running<'_> {
     /// Waits for the results, and lends them to `read`.
     pub(super) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, Failure> {
-        let Self { started, calls, width, path } = self;
+        let Self { called, started, calls, rows } = self;
+        let Ready { width, path, .. } = called.ready;
         let mut value = None;
-        started(&mut |words, stride| {
+        let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
                 true => Ok(read(View { words, stride, width })),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
-        })?;
+        };
+        if let Err(error) = started(&mut view) {
+            let of = (&called.probed, called.fixtures);
+            let partial = executor::left_open(of, (calls, &rows), error)?;
+            view(&partial.words, partial.stride);
+        }
         let none = || Err(ProbeError::Length { path, expected: calls * width, found: 0 });
         Ok(value.unwrap_or_else(none)?)
     }
 
-    /// Waits for the results of each executor.
-    pub(super) fn read_all(running: Vec<Self>) -> Result<Vec<Results>, Failure> {
-        running.into_iter().map(Self::read).collect()
-    }
-
     /// Waits for the results, and keeps them.
-    fn read(self) -> Result<Results, Failure> {
+    pub(super) fn read(self) -> Result<Results, Failure> {
         self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
     }
 }
@@ -259,17 +199,18 @@ impl Called<'_> {
 
     /// Calls of one dispatch.
     pub(super) fn capacity(&self) -> usize {
-        self.ready.iter().map(Ready::capacity).min().unwrap_or(BATCH)
+        self.ready.prepared.capacity()
     }
 
-    /// Starts calls on each executor.
-    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Vec<Running<'_>>, Failure> {
-        self.ready.iter().map(|ready| ready.start(rows, calls)).collect()
+    /// Starts calls, whose arguments follow one another in `rows`.
+    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
+        let started = self.ready.prepared.start(calls, rows)?;
+        Ok(Running { called: self, started, calls, rows: rows.to_vec() })
     }
 
-    /// Calls on each executor, and waits.
-    pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Vec<Results>, Failure> {
-        Running::read_all(self.start(rows, calls)?)
+    /// Calls, and waits.
+    pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Results, Failure> {
+        self.start(rows, calls)?.read()
     }
 
     /// The numbers in the words of a result.

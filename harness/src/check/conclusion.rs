@@ -1,64 +1,51 @@
-//! Makes a check's verdict of the sums of its paths.
+//! Makes a check's verdict of what each path gave.
 
 use super::path_tally::PathTally;
-use super::session::Session;
-use super::{Agreement, Disagreement, Failure, PathDisagreement, Simplest, Vacuous};
-use crate::run::{Descent, Replayed};
+use super::session::{Asserted, Session};
+use super::{Agreement, Disagreement, Failure, PathDisagreement, Plan, Simplest, Vacuous};
+use crate::path::Adapter;
+use crate::probe::Inputs;
+use crate::reflect::Function;
+use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
+/// What one path gave, with arguments from one source.
+pub(super) struct Outcome {
+    function: Function,
+    inputs: Inputs,
+    /// Cases in which something was asserted.
+    cases: u64,
+    worst: LaneError,
+    seed: u64,
+    /// How it disagrees, if that is to be told.
+    disagreement: Option<PathDisagreement>,
+}
+
 impl Session<'_> {
-    /// Whether all paths agree, each of them on every case.
-    pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
-        let compared = tallies.iter().map(|path| path.tally.census.cases).min().unwrap_or(0);
-        let declared = self.declared();
+    /// Whether the path was compared on every case, and how it did. `told` says whether a failure is shown.
+    pub(super) fn outcome(&self, tally: PathTally, told: bool) -> Result<Outcome, Failure> {
+        let (compared, declared) = (tally.tally.census.cases, self.declared());
         if compared < declared {
             return self.called.vacuous(Vacuous::Uncompared { declared, compared });
         }
-        if tallies.iter().any(PathTally::fails) {
-            return Err(self.disagreement(tallies));
-        }
-        let judged = tallies.iter().map(|path| path.tally.census.judged()).min().unwrap_or(0);
-        let worst_of = |path: &PathTally| {
-            path.tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure)
-        };
-        let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
-        Ok(Agreement {
-            function: self.called.function().name.clone(),
-            cases: judged,
-            paths: tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect(),
-            worst: worst.unwrap_or(LaneError::ZERO),
-            known_issues: Vec::new(),
+        let worst = tally.tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
+        Ok(Outcome {
+            function: self.called.function().clone(),
+            inputs: self.inputs,
+            cases: tally.tally.census.judged(),
+            worst,
+            seed: self.cases.seed,
+            disagreement: (told && tally.fails()).then(|| self.path_disagreement(tally)).flatten(),
         })
     }
 
-    fn disagreement(&self, tallies: Vec<PathTally>) -> Failure {
-        let mut agreeing = Vec::new();
-        let mut paths = Vec::new();
-        for tally in tallies {
-            match tally.fails() {
-                true => paths.extend(self.path_disagreement(tally)),
-                false => agreeing.push((tally.adapter, self.inputs)),
-            }
-        }
-        Failure::Disagreement(Box::new(Disagreement {
-            function: self.called.function().clone(),
-            check: self.asserted.check,
-            assertion: self.asserted.text.clone(),
-            expectation: self.asserted.expectation,
-            paths,
-            agreeing,
-            domain: self.stream.described(),
-            seed: self.cases.seed,
-        }))
-    }
-
-    /// The failures of one path with the commands that replay them.
+    /// The failures of the path with the commands that replay them.
     fn path_disagreement(&self, tally: PathTally) -> Option<PathDisagreement> {
-        let PathTally { adapter, path, tally, worst, first, simplest, cause, .. } = tally;
+        let PathTally { adapter, tally, worst, first, simplest, cause, .. } = tally;
         let worst = worst?;
         let replay = |seed: u64, replayed: Replayed<'_>| {
             let (function, check) = (&self.called.function().name, &self.name());
-            self.identity.replay(self.selectable(path), seed, function, check, replayed)
+            self.identity.replay(self.selectable(), seed, function, check, replayed)
         };
         let replay_of = |simplest: &Simplest| match &*simplest.input {
             [] => {
@@ -83,12 +70,12 @@ impl Session<'_> {
             simplest.map(|simplest| Simplest { replay: replay_of(&simplest), ..simplest });
         let mut worst = worst;
         match &mut simplest {
-            Some(Simplest { failure, input, .. }) => self.explain(failure, input, path),
+            Some(Simplest { failure, input, .. }) => self.explain(failure, input),
             None => {
                 let row = self.input().map(<[u32]>::to_vec);
                 let drawn = || Some(self.case(worst.case).ok()?.row);
                 let row = row.or_else(|| drawn().filter(|_| !worst.remembered));
-                self.explain(&mut worst, &row.unwrap_or_default(), path);
+                self.explain(&mut worst, &row.unwrap_or_default());
             }
         }
         Some(PathDisagreement {
@@ -100,6 +87,53 @@ impl Session<'_> {
             replay: replay_worst,
             simplest,
             worst,
+        })
+    }
+}
+
+impl Plan<'_> {
+    /// The verdict on all paths.
+    pub(super) fn verdict(
+        &self,
+        asserted: &Asserted,
+        domain: String,
+        all: Conclusion<Outcome, Failure>,
+    ) -> Result<Agreement, Failure> {
+        let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
+            let Some((_, first)) = differing.first() else { return Vec::new() };
+            let (function, seed) = (first.function.clone(), first.seed);
+            let agreeing = agreeing.iter().map(|(adapter, one)| (adapter.clone(), one.inputs));
+            let disagreement = Disagreement {
+                function,
+                check: asserted.check,
+                assertion: asserted.text.clone(),
+                expectation: asserted.expectation,
+                paths: differing.into_iter().filter_map(|(_, one)| one.disagreement).collect(),
+                agreeing: agreeing.collect(),
+                domain,
+                seed,
+            };
+            vec![Failure::Disagreement(Box::new(disagreement))]
+        };
+        let (agreeing, known_issues) = all.verdict(differ, |passes| self.passes(passes))?;
+        // Each source of arguments has its cases, and each path has them all.
+        let mut cases = 0;
+        for inputs in Inputs::ALL {
+            let own = agreeing.iter().filter(|(_, one)| one.inputs == inputs);
+            cases += own.map(|(_, one)| one.cases).min().unwrap_or(0);
+        }
+        if agreeing.is_empty() {
+            cases = known_issues.iter().map(|issue| issue.cases).min().unwrap_or(0);
+        }
+        let worst = agreeing.iter().map(|(_, one)| one.worst);
+        let worst = worst.max_by(|a, b| a.ratio.total_cmp(&b.ratio)).unwrap_or(LaneError::ZERO);
+        let function = agreeing.first().map(|(_, one)| one.function.name.clone());
+        Ok(Agreement {
+            function: function.unwrap_or_else(|| self.probe.name.clone()),
+            cases,
+            paths: agreeing.into_iter().map(|(adapter, one)| (adapter, one.worst)).collect(),
+            worst,
+            known_issues,
         })
     }
 }

@@ -138,6 +138,22 @@ impl DynamicCheck<'_> {
         self
     }
 
+    /// See [`Check::refused_on`](super::Check::refused_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// use karat::domain::Dynamic;
+    ///
+    /// let package = Package::from_source("m", "fn one() -> f32 { return 1.0; }");
+    /// let one = package.function("one").over_dynamic(Dynamic::new(&[], Vec::new()));
+    /// one.refused_on("gl", "a compiler's bug 123").is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare_refusal(on.into(), reason);
+        self
+    }
+
     fn demand(&self) -> Demand {
         Demand {
             arguments: self.domain.shapes().to_vec(),

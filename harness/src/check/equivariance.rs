@@ -4,7 +4,6 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::called::Running;
 use super::companion::{Companion, WithCompanion};
 use super::demand::Demand;
 use super::plan::{Plan, Recording};
@@ -115,37 +114,35 @@ impl Plan<'_> {
             let called = &session.called;
             called.expect_result(&turned.shape, "the rotation of the result takes")?;
             tolerances.expect_usable(&session.called)?;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
+            let (scalars, tolerance) = (called.scalars(), tolerances.of(called));
             let mut changed = false;
-            let tallies = session.run(&mut |batch, dispatches| {
+            let tally = session.run(&mut |batch, running| {
                 let rotation = |case: usize| rotation(batch.companion(case));
                 let mut lanes = Vec::with_capacity(batch.cases * called.words);
                 for case in 0..batch.cases {
                     (turned.arguments)(batch.arguments(case), rotation(case), &mut lanes);
                 }
                 changed |= *lanes != *batch.lanes();
-                let before = Running::read_all(dispatches)?;
+                let before = running.read()?;
                 let after = session.results(batch, &lanes)?;
-                let expected = |path: usize, case: usize| {
+                let expected = |case: usize| {
                     let mut expected = Vec::with_capacity(scalars.len());
-                    (turned.result)(before[path].of(case), rotation(case), &mut expected);
+                    (turned.result)(before.of(case), rotation(case), &mut expected);
                     expected
                 };
-                let judge = |path: usize, case: usize| {
-                    let expected = expected(path, case);
-                    compare(&scalars, after[path].of(case), &expected, tolerances[path])
-                };
-                let exhibit = |path: usize, case: usize| Exhibit {
+                let judge =
+                    |case: usize| compare(&scalars, after.of(case), &expected(case), tolerance);
+                let exhibit = |case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
                     compared: "returned for the turned arguments; expected is the turned result",
-                    actual: after[path].of(case).to_vec(),
-                    expected: expected(path, case),
-                    judged: judge(path, case),
+                    actual: after.of(case).to_vec(),
+                    expected: expected(case),
+                    judged: judge(case),
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            session.expect_tested(changed, tallies, Vacuous::Unrotated)
+            session.expect_tested(changed, tally, Vacuous::Unrotated)
         })
     }
 }

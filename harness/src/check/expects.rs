@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::demand::Demand;
-use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::tally::{Class, Judge, Judged};
@@ -328,25 +327,26 @@ impl<'a> Plan<'a> {
         let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
         let suspicious = AtomicBool::new(false);
         // With others, anything but a success is another run's verdict.
-        let withheld = AtomicBool::new(self.probe.together.is_some());
+        let withheld = AtomicBool::new(false);
         let run = (identity, &withheld);
         let mut verb = |session: &Session<'_>| {
-            let tallies = session.run(&mut |batch, dispatches| {
-                let tallies = session.judge(batch, dispatches, |_| None, |_| Reports)?;
-                if self.probe.telling.is_some() && tallies.iter().any(PathTally::fails) {
+            let tally = session.run(&mut |batch, running| {
+                let tally = session.judge(batch, running, |_| None, &Reports)?;
+                if self.probe.telling.is_some() && tally.fails() {
                     // Nobody sees this one.
                     suspicious.store(true, Ordering::Relaxed);
-                    withheld.store(true, Ordering::Relaxed);
                     return session.called.vacuous(Vacuous::NoExpectation);
                 }
-                Ok(tallies)
+                Ok(tally)
             })?;
-            let asserted = tallies.iter().all(|path| path.tally.census.judged() > 0);
-            let tallies = session.expect_tested(asserted, tallies, Vacuous::NoExpectation)?;
-            withheld.store(false, Ordering::Relaxed);
-            Ok(tallies)
+            let asserted = tally.tally.census.judged() > 0;
+            session.expect_tested(asserted, tally, Vacuous::NoExpectation)
         };
-        let last: Last<'_> = &mut |verdict, _| verdict;
+        let last: Last<'_> = &mut |verdict: Result<_, _>, _| {
+            let elsewhere = self.probe.together.is_some() && verdict.is_err();
+            withheld.store(elsewhere || suspicious.load(Ordering::Relaxed), Ordering::Relaxed);
+            verdict
+        };
         let verb = (&mut verb as Body<'_>, last);
         let verdict = self.conclude_unless(run, &asserted, stream, demand, recording, verb);
         match suspicious.into_inner() {

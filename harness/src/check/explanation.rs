@@ -5,14 +5,13 @@ use super::session::Session;
 use crate::diagnostic::one_line;
 use crate::executor::Executor;
 use crate::interpret::{Bound, Interpreted};
-use crate::path::Path;
 use crate::probe::{Call, lets};
 use crate::value::{Scalar, format_f32};
 
 impl Session<'_> {
     /// Adds to a failing case what WGSL allows for its arguments. A function that the engine doesn't
     /// execute gets nothing.
-    pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32], path: Path) {
+    pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32]) {
         #[cfg(feature = "engine")]
         if self.asserted.check == "has_no_hazards" {
             failure.explanation = self.hazards_of(row);
@@ -22,7 +21,7 @@ impl Session<'_> {
         if self.asserted.check != "agrees_with" {
             return;
         }
-        if let Ok(explanation) = self.explanation(failure, row, path) {
+        if let Ok(explanation) = self.explanation(failure, row) {
             failure.explanation = explanation;
         }
     }
@@ -31,7 +30,6 @@ impl Session<'_> {
         &self,
         failure: &CaseFailure,
         row: &[u32],
-        path: Path,
     ) -> Result<Vec<(&'static str, String)>, crate::probe::ProbeError> {
         let Some(expected) = failure.expected else { return Ok(Vec::new()) };
         if !failure.scalar.is_float() || failure.integral.is_some() || row.is_empty() {
@@ -71,23 +69,21 @@ impl Session<'_> {
         };
         let width = width(least, most);
         lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));
-        if !allowed && let Some(blame) = self.blame(&witness, row, path) {
+        if !allowed && let Some(blame) = self.blame(&witness, row) {
             lines.push(("blame", blame));
         }
         Ok(lines)
     }
 
     /// The first let-binding whose value on a path isn't one that WGSL allows.
-    fn blame(&self, witness: &Interpreted, row: &[u32], path: Path) -> Option<String> {
-        let executors = self.executors.iter();
-        let executor = executors.copied().find(|executor| executor.path() == path)?;
+    fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };
             let fixtures = self.fixtures;
             let Ok(bounded) = Interpreted::new(probed, fixtures) else { continue };
             let Ok(bounds) = bounded.bounds(1, row) else { continue };
             let call = Call { probed, fixtures, cases: 1 };
-            let Some(words) = once(executor, &call, row) else { continue };
+            let Some(words) = once(self.executor, &call, row) else { continue };
             let scalars = probed.function().result.lanes();
             let left = |((scalar, word), bound): ((&Scalar, &u32), &Bound)| {
                 let value = scalar.decode(*word);

@@ -5,17 +5,17 @@ use std::collections::HashMap;
 
 use super::agreement::Expected;
 use super::batch::Rows;
-use super::called::Ready;
 use super::demand::{Demand, number};
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::tolerances::Tolerances;
-use super::{Agreement, Check, Failure, Vacuous};
+use super::{Agreement, Census, Check, Failure, Vacuous};
 use crate::diagnostic::text_hash;
 use crate::domain::{Domain, Dynamic, Numbering, Part, Stream};
+use crate::executor::{self, Executor};
 use crate::golden::{Column, Goldens, Made, Table, ValuesError, other_columns};
-use crate::path::Adapter;
+use crate::path::Path;
 use crate::probe;
 use crate::reflect::Function;
 use crate::run::or_panic;
@@ -110,7 +110,9 @@ impl Plan<'_> {
             seed: self.seed.unwrap_or_else(|| seed_of(case)),
             tolerances: self.tolerances(tolerance),
             recording,
-            left: Cell::new(None),
+            canonical: self.canonical(),
+            left: Cell::new(Left::Nothing),
+            agrees: Cell::new(false),
         };
         let kept = golden.as_ref().ok().and_then(Option::as_ref).map(rows_of);
         let stream: &dyn Stream = kept.as_ref().map_or(domain, |kept| kept);
@@ -124,32 +126,87 @@ impl Plan<'_> {
             unread = Some(error);
             None
         });
+        let is_unread = unread.is_some();
         plan.conclude_as(
             &asserted,
             stream,
             &comparison.demand,
             recording,
-            &mut |session| match (unread.take(), &golden) {
-                (Some(error), _) => Err(Failure::golden(error)),
-                (None, Some(golden)) => comparison.compare(session, golden),
-                (None, None) => {
+            &mut |session| match &golden {
+                Some(golden) => comparison.compare(session, golden),
+                None if is_unread => session.called.vacuous(Vacuous::NoCases),
+                None => {
                     let rows = drawn(session, domain, &session.cases)?;
-                    let made = comparison.made(session, &rows, None)?;
-                    Err(Failure::golden(goldens.without_golden(case, &made)))
+                    comparison.leave(session, || {
+                        Ok(goldens.without_golden(case, &comparison.made(session, &rows)?))
+                    })?;
+                    session.called.vacuous(Vacuous::NoCases)
                 }
             },
             &mut |result, read| {
                 read.extend(goldens.values_read(case));
+                if let Some(error) = unread.take() {
+                    return Err(Failure::golden(error));
+                }
                 match (result, comparison.left.take()) {
-                    (Err(Failure::Disagreement(differs)), Some(source)) => {
-                        let (disagreement, source) = (Some(differs), Box::new(source));
-                        Err(Failure::Golden { disagreement, source })
+                    (Ok(agreement), Left::Nothing) => {
+                        if comparison.agrees.get() {
+                            goldens.values_agree(case);
+                        }
+                        Ok(agreement)
                     }
-                    (Ok(_), Some(source)) => Err(Failure::golden(source)),
-                    (result, _) => result,
+                    (Err(failure), Left::Nothing) => Err(failure),
+                    (Err(failure), Left::Differs(source)) => Err(failure.with_golden(source)),
+                    (_, Left::Other(source) | Left::Differs(source)) => {
+                        Err(Failure::golden(source))
+                    }
                 }
             },
         )
+    }
+
+    /// The path that goldens are made on: lavapipe or the engine, or else the first one.
+    fn canonical(&self) -> Option<Path> {
+        let executors = self.probe.executors().ok()?;
+        let canonical = |executor: &&&dyn Executor| {
+            let adapter = executor::adapter(**executor);
+            adapter.is_lavapipe() || adapter.path == "cpu"
+        };
+        executors.iter().find(canonical).or(executors.first()).map(|executor| executor.path())
+    }
+}
+
+/// What was left to be looked at.
+#[derive(Default)]
+enum Left {
+    #[default]
+    Nothing,
+    /// Values that a golden can't be compared with, or that have none.
+    Other(ValuesError),
+    /// Values that differ from those of the golden.
+    Differs(ValuesError),
+}
+
+impl Failure {
+    /// The failure of a check whose golden's values differ, with what was left to be looked at.
+    fn with_golden(self, source: ValuesError) -> Self {
+        match self {
+            Self::Disagreement(differs) => {
+                Self::Golden { disagreement: Some(differs), source: Box::new(source) }
+            }
+            Self::Paths(mut paths) => {
+                let differs = |one: &Self| matches!(one, Self::Disagreement(_));
+                match paths.failures.iter().position(differs) {
+                    Some(at) => {
+                        let failure = paths.failures.remove(at);
+                        paths.failures.insert(at, failure.with_golden(source));
+                    }
+                    None => paths.failures.push(Self::golden(source)),
+                }
+                Self::Paths(paths)
+            }
+            other => other,
+        }
     }
 }
 
@@ -163,19 +220,39 @@ struct Comparison<'c> {
     seed: u64,
     tolerances: Tolerances,
     recording: Recording,
-    /// What was left to be looked at.
-    left: Cell<Option<ValuesError>>,
+    /// The path that goldens are made on.
+    canonical: Option<Path>,
+    left: Cell<Left>,
+    /// Whether a path agrees with all of the golden.
+    agrees: Cell<bool>,
 }
 
 impl Comparison<'_> {
+    /// Leaves values to be looked at, unless others that differ are left already, or those of the path on
+    /// which goldens are made.
+    fn leave(
+        &self,
+        session: &Session<'_>,
+        source: impl FnOnce() -> Result<ValuesError, Failure>,
+    ) -> Result<(), Failure> {
+        let left = self.left.take();
+        let canonical = self.canonical == Some(session.called.ready.path);
+        self.left.set(match left {
+            Left::Nothing => Left::Other(source()?),
+            Left::Other(_) if canonical => Left::Other(source()?),
+            left => left,
+        });
+        Ok(())
+    }
+
     /// Compares the function with its golden, at the golden's arguments.
-    fn compare(&self, session: &Session<'_>, golden: &Table) -> Result<Vec<PathTally>, Failure> {
+    fn compare(&self, session: &Session<'_>, golden: &Table) -> Result<PathTally, Failure> {
         let (goldens, case, function) = (self.goldens, self.case, session.called.function());
         let numbering =
             number(self.plan, function, self.domain, &self.demand, self.seed, session.inputs)?;
         let rows = || drawn(session, self.domain, &numbering);
-        let unlike = |path: Option<usize>, difference: &str| {
-            let made = self.made(session, &rows()?, path)?;
+        let unlike = |difference: &str| {
+            let made = self.made(session, &rows()?)?;
             Ok::<_, Failure>(goldens.unlike_golden(case, &made, golden, difference))
         };
         let now = Table {
@@ -184,7 +261,8 @@ impl Comparison<'_> {
             words: Vec::new(),
         };
         if let Some(difference) = other_columns(golden, &now) {
-            return Err(Failure::golden(unlike(None, &difference)?));
+            self.leave(session, || unlike(&difference))?;
+            return session.called.vacuous(Vacuous::NoCases);
         }
         let known: HashMap<&[u32], &[u32]> = golden.split_rows().collect();
         let scalars = session.called.scalars();
@@ -201,46 +279,41 @@ impl Comparison<'_> {
             }
         };
         let expected = Expected { shape: function.result.clone(), expect: &expect };
-        let tallies = session.agrees(&expected, &self.tolerances, None, self.recording)?;
+        let tally = session.agrees(&expected, &self.tolerances, None, self.recording)?;
         if session.is_replay() {
-            return Ok(tallies);
+            return Ok(tally);
         }
-        let fails = |tally: &PathTally| tally.fails() && self.plan.known_issue(tally).is_none();
-        if let Some(at) = tallies.iter().position(fails) {
-            let PathTally { path, tally, .. } = &tallies[at];
-            let (failures, all) = (tally.census.failures, tally.census.cases);
-            let difference = format!("{failures} of {all} rows on {path}");
-            self.left.set(Some(unlike(Some(at), &difference)?));
+        let known = self.plan.known_issues.names(tally.path, &tally.adapter);
+        if tally.fails() && !known {
+            // What the first path has that differs is left.
+            let left = self.left.take();
+            self.left.set(match left {
+                Left::Differs(_) => left,
+                Left::Nothing | Left::Other(_) => {
+                    let Census { cases, failures, .. } = tally.tally.census;
+                    let path = tally.path;
+                    Left::Differs(unlike(&format!("{failures} of {cases} rows on {path}"))?)
+                }
+            });
         } else if !rows()?.iter().eq(golden.split_rows().map(|(arguments, _)| arguments)) {
             let difference = "it agrees for the golden's arguments, and the test draws others: its domain, \
                               number of cases or seed was changed";
-            self.left.set(Some(unlike(None, difference)?));
+            self.leave(session, || unlike(difference))?;
         } else {
-            goldens.values_agree(case);
+            self.agrees.set(true);
         }
-        Ok(tallies)
+        Ok(tally)
     }
 
-    /// What the function returns for these arguments, on a path by its index, or where goldens are made.
-    fn made<'a>(
-        &self,
-        session: &'a Session<'_>,
-        rows: &[Vec<u32>],
-        path: Option<usize>,
-    ) -> Result<Made<'a>, Failure> {
-        let (called, ready) = (&session.called, &session.called.ready);
-        let canonical = |adapter: &Adapter| adapter.is_lavapipe() || adapter.path == "cpu";
-        let path = path.or_else(|| ready.iter().position(|ready| canonical(&ready.adapter)));
-        let path = path.unwrap_or_default();
-        let Some(Ready { adapter, .. }) = ready.get(path) else {
-            return called.vacuous(Vacuous::NoCases);
-        };
+    /// What the function returns for these arguments.
+    fn made<'a>(&self, session: &'a Session<'_>, rows: &[Vec<u32>]) -> Result<Made<'a>, Failure> {
+        let called = &session.called;
         let mut words = Vec::new();
         for rows in rows.chunks(called.capacity().max(1)) {
             let results = called.call(&rows.concat(), rows.len())?;
             for (case, row) in rows.iter().enumerate() {
                 words.extend_from_slice(row);
-                words.extend_from_slice(results[path].of(case));
+                words.extend_from_slice(results.of(case));
             }
         }
         let table = Table { columns: columns(called.function()), arguments: called.words, words };
@@ -248,7 +321,7 @@ impl Comparison<'_> {
         let shader = text_hash(program.text().as_bytes());
         let modules = program.modules().to_vec();
         let tolerance = self.tolerances.general.to_string();
-        Ok(Made { table, adapter, shader, modules, tolerance })
+        Ok(Made { table, adapter: &called.ready.adapter, shader, modules, tolerance })
     }
 }
 

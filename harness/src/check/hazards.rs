@@ -59,16 +59,14 @@ impl Plan<'_> {
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, "has_no_hazards", &session.called)?;
             let witness = session.witness()?;
-            session.run(&mut |batch: &Batch, dispatches| {
+            session.run(&mut |batch: &Batch, running| {
                 let found = witness.hazards(batch.cases, &batch.lanes())?.cases;
-                let judge = |_: usize| {
-                    |case: usize, _: &[u32]| Judged {
-                        measure: LaneError::statement(found[case].is_empty()),
-                        lane: 0,
-                        class: found[case].first().map_or(Class::Other, |one| class(one.kind)),
-                    }
+                let judge = |case: usize, _: &[u32]| Judged {
+                    measure: LaneError::statement(found[case].is_empty()),
+                    lane: 0,
+                    class: found[case].first().map_or(Class::Other, |one| class(one.kind)),
                 };
-                session.judge(batch, dispatches, |_| None, judge)
+                session.judge(batch, running, |_| None, &judge)
             })
         })
     }

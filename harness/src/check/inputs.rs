@@ -1,7 +1,6 @@
 //! A check with arguments from several sources: one after the other, with one verdict.
 
-use super::verdict::Agreement;
-use super::{Check, Disagreement, Failure, Plan};
+use super::{Check, Plan};
 use crate::domain::Domain;
 use crate::probe::Inputs;
 use crate::run::Identity;
@@ -40,13 +39,8 @@ impl<D: Domain> Check<'_, D> {
     }
 }
 
-/// Runs a check with each of its sources, or with the one that a replay names, and joins the
-/// verdicts.
-pub(super) fn each(
-    plan: &Plan<'_>,
-    identity: &Identity,
-    check: &mut dyn FnMut(Inputs) -> Result<Agreement, Failure>,
-) -> Result<Agreement, Failure> {
+/// The sources of a check's arguments, or the one that a replay names.
+pub(super) fn chosen(plan: &Plan<'_>, identity: &Identity) -> Vec<Inputs> {
     let asked = match &*plan.probe.inputs {
         [] => &[Inputs::Storage],
         asked => asked,
@@ -54,36 +48,5 @@ pub(super) fn each(
     let replayed = identity.inputs(&plan.probe.name, &identity.check);
     let replayed = replayed.filter(|inputs| asked.contains(inputs));
     let chosen = asked.iter().copied();
-    let chosen = chosen.filter(|inputs| replayed.is_none_or(|replayed| replayed == *inputs));
-    let mut agreements: Vec<(Agreement, Inputs)> = Vec::new();
-    let mut disagreements: Vec<Box<Disagreement>> = Vec::new();
-    for inputs in chosen {
-        match check(inputs) {
-            Ok(agreement) => agreements.push((agreement, inputs)),
-            Err(Failure::Disagreement(disagreement)) => disagreements.push(disagreement),
-            // Nothing could be compared: what the other sources give is no verdict.
-            Err(failure) => return Err(failure),
-        }
-    }
-    let mut disagreements = disagreements.into_iter();
-    if let Some(mut first) = disagreements.next() {
-        for next in disagreements {
-            first.paths.extend(next.paths);
-            first.agreeing.extend(next.agreeing);
-        }
-        for (agreement, inputs) in agreements {
-            let adapters = agreement.paths.into_iter().map(|(adapter, _)| (adapter, inputs));
-            first.agreeing.extend(adapters);
-        }
-        return Err(Failure::Disagreement(first));
-    }
-    let joined = agreements.into_iter().map(|(agreement, _)| agreement).reduce(|mut all, next| {
-        all.cases += next.cases;
-        if next.worst.ratio > all.worst.ratio {
-            all.worst = next.worst;
-        }
-        all.paths.extend(next.paths);
-        all
-    });
-    Ok(joined.expect("a check has at least one source of arguments"))
+    chosen.filter(|inputs| replayed.is_none_or(|replayed| replayed == *inputs)).collect()
 }

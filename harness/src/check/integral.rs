@@ -9,7 +9,7 @@ mod assertion;
 mod group;
 mod sum;
 
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::ops::Range;
 
 use super::demand::Demand;
@@ -19,7 +19,7 @@ use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::shrink::JudgeValues;
-use super::{Agreement, Failure, Probe};
+use super::{Agreement, Failure, Probe, Vacuous};
 use crate::domain::{Domain, Held, Stream, Typed};
 use crate::path::Selector;
 use crate::probe::BATCH;
@@ -200,6 +200,21 @@ where
         self
     }
 
+    /// See [`Check::refused_on`](super::Check::refused_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
+    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
+    /// integral.refused_on("gl@llvmpipe", "mesa#1234").agrees_with(half, Rel(1e-6));
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare_refusal(on.into(), reason);
+        self
+    }
+
     /// Checks that each integral agrees with the expected one to within a tolerance, component by
     /// component. The sum isn't rounded to `f32` before it is compared.
     ///
@@ -326,76 +341,69 @@ impl Plan<'_> {
 }
 
 impl Integrals<'_> {
-    fn run(&self, session: &Session<'_>) -> Result<Vec<PathTally>, Failure> {
-        // What each path has no verdict of, at first.
-        let undecided: RefCell<Vec<Option<Failure>>> =
-            RefCell::new(session.called.ready.iter().map(|_| None).collect());
+    fn run(&self, session: &Session<'_>) -> Result<PathTally, Failure> {
+        // What there is no verdict of, at first.
+        let undecided: Cell<Option<Failure>> = Cell::new(None);
         let judge = |first: u64, values: Vec<Held>| -> Result<_, Failure> {
             let group = Group::of(session, first, values, self)?;
             let nodes = group.nodes() / group.cases.len().max(1);
-            let (tallies, doubts) = group.integrate(session, &self.assertion)?;
-            for (undecided, doubt) in undecided.borrow_mut().iter_mut().zip(doubts) {
-                *undecided = undecided.take().or(doubt);
-            }
-            Ok((tallies, nodes))
+            let (tally, doubt) = group.integrate(session, &self.assertion)?;
+            undecided.set(undecided.take().or(doubt));
+            Ok((tally, nodes))
         };
         let remembered = session.remembered_integrals();
-        let mut again = Vec::new();
+        let mut again = None;
         for (index, (_, value)) in (session.count()..).zip(&remembered) {
-            again = PathTally::merge_all(again, judge(index, vec![value.clone()])?.0);
+            again = Some(PathTally::and(again, judge(index, vec![value.clone()])?.0));
         }
         let Range { start: mut first, end } = session.selected()?;
-        let (mut sums, mut size) = (Vec::new(), 1);
+        let (mut sum, mut size) = (None, 1);
         while first < end {
             let cases = first..end.min(first + size);
             let values = cases.clone().map(|index| session.case(index));
-            let (tallies, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
-            sums = PathTally::merge_all(sums, tallies);
+            let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
+            sum = Some(PathTally::and(sum, tally));
             first = cases.end;
             // The next group fills a dispatch if its rules are as long as these. It grows by
             // steps, so that few long rules after short ones are in memory at once.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
         }
-        if again.iter().any(PathTally::fails) {
-            sums = PathTally::merge_all(sums, again);
+        let Some(mut sum) = sum else { return session.called.vacuous(Vacuous::NoCases) };
+        if let Some(again) = again.filter(PathTally::fails) {
+            sum = sum.merge(again);
         }
-        // A path that fails has its verdict without what is undecided.
-        for (sum, undecided) in sums.iter().zip(undecided.take()) {
-            if let Some(undecided) = undecided.filter(|_| !sum.fails()) {
-                return Err(undecided);
-            }
+        // What fails has its verdict without what is undecided.
+        if let Some(undecided) = undecided.take().filter(|_| !sum.fails()) {
+            return Err(undecided);
         }
-        session.reduce_integrals(&mut sums, &remembered, &mut |values| {
+        session.reduce_integrals(&mut sum, &remembered, &mut |values| {
             Ok(judge(0, values.to_vec())?.0)
         });
-        Ok(sums)
+        Ok(sum)
     }
 }
 
 impl Session<'_> {
-    /// Simplifies the worst integral of each path that fails, and remembers it.
+    /// Simplifies the worst integral, if one fails, and remembers it.
     fn reduce_integrals(
         &self,
-        sums: &mut [PathTally],
+        sum: &mut PathTally,
         remembered: &[(Descent, Held)],
         judge: JudgeValues<'_>,
     ) {
-        for (path, sum) in sums.iter_mut().enumerate() {
-            let Some(worst) = sum.worst.as_ref().filter(|_| self.steps().is_empty()) else {
-                continue;
-            };
+        if let Some(worst) = sum.worst.as_ref().filter(|_| self.steps().is_empty()) {
             let old = worst.case.checked_sub(self.count());
             let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
             sum.simplest = match old {
                 Some((descent, _)) => Some(Simplest::new(worst.clone(), descent.clone())),
                 None => {
-                    let found = self.simplest(path, worst, Effort::INTEGRALS, judge);
+                    let found = self.simplest(worst, Effort::INTEGRALS, judge);
                     found.map(|(simplest, _)| simplest)
                 }
             };
         }
-        self.remember(sums);
+        self.remember(sum);
     }
 }
 

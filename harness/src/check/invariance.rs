@@ -1,7 +1,6 @@
 //! Results that stay the same when the arguments are transformed, or change by a known factor.
 
 use super::batch::Batch;
-use super::called::Running;
 use super::demand::Demand;
 use super::disagreement::arguments;
 use super::plan::{Plan, Recording};
@@ -186,27 +185,25 @@ impl Plan<'_> {
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             tolerances.expect_usable(&session.called)?;
             let called = &session.called;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
+            let (scalars, tolerance) = (called.scalars(), tolerances.of(called));
             let mut changed = false;
-            let tallies = session.run(&mut |batch, dispatches| {
-                let before = Running::read_all(dispatches)?;
+            let tally = session.run(&mut |batch, running| {
+                let before = running.read()?;
                 let mut lanes = Vec::with_capacity(batch.cases * called.words);
                 batch.rows().iter().for_each(|row| transform(row, &mut lanes));
                 changed |= *lanes != *batch.lanes();
                 let after = session.results(batch, &lanes)?;
                 let factors = scaling.factors(session, batch)?;
                 // What the plain arguments gave is what the transformed ones should, but for the factor.
-                let expected = |path: usize, case: usize| -> Vec<f64> {
-                    let before = before[path].of(case);
-                    let decoded = scalars.iter().zip(before).map(|(s, word)| s.decode(*word));
+                let expected = |case: usize| -> Vec<f64> {
+                    let decoded =
+                        scalars.iter().zip(before.of(case)).map(|(s, word)| s.decode(*word));
                     let factor = factors.as_ref().map_or(1.0, |factors| factors[case]);
                     decoded.map(|lane| lane * factor).collect()
                 };
-                let judge = |path: usize, case: usize| {
-                    let actual = after[path].of(case);
-                    compare(&scalars, actual, &expected(path, case), tolerances[path])
-                };
-                let exhibit = |path: usize, case: usize| {
+                let judge =
+                    |case: usize| compare(&scalars, after.of(case), &expected(case), tolerance);
+                let exhibit = |case: usize| {
                     let plain = batch.arguments(case).to_vec();
                     let primed = batch.with_lanes(&lanes).of(case);
                     let own = arguments(called.function(), &plain);
@@ -216,14 +213,14 @@ impl Plan<'_> {
                         varied: changed.map(|((name, v), _)| (format!("{name}'"), v)).collect(),
                         lanes: plain,
                         compared: if scaling.factor.is_some() { SCALED } else { PRIMED },
-                        actual: after[path].of(case).to_vec(),
-                        expected: expected(path, case),
-                        judged: judge(path, case),
+                        actual: after.of(case).to_vec(),
+                        expected: expected(case),
+                        judged: judge(case),
                     }
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            session.expect_tested(changed, tallies, Vacuous::Untransformed)
+            session.expect_tested(changed, tally, Vacuous::Untransformed)
         })
     }
 }

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
 use super::batch::Rows;
-use super::called::Running;
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::parameter::Parameter;
@@ -160,7 +159,7 @@ impl Plan<'_> {
             let function = called.function();
             called.expect_result(&expected.shape, "the reference returns")?;
             tolerances.expect_usable(&session.called)?;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
+            let (scalars, tolerance) = (called.scalars(), tolerances.of(called));
             let arguments = called.argument_scalars();
             let varied = argument.scalar(function)?;
             if !matches!(varied.scalar, Scalar::F32) {
@@ -171,8 +170,8 @@ impl Plan<'_> {
                 return Err(Mismatch::Limit { limit, reason }.of(function));
             }
             let approaches = AtomicBool::new(false);
-            let tallies = session.run(&mut |batch, dispatches| {
-                Running::read_all(dispatches)?; // the domain's own values of the argument
+            let tally = session.run(&mut |batch, running| {
+                running.read()?; // the domain's own values of the argument
                 let at = |step: f32| {
                     let mut lanes = batch.lanes().into_owned();
                     for lanes in lanes.chunks_exact_mut(called.words) {
@@ -187,10 +186,9 @@ impl Plan<'_> {
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
                 // The step that decides, and what it decides.
-                let decisive = |path: usize, case: usize, expected: &[f64]| -> (usize, Judged) {
+                let decisive = |case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
-                        let actual = results[step][path].of(case);
-                        compare(&scalars, actual, expected, tolerances[path])
+                        compare(&scalars, results[step].of(case), expected, tolerance)
                     };
                     let mut before = judged(0);
                     for step in 1..limit.steps.len() {
@@ -204,32 +202,31 @@ impl Plan<'_> {
                     }
                     (limit.steps.len() - 1, before)
                 };
-                let exhibit = |path: usize, case: usize| {
-                    let (step, judged) = decisive(path, case, given(case));
+                let exhibit = |case: usize| {
+                    let (step, judged) = decisive(case, given(case));
                     let mut lanes = batch.arguments(case).to_vec();
                     lanes[varied.lane] = limit.steps[step].to_bits();
-                    let actual = results[step][path].of(case).to_vec();
+                    let actual = results[step].of(case).to_vec();
                     let expected = given(case).to_vec();
                     Exhibit { lanes, varied: Vec::new(), compared: "", actual, expected, judged }
                 };
                 let last = &results[results.len() - 1];
-                let judge = |path: usize, case: usize| {
-                    let first = results[0][path].of(case);
-                    let near = compare(&scalars, first, given(case), tolerances[path]);
+                let judge = |case: usize| {
+                    let near = compare(&scalars, results[0].of(case), given(case), tolerance);
                     if !near.measure.passes() {
                         approaches.store(true, Ordering::Relaxed);
                     }
-                    let judged = decisive(path, case, given(case)).1;
+                    let judged = decisive(case, given(case)).1;
                     allowing_flushes(&arguments, rows.of(case), judged, |row| {
                         let mut flushed = Vec::with_capacity(scalars.len());
                         (expected.expect)(Rows::new(row, row.len(), 1), &mut flushed);
-                        decisive(path, case, &flushed).1
+                        decisive(case, &flushed).1
                     })
                 };
                 Ok(session.judge_results(batch, last, judge, exhibit))
             })?;
             let otherwise = Vacuous::AtLimit { argument: argument.clone(), step: limit.steps[0] };
-            session.expect_tested(approaches.into_inner(), tallies, otherwise)
+            session.expect_tested(approaches.into_inner(), tally, otherwise)
         })
     }
 }

@@ -40,6 +40,12 @@ pub enum Mismatch {
         /// What the verb wants: `not up to three floats`.
         wanted: &'static str,
     },
+    /// The function is its own reference.
+    #[error(
+        "is compared with itself, so a mistake in it can't be seen: name another function, or take `Spec`, \
+         which asks whether a driver computes what WGSL allows"
+    )]
+    Itself,
     /// A range that holds no number, or every one.
     #[error("is to stay within {least} to {most}: no result, or every one, would")]
     Range {
@@ -50,7 +56,8 @@ pub enum Mismatch {
     },
     /// A tolerance bounds nothing.
     #[error(
-        "has the tolerance {tolerance}, but {bound} isn't a bound: use a finite number of at least 0"
+        "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \
+         error can exceed"
     )]
     Bound {
         /// The tolerance.

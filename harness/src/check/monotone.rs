@@ -3,7 +3,6 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::called::Running;
 use super::companion::{Companion, WithCompanion};
 use super::demand::Demand;
 use super::parameter::{Parameter, ScalarParameter};
@@ -131,7 +130,8 @@ impl Plan<'_> {
         let Some(varied) = varied else {
             // The session finds the same fault, and records it.
             return self.conclude(&asserted, stream, demand, recording, &mut |session| {
-                argument.scalar(session.called.function()).map(|_| Vec::new())
+                argument.scalar(session.called.function())?;
+                session.called.vacuous(Vacuous::NoCases)
             });
         };
         let companion = &Other { domain: stream, argument: varied.clone() };
@@ -139,9 +139,9 @@ impl Plan<'_> {
         self.conclude(&asserted, &stream, demand, recording, &mut |session| {
             tolerances.expect_usable(&session.called)?;
             let called = &session.called;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
+            let (scalars, tolerance) = (called.scalars(), tolerances.of(called));
             let (mut pairs, changed) = (0, AtomicBool::new(false));
-            let tallies = session.run(&mut |batch, dispatches| {
+            let tally = session.run(&mut |batch, running| {
                 let plain = batch.lanes();
                 let mut lanes = plain.to_vec();
                 for (case, lanes) in lanes.chunks_exact_mut(called.words).enumerate() {
@@ -149,38 +149,38 @@ impl Plan<'_> {
                     let own = std::mem::replace(&mut lanes[varied.lane], other);
                     pairs += usize::from(own != other);
                 }
-                let before = Running::read_all(dispatches)?;
+                let before = running.read()?;
                 let after = session.results(batch, &lanes)?;
-                let judge = |path: usize, case: usize| {
-                    let (before, after) = (before[path].of(case), after[path].of(case));
+                let judge = |case: usize| {
+                    let (before, after) = (before.of(case), after.of(case));
                     let lane = case * called.words + varied.lane;
                     let grows =
                         varied.scalar.decode(plain[lane]) < varied.scalar.decode(lanes[lane]);
                     let rises = grows == (trend == Trend::Increasing);
                     // A change that would be an error the other way round.
-                    let other = || judge_pair(&scalars, before, after, !rises, tolerances[path]);
+                    let other = || judge_pair(&scalars, before, after, !rises, tolerance);
                     if !changed.load(Ordering::Relaxed) && !other().measure.passes() {
                         changed.store(true, Ordering::Relaxed);
                     }
-                    judge_pair(&scalars, before, after, rises, tolerances[path])
+                    judge_pair(&scalars, before, after, rises, tolerance)
                 };
-                let exhibit = |path: usize, case: usize| Exhibit {
+                let exhibit = |case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![(
                         format!("{}'", varied.name),
                         format_lane(varied.scalar, batch.companion(case)[0]),
                     )],
                     compared: PRIMED,
-                    actual: after[path].of(case).to_vec(),
-                    expected: called.decode(before[path].of(case)),
-                    judged: judge(path, case),
+                    actual: after.of(case).to_vec(),
+                    expected: called.decode(before.of(case)),
+                    judged: judge(case),
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            let tallies =
-                session.expect_tested(pairs > 0, tallies, Vacuous::OneValue(argument.clone()))?;
+            let tally =
+                session.expect_tested(pairs > 0, tally, Vacuous::OneValue(argument.clone()))?;
             let otherwise = Vacuous::Constant(argument.clone());
-            session.expect_tested(changed.into_inner(), tallies, otherwise)
+            session.expect_tested(changed.into_inner(), tally, otherwise)
         })
     }
 }

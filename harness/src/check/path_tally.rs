@@ -84,7 +84,8 @@ impl PathTally {
         }
     }
 
-    fn merge(self, other: Self) -> Self {
+    /// The sum of later cases and of earlier ones.
+    pub(super) fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
         let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
             let case = shown.map(|shown| shown.case);
@@ -100,11 +101,11 @@ impl PathTally {
         }
     }
 
-    /// Adds the sums of later cases to those of earlier ones, path by path.
-    pub(super) fn merge_all(sums: Vec<Self>, tallies: Vec<Self>) -> Vec<Self> {
-        if sums.is_empty() {
-            return tallies;
+    /// The same with those of earlier cases, if there are any.
+    pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
+        match earlier {
+            Some(earlier) => earlier.merge(later),
+            None => later,
         }
-        sums.into_iter().zip(tallies).map(|(a, b)| a.merge(b)).collect()
     }
 }

@@ -3,7 +3,7 @@
 use super::tolerances::Tolerances;
 use super::{Failure, Probe};
 use crate::path::Selected;
-use crate::run::{KnownIssue, KnownIssues, Seen};
+use crate::run::{Declared, KnownIssues, Passes};
 use crate::tolerance::Tolerance;
 
 /// A function with what its author says of a check, but for the cases.
@@ -44,16 +44,12 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// What is known of paths that are declared to fail, each of which has to.
-    pub(super) fn known(
-        &self,
-        seen: impl IntoIterator<Item = Seen>,
-        replays: bool,
-    ) -> Result<Vec<KnownIssue>, Failure> {
-        self.known_issues.judge(seen, replays).map_err(|passes| Failure::UnexpectedPass {
-            function: self.probe.name.clone(),
-            path: passes.path,
-            reason: passes.reason,
-        })
+    /// A path passes that is declared to fail, or runs what it is declared to refuse.
+    pub(super) fn passes(&self, Passes { path, declared, reason }: Passes) -> Failure {
+        let function = self.probe.name.clone();
+        match declared {
+            Declared::Fails => Failure::UnexpectedPass { function, path, reason },
+            Declared::Refuses => Failure::NotRefused { function, path, reason },
+        }
     }
 }

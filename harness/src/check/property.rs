@@ -27,40 +27,34 @@ pub(super) struct Exhibit {
 }
 
 impl Session<'_> {
-    /// Judges each case on each path, by the path's index and the case's in the batch.
+    /// Judges each case, by its index in the batch.
     pub(super) fn judge_results(
         &self,
         batch: &Batch,
-        results: &[Results],
-        judge: impl Fn(usize, usize) -> Judged + Sync,
-        exhibit: impl Fn(usize, usize) -> Exhibit,
-    ) -> Vec<PathTally> {
+        results: &Results,
+        judge: impl Fn(usize) -> Judged + Sync,
+        exhibit: impl Fn(usize) -> Exhibit,
+    ) -> PathTally {
         let function = self.called.function();
-        let paths = self.called.ready.iter().zip(results).enumerate();
-        let tally = paths.map(|(path, (ready, results))| {
-            let view = results.view();
-            let judge = |case: usize, _: &[u32]| judge(path, case);
-            let mut picked = Self::picked(batch);
-            let sum = tally(batch.first, view, &judge, &mut picked);
-            let cause = cause(function, batch, &picked.failing, &sum);
-            let sample = self.sample(batch, &sum, picked);
-            let tally = PathTally::new(ready, sum, |shown: Shown| {
-                let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                let Exhibit { lanes, varied, compared, actual, expected, judged } =
-                    exhibit(path, case);
-                let mut arguments = arguments(function, &lanes);
-                arguments.extend(varied);
-                let expected = Some(&*expected);
-                let remembered = shown.case >= self.count();
-                let case = shown.case;
-                CaseFailure {
-                    remembered,
-                    compared,
-                    ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
-                }
-            });
-            tally.with_sample(sample).with_cause(cause)
+        let judge = |case: usize, _: &[u32]| judge(case);
+        let mut picked = Self::picked(batch);
+        let sum = tally(batch.first, results.view(), &judge, &mut picked);
+        let cause = cause(function, batch, &picked.failing, &sum);
+        let sample = self.sample(batch, &sum, picked);
+        let tally = PathTally::new(&self.called.ready, sum, |shown: Shown| {
+            let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+            let Exhibit { lanes, varied, compared, actual, expected, judged } = exhibit(case);
+            let mut arguments = arguments(function, &lanes);
+            arguments.extend(varied);
+            let expected = Some(&*expected);
+            let remembered = shown.case >= self.count();
+            let case = shown.case;
+            CaseFailure {
+                remembered,
+                compared,
+                ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
+            }
         });
-        tally.collect()
+        tally.with_sample(sample).with_cause(cause)
     }
 }

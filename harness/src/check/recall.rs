@@ -9,7 +9,7 @@ use crate::run::{Descent, Entry};
 impl Session<'_> {
     /// The inputs on which this check has failed before, as far as they still are in its domain.
     pub(super) fn remembered(&self) -> Vec<Vec<u32>> {
-        let Some(memory) = &self.memory else { return Vec::new() };
+        let Some(memory) = self.memory else { return Vec::new() };
         let mut rows = Vec::new();
         for entry in memory.of(&self.called.function().name, &self.identity.check) {
             if self.inputs == Inputs::Constant && !self.is_constant(&entry.words) {
@@ -35,7 +35,7 @@ impl Session<'_> {
 
     /// The cases of integrals that have failed before, which come about as they did then.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
-        let Some(memory) = &self.memory else { return Vec::new() };
+        let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();
         for entry in memory.of(&self.called.function().name, &self.identity.check) {
             match self.descend(&entry.descent) {
@@ -49,31 +49,27 @@ impl Session<'_> {
     }
 
     /// Keeps what failed, reduced.
-    pub(super) fn remember(&self, sums: &[PathTally]) {
-        let Some(memory) = &self.memory else { return };
-        for (path, simplest) in
-            sums.iter().filter_map(|sum| Some((sum.path, sum.simplest.as_ref()?)))
-        {
-            if simplest.failure.remembered {
-                continue;
-            }
-            // An integral is told again by its case alone, not by the arguments that its nodes share.
-            let told = if simplest.failure.integral.is_some() { 1 } else { usize::MAX };
-            let arguments: Vec<String> = simplest
-                .failure
-                .arguments
-                .iter()
-                .take(told)
-                .map(|(name, value)| format!("{name} = {value}"))
-                .collect();
-            memory.keep(&Entry {
-                function: self.called.function().name.clone(),
-                check: self.identity.check.clone(),
-                path: path.name().to_owned(),
-                words: simplest.input.clone(),
-                descent: simplest.descent.clone(),
-                comment: arguments.join(", "),
-            });
+    pub(super) fn remember(&self, sum: &PathTally) {
+        let (Some(memory), Some(simplest)) = (self.memory, &sum.simplest) else { return };
+        if simplest.failure.remembered {
+            return;
         }
+        // An integral is told again by its case alone, not by the arguments that its nodes share.
+        let told = if simplest.failure.integral.is_some() { 1 } else { usize::MAX };
+        let arguments: Vec<String> = simplest
+            .failure
+            .arguments
+            .iter()
+            .take(told)
+            .map(|(name, value)| format!("{name} = {value}"))
+            .collect();
+        memory.keep(&Entry {
+            function: self.called.function().name.clone(),
+            check: self.identity.check.clone(),
+            path: sum.path.name().to_owned(),
+            words: simplest.input.clone(),
+            descent: simplest.descent.clone(),
+            comment: arguments.join(", "),
+        });
     }
 }

@@ -251,6 +251,19 @@ where
         self.plan.known_issues.declare(on.into(), reason);
         self
     }
+
+    /// See [`Check::refused_on`](super::Check::refused_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.refused_on("gl@llvmpipe", "mesa#1234").has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare_refusal(on.into(), reason);
+        self
+    }
 }
 
 /// What a check of samples compared, and how close it came.
@@ -306,7 +319,6 @@ struct Hypothesis {
 struct Configuration<'s> {
     value: &'s Held,
     index: u64,
-    path: usize,
     seed: u64,
     /// What a p-value has to reach.
     threshold: f64,

@@ -1,11 +1,11 @@
-//! A check in progress: cases are drawn, dispatched on every path, and judged.
+//! A check in progress on one path: cases are drawn, dispatched, and judged.
 
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
-use super::called::{Called, Fitting, Ready, Results, Running};
+use super::called::{Called, Fitting, Results, Running};
 use super::cause::cause;
 use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
@@ -53,7 +53,7 @@ impl Asserted {
     }
 }
 
-/// A check in progress: a function, and a stream of cases.
+/// A check in progress: a function on one path, and a stream of cases.
 pub(super) struct Session<'a> {
     pub(super) called: Called<'a>,
     pub(super) stream: &'a dyn Stream,
@@ -67,23 +67,23 @@ pub(super) struct Session<'a> {
     /// Whether it runs on executors that its author made.
     own_executors: bool,
     /// What runs the function.
-    pub(super) executors: Vec<&'a dyn Executor>,
+    pub(super) executor: &'a dyn Executor,
     /// What the function reads.
     pub(super) fixtures: &'a Fixtures,
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
-    pub(super) memory: Option<Memory>,
+    pub(super) memory: Option<&'a Memory>,
 }
 
-/// Judges a batch on every path.
+/// Judges a batch.
 pub(super) type JudgeBatch<'j> =
-    &'j mut dyn FnMut(&Batch, Vec<Running<'_>>) -> Result<Vec<PathTally>, Failure>;
+    &'j mut dyn FnMut(&Batch, Running<'_>) -> Result<PathTally, Failure>;
 
 /// Appends the lanes that are expected of calls with some rows of arguments.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
     pub(super) fn open(
-        plan: &'a Plan<'_>,
+        (plan, executor): (&'a Plan<'_>, &'a dyn Executor),
         stream: &'a dyn Stream,
         demand: &Demand,
         identity: &'a Identity,
@@ -100,9 +100,8 @@ impl<'a> Session<'a> {
         let cases = number(plan, fitting.function(), stream, demand, seed, inputs)?;
         let count = usize::try_from(cases.count).unwrap_or(usize::MAX);
         let capacity = room_for(count.saturating_mul(demand.calls));
-        let executors = plan.probe.executors()?;
-        let (fixtures, known) = (&plan.probe.fixtures, &plan.known_issues);
-        let called = fitting.on(&executors, fixtures, capacity, known)?;
+        let fixtures = &plan.probe.fixtures;
+        let called = fitting.on(executor, fixtures, capacity)?;
         let case = identity.case(&plan.probe.name, &with_inputs(&identity.check, inputs));
         if case.is_some() {
             replay::done();
@@ -118,7 +117,7 @@ impl<'a> Session<'a> {
             inputs,
             asserted,
             own_executors,
-            executors,
+            executor,
             fixtures,
             memory,
         })
@@ -126,7 +125,7 @@ impl<'a> Session<'a> {
 
     /// Tries what the test has failed on before, and remembers what it fails on. Where there is one case,
     /// without arguments, it runs anyway.
-    pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
+    pub(super) fn remembering(self, memory: Option<&'a Memory>) -> Self {
         // Cases of integrals needn't be made of lanes.
         let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
         Self { memory, ..self }
@@ -137,15 +136,10 @@ impl<'a> Session<'a> {
         Interpreted::new(&self.called.probed, self.fixtures)
     }
 
-    /// How exact the adapter of each path is, but for paths with a tolerance of their `own`.
-    pub(super) fn measured(&self, own: &[bool]) -> Result<Vec<Option<Arc<Accuracy>>>, ProbeError> {
+    /// How exact the adapter is.
+    pub(super) fn measured(&self) -> Result<Arc<Accuracy>, ProbeError> {
         // An executor of one's own may be another one in the next run.
-        let kept = !self.own_executors;
-        let of = |(ready, own): (&Ready<'_>, &bool)| {
-            let executor = self.executors.iter().find(|one| one.path() == ready.path);
-            executor.filter(|_| !own).map(|one| executor::measured(*one, kept)).transpose()
-        };
-        self.called.ready.iter().zip(own).map(of).collect()
+        executor::measured(self.executor, !self.own_executors)
     }
 
     /// How many cases the check declares, whether or not a replay selects one.
@@ -153,9 +147,9 @@ impl<'a> Session<'a> {
         self.cases.count
     }
 
-    /// A path that the environment can select: not that of an executor of one's own.
-    pub(super) fn selectable(&self, path: Path) -> Option<Path> {
-        (!self.own_executors).then_some(path)
+    /// The path, if the environment can select it: not that of an executor of one's own.
+    pub(super) fn selectable(&self) -> Option<Path> {
+        (!self.own_executors).then_some(self.called.ready.path)
     }
 
     /// How many cases run.
@@ -210,12 +204,12 @@ impl<'a> Session<'a> {
         Some(at.value().clone())
     }
 
-    pub(super) fn dispatch(&self, batch: &Batch) -> Result<Vec<Running<'_>>, Failure> {
+    pub(super) fn dispatch(&self, batch: &Batch) -> Result<Running<'_>, Failure> {
         self.called.start(&batch.lanes(), batch.cases)
     }
 
     /// Calls the function with other arguments for the cases of a batch.
-    pub(super) fn results(&self, batch: &Batch, lanes: &[u32]) -> Result<Vec<Results>, Failure> {
+    pub(super) fn results(&self, batch: &Batch, lanes: &[u32]) -> Result<Results, Failure> {
         self.called.call(lanes, batch.cases)
     }
 
@@ -229,44 +223,42 @@ impl<'a> Session<'a> {
         self.identity.input(&self.called.function().name, &self.name())
     }
 
-    /// Draws batch after batch, dispatches it on every path and hands it to `judge`. The worst case
-    /// of each path that fails is simplified, for which `judge` gets other batches.
-    pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<Vec<PathTally>, Failure> {
+    /// Draws batch after batch, dispatches it and hands it to `judge`. The worst case that fails is
+    /// simplified, for which `judge` gets other batches.
+    pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<PathTally, Failure> {
         self.expect_constants()?;
         let remembered = self.remembered();
-        let mut again = self.run_again(&remembered, judge)?;
-        let mut sums = self.run_cases(judge)?;
+        let again = self.run_again(&remembered, judge)?;
+        let mut sum = self.run_cases(judge)?;
         // What passes again isn't counted: the declared cases are the same in every run.
-        if again.iter().any(PathTally::fails) {
-            let census = again.iter_mut().map(|path| &mut path.tally.census);
-            census.for_each(|census| census.remembered = census.cases);
-            sums = PathTally::merge_all(sums, again);
+        if let Some(mut again) = again.filter(PathTally::fails) {
+            let census = &mut again.tally.census;
+            census.remembered = census.cases;
+            sum = sum.merge(again);
         }
-        for (path, sum) in sums.iter_mut().enumerate() {
-            if let (Some(worst), None) = (&sum.worst, self.input()) {
-                let old = worst.case.checked_sub(self.count());
-                let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
-                sum.simplest = match old {
-                    Some(row) => {
-                        // Its replay is by its words.
-                        let (seed, case, steps) = (self.cases.seed, worst.case, Vec::new());
-                        let simplest = Simplest::new(worst.clone(), Descent { seed, case, steps });
-                        Some(Simplest { input: row.clone(), ..simplest })
-                    }
-                    None => {
-                        let mut judge = |values: &[Held]| {
-                            let rows = values.iter().flat_map(|value| value.row.iter().copied());
-                            let batch = self.batch(0, rows.collect(), values.len());
-                            judge(&batch, self.dispatch(&batch)?)
-                        };
-                        let found = self.simplest(path, worst, self.effort(), &mut judge);
-                        found.map(|(simplest, value)| Simplest { input: value.row, ..simplest })
-                    }
-                };
-            }
+        if let (Some(worst), None) = (&sum.worst, self.input()) {
+            let old = worst.case.checked_sub(self.count());
+            let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
+            sum.simplest = match old {
+                Some(row) => {
+                    // Its replay is by its words.
+                    let (seed, case, steps) = (self.cases.seed, worst.case, Vec::new());
+                    let simplest = Simplest::new(worst.clone(), Descent { seed, case, steps });
+                    Some(Simplest { input: row.clone(), ..simplest })
+                }
+                None => {
+                    let mut judge = |values: &[Held]| {
+                        let rows = values.iter().flat_map(|value| value.row.iter().copied());
+                        let batch = self.batch(0, rows.collect(), values.len());
+                        judge(&batch, self.dispatch(&batch)?)
+                    };
+                    let found = self.simplest(worst, self.effort(), &mut judge);
+                    found.map(|(simplest, value)| Simplest { input: value.row, ..simplest })
+                }
+            };
         }
-        self.remember(&sums);
-        Ok(sums)
+        self.remember(&sum);
+        Ok(sum)
     }
 
     /// Refuses constants of a domain that has an edge which isn't one in WGSL: draws of it would be
@@ -303,25 +295,25 @@ impl<'a> Session<'a> {
         &self,
         remembered: &[Vec<u32>],
         judge: JudgeBatch<'_>,
-    ) -> Result<Vec<PathTally>, Failure> {
-        let mut sums = Vec::new();
+    ) -> Result<Option<PathTally>, Failure> {
+        let mut sum = None;
         for (index, row) in (self.count()..).zip(remembered) {
             let batch = self.batch(index, row.clone(), 1);
-            let dispatches = self.dispatch(&batch)?;
-            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
+            let running = self.dispatch(&batch)?;
+            sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
-        Ok(sums)
+        Ok(sum)
     }
 
-    fn run_cases(&self, judge: JudgeBatch<'_>) -> Result<Vec<PathTally>, Failure> {
+    fn run_cases(&self, judge: JudgeBatch<'_>) -> Result<PathTally, Failure> {
         if let Some(words) = self.input() {
             let (expected, found) = (self.stream.width(), words.len());
             if expected != found {
                 return self.called.vacuous(Vacuous::Words { expected, found });
             }
             let batch = self.batch(self.case.unwrap_or_default(), words.to_vec(), 1);
-            let dispatches = self.dispatch(&batch)?;
-            return judge(&batch, dispatches);
+            let running = self.dispatch(&batch)?;
+            return judge(&batch, running);
         }
         let Range { start: mut first, end } = self.selected()?;
         let mut draw = || {
@@ -329,15 +321,15 @@ impl<'a> Session<'a> {
             first += size;
             (size > 0).then(|| self.draw(first - size, size)).transpose()
         };
-        let mut sums = Vec::new();
+        let mut sum = None;
         let mut next = draw()?;
         while let Some(batch) = next {
-            let dispatches = self.dispatch(&batch)?;
+            let running = self.dispatch(&batch)?;
             // While one batch runs, the next one is drawn.
             next = draw()?;
-            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
+            sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
-        Ok(sums)
+        sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
     }
 
     /// Cases from the index `first` on.
@@ -358,49 +350,39 @@ impl<'a> Session<'a> {
         rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size).drawn()))
     }
 
-    /// Reads each path's results and judges them. `judge` makes the judge of a path, by its index;
-    /// `expect` says what a failing case of the batch should have been.
-    pub(super) fn judge<J: Judge>(
+    /// Reads the results and judges them. `expect` says what a failing case of the batch should have been.
+    pub(super) fn judge(
         &self,
         batch: &Batch,
-        running: Vec<Running<'_>>,
+        running: Running<'_>,
         expect: impl Fn(usize) -> Option<Vec<f64>>,
-        judge: impl Fn(usize) -> J,
-    ) -> Result<Vec<PathTally>, Failure> {
-        let mut tallies = Vec::with_capacity(self.called.ready.len());
-        for (path, (ready, running)) in self.called.ready.iter().zip(running).enumerate() {
-            let judge = judge(path);
-            let tally = running.view(|results| {
-                let mut picked = Self::picked(batch);
-                let sum = tally(batch.first, results, &judge, &mut picked);
-                let cause = cause(self.called.function(), batch, &picked.failing, &sum);
-                let sample = self.sample(batch, &sum, picked);
-                let tally = PathTally::new(ready, sum, |shown: Shown| {
-                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                    let actual = results.of(case);
-                    let (judged, expected) = (judge.judge(case, actual), expect(case));
-                    let function = self.called.function();
-                    let arguments = arguments(function, batch.arguments(case));
-                    let expected = expected.as_deref();
-                    let remembered = shown.case >= self.count();
-                    let case = shown.case;
-                    let failure =
-                        CaseFailure::new(function, case, arguments, actual, expected, &judged);
-                    match judge.describe(actual) {
-                        Some(explanation) => CaseFailure {
-                            remembered,
-                            result: String::new(),
-                            explanation,
-                            ..failure
-                        },
-                        None => CaseFailure { remembered, ..failure },
+        judge: &impl Judge,
+    ) -> Result<PathTally, Failure> {
+        running.view(|results| {
+            let mut picked = Self::picked(batch);
+            let sum = tally(batch.first, results, judge, &mut picked);
+            let cause = cause(self.called.function(), batch, &picked.failing, &sum);
+            let sample = self.sample(batch, &sum, picked);
+            let tally = PathTally::new(&self.called.ready, sum, |shown: Shown| {
+                let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+                let actual = results.of(case);
+                let (judged, expected) = (judge.judge(case, actual), expect(case));
+                let function = self.called.function();
+                let arguments = arguments(function, batch.arguments(case));
+                let expected = expected.as_deref();
+                let remembered = shown.case >= self.count();
+                let case = shown.case;
+                let failure =
+                    CaseFailure::new(function, case, arguments, actual, expected, &judged);
+                match judge.describe(actual) {
+                    Some(explanation) => {
+                        CaseFailure { remembered, result: String::new(), explanation, ..failure }
                     }
-                });
-                tally.with_sample(sample).with_cause(cause)
-            })?;
-            tallies.push(tally);
-        }
-        Ok(tallies)
+                    None => CaseFailure { remembered, ..failure },
+                }
+            });
+            tally.with_sample(sample).with_cause(cause)
+        })
     }
 
     /// The reference's lanes of each case of a batch, of these arguments. A value that isn't finite

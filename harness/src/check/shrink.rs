@@ -22,15 +22,13 @@ const TIME: Duration = Duration::from_secs(20);
 /// Trials of one round that may end without a verdict, as a reference that isn't finite does.
 const ERRORS: usize = 64;
 
-/// Judges some values on every path.
-pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<Vec<PathTally>, Failure>;
+/// Judges some values.
+pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
 
 impl Session<'_> {
-    /// The simplest failing case that is found from `failure`, which failed on this path, and its
-    /// value.
+    /// The simplest failing case that is found from `failure`, and its value.
     pub(super) fn simplest(
         &self,
-        path: usize,
         failure: &CaseFailure,
         effort: Effort,
         judge: JudgeValues<'_>,
@@ -44,7 +42,7 @@ impl Session<'_> {
             let mut candidates = at.simpler();
             candidates.truncate(effort.round);
             let values: Vec<_> = candidates.iter().map(|simpler| simpler.value().clone()).collect();
-            let Some((step, found)) = first_failing(path, &values, effort, judge, end) else {
+            let Some((step, found)) = first_failing(&values, effort, judge, end) else {
                 break;
             };
             at = candidates.swap_remove(step);
@@ -55,9 +53,8 @@ impl Session<'_> {
     }
 }
 
-/// The first value that fails on this path. `judge` counts the cases of each call from 0.
+/// The first value that fails. `judge` counts the cases of each call from 0.
 fn first_failing(
-    path: usize,
     values: &[Held],
     effort: Effort,
     judge: JudgeValues<'_>,
@@ -67,8 +64,8 @@ fn first_failing(
     while from < values.len() && Instant::now() < end {
         let to = values.len().min(from + size.min(effort.most));
         match judge(&values[from..to]) {
-            Ok(mut tallies) => {
-                if let Some(found) = tallies.swap_remove(path).first {
+            Ok(tally) => {
+                if let Some(found) = tally.first {
                     let index = usize::try_from(found.case).expect("among these values");
                     return Some((from + index, found));
                 }

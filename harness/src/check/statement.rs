@@ -98,7 +98,7 @@ impl Plan<'_> {
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();
             let lanes = session.called.argument_scalars();
-            session.run(&mut |batch, dispatches| {
+            session.run(&mut |batch, running| {
                 let judge = |case: usize, actual: &[u32]| {
                     let judged = finite(&scalars, actual);
                     if !judged.measure.passes() {
@@ -111,7 +111,7 @@ impl Plan<'_> {
                     let arguments = batch.arguments(case);
                     allowing_flushes(&lanes, arguments, of(arguments), of)
                 };
-                session.judge(batch, dispatches, |_| None, |_| &judge)
+                session.judge(batch, running, |_| None, &judge)
             })
         })
     }

@@ -2,7 +2,7 @@
 
 use super::called::Called;
 use super::{Failure, Mismatch};
-use crate::path::{Adapter, Path, Selected};
+use crate::path::Selected;
 use crate::tolerance::Tolerance;
 
 /// A tolerance with its exceptions.
@@ -14,19 +14,19 @@ pub(super) struct Tolerances {
 }
 
 impl Tolerances {
-    pub(super) fn of(&self, path: Path, adapter: &Adapter) -> &Tolerance {
-        self.on.on(path, adapter).unwrap_or(&self.general)
+    pub(super) fn of(&self, called: &Called<'_>) -> &Tolerance {
+        self.own(called).unwrap_or(&self.general)
+    }
+
+    /// That of the path alone, if it has one.
+    pub(super) fn own(&self, called: &Called<'_>) -> Option<&Tolerance> {
+        self.on.on(called.ready.path, &called.ready.adapter)
     }
 
     /// Refuses tolerances that bound nothing or are declared for another number of components.
     pub(super) fn expect_usable(&self, called: &Called<'_>) -> Result<(), Failure> {
         let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
         all.try_for_each(|tolerance| called.expect_lanes(tolerance))
-    }
-
-    /// The tolerance of each of a function's paths.
-    pub(super) fn of_paths(&self, called: &Called<'_>) -> Vec<&Tolerance> {
-        called.ready.iter().map(|ready| self.of(ready.path, &ready.adapter)).collect()
     }
 }
 

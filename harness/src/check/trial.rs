@@ -1,28 +1,28 @@
-//! How a plan is carried out: its session, a verb, the verdict and its record.
+//! How a plan is carried out: a session on each path, a verb, the verdict and its record.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::called::Refused;
 use super::demand::Demand;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
-use super::{Agreement, Census, Failure, inputs};
+use super::{Agreement, Failure, inputs};
 use crate::diagnostic::FileRead;
 use crate::domain::Stream;
-use crate::record::{PathRecord, Subject};
-use crate::run::{Identity, Memory, Reporter, Seen};
-use crate::tolerance::LaneError;
+use crate::executor::Executor;
+use crate::path::Adapter;
+use crate::record::Subject;
+use crate::run::{Conclusion, Identity, Judged, Memory, Reporter, with_inputs};
 
 /// What a verb makes of the verdict before it is recorded.
 pub(super) type Last<'l> =
     &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
-/// What a verb does with a session.
-pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<Vec<PathTally>, Failure>;
+/// What a verb does with a session: it sees one path at a time, so it can't leave one out.
+pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<PathTally, Failure>;
 
 impl Plan<'_> {
-    /// Prepares the session, runs a verb and records its verdict.
+    /// Prepares a session on each path, runs a verb and records its verdict.
     pub(super) fn conclude(
         &self,
         asserted: &Asserted,
@@ -77,34 +77,48 @@ impl Plan<'_> {
         let mut read: Vec<_> = self.probe.module_file().into_iter().collect();
         let mut run = || {
             self.expect_reasons()?;
-            inputs::each(self, identity, &mut |inputs| {
-                let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
-                let own: String = own.collect();
-                let text_of_paths = format!("{text}{own}");
-                let remembers = asserted.remembers;
-                let asserted = Asserted { text: text_of_paths, ..asserted.clone() };
-                let session =
-                    Session::open(self, stream, demand, identity, seed, asserted, inputs)?;
-                // What is declared to fail needn't be remembered.
-                let remembered = recording == Recording::On && self.known_issues.is_empty();
-                let remembered = remembered && remembers;
-                let memory = Memory::open(identity).filter(|_| remembered);
-                let session = session.remembering(memory);
-                if let Subject::Function { location, .. } = &mut subject {
-                    *location = session.called.function().span.to_string();
-                }
-                read.extend(session.called.files(&self.probe.fixtures));
-                let tallies = verb(&session)?;
+            let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
+            let own: String = own.collect();
+            let remembers = asserted.remembers;
+            let asserted = Asserted { text: format!("{text}{own}"), ..asserted.clone() };
+            // What is declared to fail needn't be remembered. What one path fails on in this run isn't old on
+            // the next one.
+            let remembered = recording == Recording::On && self.known_issues.is_empty();
+            let memory = Memory::open(identity).filter(|_| remembered && remembers);
+            let executors = self.probe.executors()?;
+            let mut all = Conclusion::default();
+            for inputs in inputs::chosen(self, identity) {
                 let text = format!("{text}{}", inputs.remark());
-                paths.extend(tallies.iter().map(|tally| self.record(tally, &text)));
-                let refused = session.called.refused.iter();
-                paths.extend(refused.map(|refused| PathRecord {
-                    known_issue:
-                        self.known_issues.on(refused.path, &refused.adapter).map(str::to_owned),
-                    ..refused.record(&text)
-                }));
-                self.verdict(&session, tallies)
-            })
+                let check = with_inputs(&identity.check, inputs);
+                let replays = identity.case(&self.probe.name, &check).is_some();
+                let judge = &mut |executor: &dyn Executor, adapter: &Adapter| {
+                    let asserted = asserted.clone();
+                    let session = Session::open(
+                        (self, executor),
+                        stream,
+                        demand,
+                        identity,
+                        seed,
+                        asserted,
+                        inputs,
+                    )?;
+                    let session = session.remembering(memory.as_ref());
+                    if let Subject::Function { location, .. } = &mut subject {
+                        *location = session.called.function().span.to_string();
+                    }
+                    read.extend(session.called.files(&self.probe.fixtures));
+                    let tally = verb(&session)?;
+                    let asserted = match self.tolerance_on.on(tally.path, adapter) {
+                        Some(own) => format!("{text}; on {} {own}", tally.path),
+                        None => text.clone(),
+                    };
+                    let record = tally.record(&asserted);
+                    let told = !self.known_issues.names(tally.path, adapter);
+                    Ok(Judged { record, values: session.outcome(tally, told)? })
+                };
+                all.extend(self.known_issues.conclude(&executors, replays, &mut paths, judge));
+            }
+            self.verdict(&asserted, stream.described(), all)
         };
         let result = run();
         let result = last(result, &mut read);
@@ -112,45 +126,6 @@ impl Plan<'_> {
             reporter.record(subject, paths, read, &result);
         }
         result
-    }
-
-    /// Judges the paths that are to pass; of those that are declared to fail, wants a failure.
-    fn verdict(
-        &self,
-        session: &Session<'_>,
-        tallies: Vec<PathTally>,
-    ) -> Result<Agreement, Failure> {
-        let (known, judged): (Vec<_>, Vec<_>) =
-            tallies.into_iter().partition(|tally| self.known_issue(tally).is_some());
-        let mut agreement = if judged.is_empty() && !known.is_empty() {
-            let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
-            let (function, paths) = (self.probe.name.clone(), Vec::new());
-            Agreement { function, cases, paths, worst: LaneError::ZERO, known_issues: Vec::new() }
-        } else {
-            session.conclude(judged)?
-        };
-        let refused = session.called.refused.iter().map(Refused::seen);
-        let seen = known.into_iter().map(|PathTally { adapter, path, tally, .. }| {
-            let Census { cases, failures, .. } = tally.census;
-            Seen { adapter, path, cases, failures }
-        });
-        // One case that is replayed may be one that passes.
-        agreement.known_issues = self.known(refused.chain(seen), session.is_replay())?;
-        Ok(agreement)
-    }
-
-    /// Why the path of a tally is to fail.
-    pub(super) fn known_issue(&self, tally: &PathTally) -> Option<&str> {
-        self.known_issues.on(tally.path, &tally.adapter)
-    }
-
-    fn record(&self, tally: &PathTally, assertion: &str) -> PathRecord {
-        let asserted = match self.tolerance_on.on(tally.path, &tally.adapter) {
-            Some(own) => format!("{assertion}; on {} {own}", tally.path),
-            None => assertion.to_owned(),
-        };
-        let known_issue = self.known_issue(tally).map(str::to_owned);
-        PathRecord { known_issue, ..tally.record(&asserted) }
     }
 }
 
@@ -162,6 +137,7 @@ mod tests {
     use crate::check::tally::finite;
     use crate::domain::{Domain, Integers};
     use crate::package::Package;
+    use crate::tolerance::LaneError;
     use crate::value::Arguments;
 
     impl<D: Domain> Check<'_, D>
@@ -184,7 +160,7 @@ mod tests {
                         }
                         judged
                     };
-                    session.judge(batch, running, |_| None, |_| &judge)
+                    session.judge(batch, running, |_| None, &judge)
                 })
             })
         }

@@ -129,11 +129,11 @@ impl Session<'_> {
     pub(super) fn expect_tested(
         &self,
         tested: bool,
-        tallies: Vec<PathTally>,
+        tally: PathTally,
         otherwise: Vacuous,
-    ) -> Result<Vec<PathTally>, Failure> {
-        if tested || self.is_replay() || tallies.iter().any(PathTally::fails) {
-            return Ok(tallies);
+    ) -> Result<PathTally, Failure> {
+        if tested || self.is_replay() || tally.fails() {
+            return Ok(tally);
         }
         self.called.vacuous(otherwise)
     }

@@ -9,7 +9,7 @@ use crate::output::counted;
 use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
-use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed};
+use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed, PathFailures, Stop};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
 
@@ -73,6 +73,22 @@ pub enum Failure {
         /// What was declared.
         reason: String,
     },
+    /// A path runs a function that it is declared to refuse.
+    #[error(
+        "`{function}` runs on {path}, which is declared to refuse it: {reason}\n\
+         the bug is gone, or hidden: remove `.refused_on(...)`"
+    )]
+    NotRefused {
+        /// The function's path.
+        function: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// Several paths fail in several ways, or some have no verdict.
+    #[error("{0}")]
+    Paths(Box<PathFailures<Self>>),
     /// A path is declared to fail without a reason.
     #[error("`{function}` is declared to fail on {on} without a reason: name the bug")]
     UnexplainedIssue {
@@ -160,6 +176,29 @@ impl Failure {
     pub(super) fn golden(source: ValuesError) -> Self {
         Self::Golden { disagreement: None, source: Box::new(source) }
     }
+
+    /// Whether values are wrong, or a declaration is: otherwise there is no verdict.
+    fn is_verdict(&self) -> bool {
+        match self {
+            Self::Disagreement(_)
+            | Self::Rejection(_)
+            | Self::UnexpectedPass { .. }
+            | Self::NotRefused { .. } => true,
+            Self::Golden { source, .. } => source.is_failure(),
+            Self::Paths(paths) => paths.all().any(Self::is_verdict),
+            _ => false,
+        }
+    }
+}
+
+impl Stop for Failure {
+    fn is_refusal(&self) -> bool {
+        matches!(self, Self::Probe(error) if error.is_refusal())
+    }
+
+    fn of_paths(failures: PathFailures<Self>) -> Self {
+        Self::Paths(Box::new(failures))
+    }
 }
 
 impl From<PathError> for Failure {
@@ -194,10 +233,7 @@ impl<T: Passed> Concluded for Result<T, Failure> {
         match self {
             Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
             Ok(_) => Verdict::KnownIssue,
-            Err(
-                Failure::Disagreement(_) | Failure::Rejection(_) | Failure::UnexpectedPass { .. },
-            ) => Verdict::Fail,
-            Err(Failure::Golden { source, .. }) if source.is_failure() => Verdict::Fail,
+            Err(failure) if failure.is_verdict() => Verdict::Fail,
             Err(_) => Verdict::Error,
         }
     }

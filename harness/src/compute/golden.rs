@@ -101,35 +101,44 @@ impl After<'_> {
                 }
             };
             let Some(golden) = golden else { return Err(left(first()?, None).into()) };
-            let (now, adapter) = first()?;
-            let count = (golden.len() != now.len())
-                .then(|| format!("it has {} elements, now there are {}", golden.len(), now.len()));
-            if let Some(how) = other_columns(&golden, &now).or(count) {
-                return Err(left((now, adapter), Some((&golden, &how))).into());
+            // What stops this path is told with the others.
+            if let Ok((now, adapter)) = first() {
+                let count = (golden.len() != now.len()).then(|| {
+                    format!("it has {} elements, now there are {}", golden.len(), now.len())
+                });
+                if let Some(how) = other_columns(&golden, &now).or(count) {
+                    return Err(left((now, adapter), Some((&golden, &how))).into());
+                }
             }
             let scalars = golden.columns.iter().map(|column| column.scalar).cycle();
             let cells = golden.rows().flatten();
             let lanes = scalars.zip(cells).map(|(scalar, word)| scalar.decode(*word)).collect();
             let expected = Expected { shape: element.clone(), lanes };
+            // What the first path has that differs is left to be looked at.
+            let with_golden = |failure: ComputeError| {
+                let ComputeError::Differs(difference) = failure else { return Ok(failure) };
+                let Some(path) = difference.paths.first() else {
+                    return Ok(ComputeError::Differs(difference));
+                };
+                let differing =
+                    |executor: &&&dyn Executor| executor::adapter(**executor) == path.adapter;
+                let now = executors.iter().find(differing).map_or_else(first, |own| made(*own))?;
+                let (elements, failures) = (path.elements, path.failures);
+                let how = format!("{failures} of {elements} elements on {}", path.adapter.path);
+                let source = Box::new(left(now, Some((&golden, &how))));
+                Ok::<_, ComputeError>(ComputeError::Golden { difference: Some(difference), source })
+            };
             match self.judged(&Assertion::Agrees(expected, tolerance.clone()), "matches", report) {
                 Ok(agreement) => {
                     goldens.values_agree(case);
                     Ok(agreement)
                 }
-                Err(ComputeError::Differs(difference)) => {
-                    let Some(path) = difference.paths.first() else {
-                        return Err(ComputeError::Differs(difference));
-                    };
-                    let differing =
-                        |executor: &&&dyn Executor| executor::adapter(**executor) == path.adapter;
-                    let now =
-                        executors.iter().find(differing).map_or_else(first, |own| made(*own))?;
-                    let (elements, failures) = (path.elements, path.failures);
-                    let how = format!("{failures} of {elements} elements on {}", path.adapter.path);
-                    let source = Box::new(left(now, Some((&golden, &how))));
-                    Err(ComputeError::Golden { difference: Some(difference), source })
+                Err(ComputeError::Paths(mut paths)) => {
+                    let failures = std::mem::take(&mut paths.failures).into_iter();
+                    paths.failures = failures.map(with_golden).collect::<Result<_, _>>()?;
+                    Err(ComputeError::Paths(paths))
                 }
-                result => result,
+                Err(failure) => Err(with_golden(failure)?),
             }
         })
     }

@@ -6,10 +6,10 @@ use std::panic::Location;
 use super::{After, ComputeAgreement, ComputeError, words};
 use crate::diagnostic::FileRead;
 use crate::dispatch::Passes;
-use crate::executor;
+use crate::executor::Executor;
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject};
-use crate::run::{Identity, Replayed, Reporter, Seen, replay};
+use crate::run::{Identity, Judged, Replayed, Reporter, replay};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Shape, hexfloat};
 
@@ -128,6 +128,14 @@ pub struct Element {
     pub error: String,
 }
 
+/// What one path gave.
+struct Outcome {
+    elements: usize,
+    sum: Sum,
+    /// The command that dispatches it again.
+    replay: String,
+}
+
 /// What the elements of one path add up to.
 struct Sum {
     failures: usize,
@@ -210,80 +218,64 @@ impl After<'_> {
         {
             *location = span.to_string();
         }
-        let (mut agreed, mut known) = (Vec::new(), Vec::new());
-        let (mut different, mut elements) = (Vec::new(), 0);
-        for executor in executors {
-            let (adapter, path) = (executor::adapter(executor), executor.path());
-            let issue = compute.known_issues.on(path, &adapter).map(str::to_owned);
-            let own = compute.tolerance_on.on(path, &adapter);
-            let found = match words(executor, &passes, number) {
-                // Whatever stops a path that is declared to fail is its failure.
-                Err(_) if issue.is_some() => {
-                    known.push(Seen { adapter, path, cases: 0, failures: 1 });
-                    continue;
-                }
-                found => found?,
-            };
-            let width = element.lanes().len().max(1);
-            let count = found.len() / width;
-            if count == 0 {
+        let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
+            let path = executor.path();
+            let own = compute.tolerance_on.on(path, adapter);
+            let found = words(executor, &passes, number)?;
+            let elements = found.len() / element.lanes().len().max(1);
+            if elements == 0 {
                 let reason = format!("`{}` holds no element", self.variable);
                 return Err(ComputeError::Nothing(reason));
             }
-            elements = count;
             let sum = self.sum(assertion, own, &element, &found, function)?;
-            let asserted = match own {
-                Some(own) => format!("{}; on {path} {own}", assertion.text()),
-                None => assertion.text(),
-            };
-            report.paths.push(PathRecord {
+            // What fails has shown something.
+            if sum.failures == 0 && passes.before(number).is_some_and(|before| before == found) {
+                return Err(ComputeError::Unchanged { variable: self.variable.clone() });
+            }
+            let record = PathRecord {
                 adapter: adapter.clone(),
-                cases: count as u64,
+                cases: elements as u64,
                 failures: sum.failures as u64,
                 worst: sum.worst.to_string(),
                 ratio: sum.worst.ratio.is_finite().then_some(sum.worst.ratio),
-                asserted,
-                known_issue: issue.clone(),
+                asserted: match own {
+                    Some(own) => format!("{}; on {path} {own}", assertion.text()),
+                    None => assertion.text(),
+                },
+                known_issue: None,
                 granted: None,
                 errors: None,
                 plot: None,
                 histogram: None,
                 configurations: None,
-            });
-            if issue.is_some() {
-                let failures = sum.failures as u64;
-                known.push(Seen { adapter, path, cases: count as u64, failures });
-            } else if sum.failures > 0 {
-                let replayed = Replayed { case: 0, steps: &[], input: None };
-                let selectable = compute.executors.is_empty().then_some(path);
-                let replay = identity.replay(selectable, 0, function, &identity.check, replayed);
-                let (failures, shown) = (sum.failures, sum.shown);
-                different.push(PathDifference {
-                    adapter,
-                    elements: count,
-                    failures,
-                    shown,
-                    replay,
-                });
-            } else {
-                agreed.push((adapter, sum.worst));
-            }
-        }
-        if !different.is_empty() {
+            };
+            let replayed = Replayed { case: 0, steps: &[], input: None };
+            let selectable = compute.executors.is_empty().then_some(path);
+            let replay = identity.replay(selectable, 0, function, &identity.check, replayed);
+            Ok(Judged { record, values: Outcome { elements, sum, replay } })
+        };
+        let all = compute.known_issues.conclude(&executors, false, &mut report.paths, on_path);
+        let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
             let entry_points: Vec<&str> = passes.entry_points().collect();
-            return Err(ComputeError::Differs(Box::new(Difference {
+            let paths = differing.into_iter().map(|(adapter, one)| {
+                let Outcome { elements, sum: Sum { failures, shown, .. }, replay } = one;
+                PathDifference { adapter, elements, failures, shown, replay }
+            });
+            vec![ComputeError::Differs(Box::new(Difference {
                 entry_points: entry_points.join(", "),
                 variable: self.variable.clone(),
                 assertion: assertion.text(),
                 location: passes.span().map_or_else(String::new, |span| span.to_string()),
-                paths: different,
-                agreeing: agreed.into_iter().map(|(adapter, _)| adapter).collect(),
-            })));
-        }
-        let known_issues = compute.known_issues.judge(known, false);
-        let known_issues = known_issues.map_err(|passes| self.passes_unexpectedly(passes))?;
-        let variable = self.variable.clone();
-        Ok(ComputeAgreement { variable, elements, paths: agreed, known_issues })
+                paths: paths.collect(),
+                agreeing: agreeing.iter().map(|(adapter, _)| adapter.clone()).collect(),
+            }))]
+        };
+        let (agreed, known_issues) =
+            all.verdict(differ, |passes| self.passes_unexpectedly(passes))?;
+        let known = known_issues.iter().map(|issue| usize::try_from(issue.cases).unwrap_or(0));
+        let elements = agreed.iter().map(|(_, one)| one.elements).chain(known).max().unwrap_or(0);
+        let paths = agreed.into_iter().map(|(adapter, one)| (adapter, one.sum.worst)).collect();
+        Ok(ComputeAgreement { variable: self.variable.clone(), elements, paths, known_issues })
     }
 
     /// The type of an element, once what is asserted fits it.

@@ -7,6 +7,7 @@ use super::request::{Draw, Geometry};
 use super::{Blend, DrawError, Format};
 use crate::diagnostic::{FileRead, text_hash};
 use crate::fixture::{self, FixtureError, Fixtures};
+use crate::image::Image;
 use crate::output::counted;
 use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
@@ -33,6 +34,26 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
+}
+
+impl Scene<'_> {
+    /// What the frame was cleared to, if each pixel still is that. A fragment function that covers the frame
+    /// by itself may draw just that.
+    pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
+        if self.draws.iter().any(Draw::covers) {
+            return None;
+        }
+        let (clear, channels) = match self.result {
+            Source::Depth => ([self.clear_depth, 0.0, 0.0, 1.0], 1),
+            Source::Target(_) => (self.clear, 4),
+        };
+        let is_clear = |pixel: &[f32; 4]| {
+            let both = pixel.iter().zip(&clear).take(channels);
+            // Half floats round it.
+            both.into_iter().all(|(x, clear)| (x - clear).abs() <= clear.abs() / 1024.0)
+        };
+        image.pixels().iter().all(is_clear).then_some(clear)
+    }
 }
 
 /// What a frame's image is made of.

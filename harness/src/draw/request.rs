@@ -402,6 +402,11 @@ impl Draw {
         self
     }
 
+    /// Whether it is a triangle of Karat's own, which covers the frame.
+    pub(super) fn covers(&self) -> bool {
+        self.vertex.is_none()
+    }
+
     pub(crate) fn is_mesh(&self) -> bool {
         matches!(self.geometry, Geometry::Mesh(_))
     }

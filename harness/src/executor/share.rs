@@ -2,8 +2,9 @@
 
 use crate::domain::Source;
 use crate::interpret::{Bound, Interpreted};
+use crate::made_up::{Ranges, Resources};
 use crate::package::Package;
-use crate::probe::{Probed, made_up};
+use crate::probe::Probed;
 use crate::value::Scalar;
 
 /// Cases of each function.
@@ -29,7 +30,9 @@ fn is_narrow(bound: &Bound) -> bool {
 /// The cases of a function that are bounded, and those whose bounds are as near as is needed.
 fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     let probed = Probed::new(package, name).ok()?;
-    let engine = Interpreted::new(&probed, &made_up::fixtures(&probed).ok()?).ok()?;
+    let engine =
+        Interpreted::new(&probed, &Resources::of(&probed, &Ranges::default(), 0).ok()?.fixtures)
+            .ok()?;
     let parameters = &probed.function().parameters;
     let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
     let rows = (0..CASES as u64).flat_map(|case| row(&scalars, &mut Source::new(0x5ea, case)));

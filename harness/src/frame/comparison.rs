@@ -5,16 +5,17 @@ use std::sync::LazyLock;
 use super::{Frame, FrameAgreement, FrameError};
 use crate::diagnostic::FileRead;
 use crate::draw::Source;
-use crate::executor::{self, Executor};
+use crate::executor::Executor;
 use crate::golden::{
-    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
+    COLOR, FrameDifference, FrameMargin, FrameTolerance, GoldenError, Goldens, MASK, Rendered,
+    VARIANCE,
 };
 use crate::image::{Image, Part};
 use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
-use crate::run::{Reporter, Seen, leave_frame_out, or_panic, replay};
+use crate::run::{Judged, Reporter, leave_frame_out, or_panic, replay};
 use crate::settings;
 
 impl Frame<'_> {
@@ -63,7 +64,6 @@ impl Frame<'_> {
         read: &mut Vec<FileRead>,
     ) -> Result<FrameAgreement, FrameError> {
         replay::begin_frame(case)?;
-        let (mut paths, mut known) = (Vec::new(), Vec::new());
         self.expect_reasons()?;
         self.check_tolerances()?;
         if let Some((name, reason)) = self.unusable_aov() {
@@ -72,17 +72,17 @@ impl Frame<'_> {
         let executors = self.executors()?;
         read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
         read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
-        for executor in executors {
-            let (adapter, path) = (executor::adapter(executor), executor.path());
+        let mut other_waits = false;
+        let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
+            let path = executor.path();
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
             read.extend(drawing.read());
-            read.extend(goldens.files(case, &adapter));
-            let tolerance = self.tolerance_of(path, &adapter);
-            let known_issue = self.known_issues.on(path, &adapter).map(str::to_owned);
+            read.extend(goldens.files(case, adapter));
+            let tolerance = self.tolerance_of(path, adapter);
             let frame = Rendered {
                 image: &image,
-                adapter: &adapter,
+                adapter,
                 shader: drawing.shader(),
                 modules: drawing.modules(),
                 tolerance,
@@ -90,77 +90,80 @@ impl Frame<'_> {
                 variance: self.variance.as_ref(),
                 facts: &self.facts,
                 aovs: &|| self.aovs_on(executor),
-                known_issue: known_issue.is_some(),
+                known_issue: self.known_issues.names(path, adapter),
+                other_waits,
             };
+            let known_issue = frame.known_issue;
             let compared = goldens.check(case, &frame);
-            let asserted = match tolerance {
-                Some(tolerance) => tolerance.to_string(),
-                None => FrameTolerance::default().to_string(),
-            };
-            let mut entry = PathRecord {
+            // A golden that shows something, or can't be used, says more.
+            let passes = matches!(compared, Ok(_) | Err(GoldenError::Missing { .. }));
+            if let Some(clear) = self.scene.untouched(&image).filter(|_| passes) {
+                return Err(FrameError::Untouched { clear });
+            }
+            let record = PathRecord {
                 adapter: adapter.clone(),
                 cases: u64::from(self.scene.width) * u64::from(self.scene.height),
                 failures: 0,
                 worst: String::new(),
                 ratio: None,
-                asserted,
-                known_issue,
+                asserted: match tolerance {
+                    Some(tolerance) => tolerance.to_string(),
+                    None => FrameTolerance::default().to_string(),
+                },
+                known_issue: None,
                 granted: None,
                 errors: None,
                 plot: None,
                 histogram: None,
                 configurations: None,
             };
-            match compared {
+            let source = match compared {
                 Ok(margin) => {
-                    entry.cases = margin.pixels;
-                    entry.ratio = Some(margin.ratio);
-                    entry.worst = margin.to_string();
-                    entry.asserted = match &margin.profile {
+                    let asserted = match &margin.profile {
                         Some(profile) => format!("{}, golden of @{profile}", margin.tolerance),
                         None => margin.tolerance.clone(),
                     };
-                    match entry.known_issue {
-                        Some(_) => known.push(seen(&entry, path)),
-                        None => paths.push((adapter.clone(), margin)),
-                    }
-                    records.push(entry);
+                    let (cases, ratio) = (margin.pixels, Some(margin.ratio));
+                    let worst = margin.to_string();
+                    let record = PathRecord { cases, ratio, worst, asserted, ..record };
+                    return Ok(Judged { record, values: Ok(margin) });
                 }
-                // A frame with NaN or of another size is another bug than the one that is known.
-                Err(GoldenError::Differs { difference, .. })
-                    if entry.known_issue.is_some()
-                        && matches!(*difference, FrameDifference::Values(_)) =>
-                {
-                    entry.failures = outliers(&difference);
-                    known.push(seen(&entry, path));
-                    records.push(entry);
+                Err(source) => Box::new(source),
+            };
+            other_waits |= !known_issue;
+            match &*source {
+                GoldenError::Differs { difference, .. } if difference.is_of_values() => {
+                    let (worst, ratio) = match &**difference {
+                        FrameDifference::Values(deviation) => deviation.worst_margin(),
+                        _ => (String::new(), None),
+                    };
+                    let failures = outliers(difference);
+                    let record = PathRecord { failures, worst, ratio, ..record };
+                    Ok(Judged { record, values: Err(source) })
                 }
-                Err(source) => {
-                    entry.failures = failures(&source);
-                    if let GoldenError::Differs { difference, .. } = &source
-                        && let FrameDifference::Values(deviation) = &**difference
-                    {
-                        (entry.worst, entry.ratio) = deviation.worst_margin();
-                    }
-                    records.push(entry);
-                    return Err(FrameError::Golden {
-                        adapter: Box::new(adapter.clone()),
-                        source: Box::new(source),
-                    });
-                }
+                // A frame of another size, a golden that is missing or can't be used: there are no values that
+                // could be compared.
+                _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), source }),
             }
-        }
-        let known_issues = self.known_issues.judge(known, false);
-        let known_issues = known_issues.map_err(|passes| FrameError::passes(case, passes))?;
-        Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
+        };
+        let all = self.known_issues.conclude(&executors, false, records, on_path);
+        let differ = |differing: Vec<(Adapter, Compared)>, _: &[(Adapter, Compared)]| {
+            let differing = differing.into_iter().filter_map(|(adapter, compared)| {
+                let adapter = Box::new(adapter);
+                Some(FrameError::Golden { adapter, source: compared.err()? })
+            });
+            differing.collect()
+        };
+        let (agreeing, known_issues) =
+            all.verdict(differ, |passes| FrameError::passes(case, passes))?;
+        let agreeing = agreeing.into_iter();
+        let paths = agreeing.filter_map(|(adapter, compared)| Some((adapter, compared.ok()?)));
+        Ok(FrameAgreement { case: case.to_owned(), paths: paths.collect(), known_issues })
     }
 }
 
-/// What a path gave that is declared to fail.
-fn seen(entry: &PathRecord, path: Path) -> Seen {
-    let PathRecord { adapter, cases, failures, .. } = entry;
-    Seen { adapter: adapter.clone(), path, cases: *cases, failures: *failures }
-}
+/// A frame beside its golden.
+type Compared = Result<FrameMargin, Box<GoldenError>>;
 
 impl Frame<'_> {
     /// Wants paths that can be, and a reason for each that is declared to fail.
@@ -226,17 +229,11 @@ impl Frame<'_> {
     }
 }
 
-fn failures(error: &GoldenError) -> u64 {
-    match error {
-        GoldenError::Differs { difference, .. } => outliers(difference),
-        _ => 1,
-    }
-}
-
-/// Pixels that are off; 1 of a frame that can't be compared at all.
+/// Pixels that are off.
 fn outliers(difference: &FrameDifference) -> u64 {
     match difference {
         FrameDifference::Values(deviation) => deviation.outliers as u64,
+        FrameDifference::NonFinite(census) => (census.nan + census.infinite) as u64,
         _ => 1,
     }
 }

@@ -2,12 +2,12 @@
 
 use super::{Frame, FrameError};
 use crate::diagnostic::FileRead;
-use crate::executor;
+use crate::executor::Executor;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject};
-use crate::run::{KnownIssue, Reporter, Seen, leave_frame_out, or_panic, replay};
+use crate::run::{Judged, KnownIssue, Reporter, leave_frame_out, or_panic, replay};
 use crate::settings;
 use crate::tolerance::{LaneError, Tolerance};
 
@@ -102,10 +102,8 @@ impl Frame<'_> {
         if !rect.fits(width, height) {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));
         }
-        let (mut paths, mut known) = (Vec::new(), Vec::new());
         let executors = self.executors()?;
-        for executor in executors {
-            let (adapter, path) = (executor::adapter(executor), executor.path());
+        let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
             read.extend(drawing.read());
@@ -115,39 +113,42 @@ impl Frame<'_> {
             let worst = measured.fold(LaneError::ZERO, |worst, measure| {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
-            let known_issue = self.known_issues.on(path, &adapter).map(str::to_owned);
-            let cases = u64::from(rect.width) * u64::from(rect.height);
-            let failures = u64::from(!worst.passes());
-            records.push(PathRecord {
+            let record = PathRecord {
                 adapter: adapter.clone(),
-                cases,
-                failures,
+                cases: u64::from(rect.width) * u64::from(rect.height),
+                failures: u64::from(!worst.passes()),
                 worst: worst.to_string(),
                 ratio: worst.ratio.is_finite().then_some(worst.ratio),
                 asserted: tolerance.to_string(),
-                known_issue: known_issue.clone(),
+                known_issue: None,
                 granted: None,
                 errors: None,
                 plot: None,
                 histogram: None,
                 configurations: None,
-            });
-            // A mean that isn't finite is another bug than the one that is known.
-            if known_issue.is_some() && mean.iter().all(|mean| mean.is_finite()) {
-                known.push(Seen { adapter: adapter.clone(), path, cases, failures });
-                continue;
-            }
-            if !worst.passes() {
-                let adapter = Box::new(adapter.clone());
-                return Err(FrameError::Mean { adapter, rect, expected, mean, worst });
-            }
-            paths.push((adapter.clone(), mean));
-        }
-        let known_issues = self.known_issues.judge(known, false);
-        let known_issues = known_issues.map_err(|passes| FrameError::passes(&name, passes))?;
+            };
+            Ok::<_, FrameError>(Judged { record, values: (mean, worst) })
+        };
+        let all = self.known_issues.conclude(&executors, false, records, on_path);
+        let differ = |differing: Vec<(Adapter, Mean)>, _: &[(Adapter, Mean)]| {
+            let off = |(adapter, (mean, worst)): (Adapter, Mean)| FrameError::Mean {
+                adapter: Box::new(adapter),
+                rect,
+                expected,
+                mean,
+                worst,
+            };
+            differing.into_iter().map(off).collect()
+        };
+        let (agreeing, known_issues) =
+            all.verdict(differ, |passes| FrameError::passes(&name, passes))?;
+        let paths = agreeing.into_iter().map(|(adapter, (mean, _))| (adapter, mean)).collect();
         Ok(FrameMean { paths, known_issues })
     }
 }
+
+/// A mean, and how far off it is.
+type Mean = ([f64; 3], LaneError);
 
 /// Mean of red, green and blue; NaN if a value isn't finite.
 fn mean(image: &Image, rect: Rect) -> [f64; 3] {

@@ -180,6 +180,13 @@ pub struct Deviation {
     pub pinned: bool,
 }
 
+impl FrameDifference {
+    /// Whether pixels have other values than the golden's. NaN and infinities are values.
+    pub(crate) fn is_of_values(&self) -> bool {
+        matches!(self, Self::Values(_) | Self::NonFinite(_))
+    }
+}
+
 impl fmt::Display for FrameDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

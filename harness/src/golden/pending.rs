@@ -208,6 +208,7 @@ impl PendingFrames {
 }
 
 impl Goldens {
+    /// Leaves a frame to be looked at, unless that of another path waits.
     pub(super) fn write_pending(
         &self,
         case: &str,
@@ -218,8 +219,10 @@ impl Goldens {
         let (mut provenance, parts) = frame.stored(case, against);
         provenance.folder = self.key();
         provenance.modules = self.module_hashes(&frame.modules);
-        let metadata = Some(provenance.metadata());
-        ExrFile { parts, metadata }.write(&path)?;
+        if !frame.other_waits {
+            let metadata = Some(provenance.metadata());
+            ExrFile { parts, metadata }.write(&path)?;
+        }
         Ok(Pending { case: case.to_owned(), path, provenance })
     }
 

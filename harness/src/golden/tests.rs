@@ -54,6 +54,7 @@ fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
         facts: &NO_FACTS,
         aovs: &no_aovs,
         known_issue: false,
+        other_waits: false,
     }
 }
 

@@ -9,7 +9,7 @@ use super::kept::Kept;
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
 use super::quads::Target;
-use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
+use super::{Inputs, Partial, ProbeError, Probed, Resource, borders, upload};
 use crate::diagnostic::Span;
 use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
@@ -328,15 +328,17 @@ impl<'d> Dispatcher<'d> {
             self.device.checked(|| Poison::new(self.device, poison::OTHER, words_of_all))?;
         self.submit(&dispatch, &poison)?;
         let again = self.read_checked(&dispatch, |words| self.poisoned(words))?;
-        let mut unwritten = places.into_iter().filter(|place| again.binary_search(place).is_err());
-        let Some(first) = unwritten.next() else { return Ok(read(&words)) };
+        let unwritten: Vec<usize> =
+            places.into_iter().filter(|place| again.binary_search(place).is_err()).collect();
+        let Some(first) = unwritten.first().copied() else { return Ok(read(&words)) };
         Err(ProbeError::ResultNotWritten {
             function: self.function.clone(),
             path: self.device.path(),
             component: self.lane_names.get(first % self.stride_out).cloned().unwrap_or_default(),
             first: u32::try_from(first / self.stride_out).expect("a batch fits in 32 bits"),
-            count: 1 + unwritten.count(),
+            count: unwritten.len(),
             words: dispatch.cases * (self.stride_out - 1),
+            partial: Box::new(Partial { words, stride: self.stride_out, unwritten }),
         })
     }
 

@@ -1,11 +1,15 @@
-//! Declared failures: on a path, with a reason, and for as long as they last.
+//! What is declared of paths, and one verdict of all of them.
 //!
 //! A path that is declared to fail must fail. If it passes, the check fails, so that no declaration
-//! outlives the bug that it names.
+//! outlives the bug that it names. Functions, frames and compute passes are judged here alike.
 
+use std::fmt::{self, Display};
+
+use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
+use crate::record::PathRecord;
 
-/// A failure that was declared with `fails_on` and did occur.
+/// A failure that was declared with `fails_on` or `refused_on`, and did occur.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -21,76 +25,299 @@ pub struct KnownIssue {
     pub adapter: Adapter,
     /// What its author declared.
     pub reason: String,
-    /// Cases (or pixels) that were compared.
+    /// Cases (or pixels) that were compared; 0 where the path refuses what it is given.
     pub cases: u64,
-    /// How many of them fail.
+    /// How many of them fail; 1 where the path refuses what it is given.
     pub failures: u64,
+}
+
+/// What several paths gave, where it takes more than one failure to say.
+///
+/// ```no_run
+/// use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let found = package.function("half").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(1.0));
+/// if let Err(Failure::Paths(paths)) = found {
+///     for (adapter, error) in &paths.stopped {
+///         println!("{adapter} has no verdict: {error}");
+///     }
+/// }
+/// ```
+#[derive(Debug)]
+pub struct PathFailures<E> {
+    /// What was judged and fails.
+    pub failures: Vec<E>,
+    /// Each path that gave nothing to be judged, and why.
+    pub stopped: Vec<(Adapter, E)>,
+    /// The other paths, unless a failure names them.
+    pub agreeing: Vec<Adapter>,
+}
+
+impl<E> PathFailures<E> {
+    /// All that is wrong, on whichever path.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &E> {
+        self.failures.iter().chain(self.stopped.iter().map(|(_, error)| error))
+    }
+}
+
+impl<E: Display> Display for PathFailures<E> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let failures = self.failures.iter().map(|failure| format!("{failure}"));
+        let stopped = self
+            .stopped
+            .iter()
+            .map(|(adapter, error)| format!("on {adapter} there is no verdict\n{error}"));
+        let agreeing = self.agreeing.iter().map(|adapter| format!("on {adapter}\n  it agrees"));
+        let all: Vec<String> = failures.chain(stopped).chain(agreeing).collect();
+        let all: Vec<&str> = all.iter().map(|one| one.trim_end_matches('\n')).collect();
+        f.write_str(&all.join("\n"))
+    }
 }
 
 /// The declarations of one check or frame.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct KnownIssues(Selected<String>);
+pub(crate) struct KnownIssues {
+    /// Paths whose values are wrong.
+    values: Selected<String>,
+    /// Paths that refuse what they are given.
+    refusals: Selected<String>,
+}
+
+/// What a path is declared to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Declared {
+    /// `.fails_on(...)`
+    Fails,
+    /// `.refused_on(...)`
+    Refuses,
+}
 
 impl KnownIssues {
+    /// Declares that values are wrong on a path.
     pub(crate) fn declare(&mut self, on: Selector, reason: &str) {
-        let reason = reason.trim();
-        match self.0.get_mut(&on) {
-            Some(known) if known.is_empty() || reason.is_empty() => known.clear(),
-            Some(known) => *known = format!("{known}; {reason}"),
-            None => self.0.declare(on, reason.to_owned()),
-        }
+        declare(&mut self.values, on, reason);
+    }
+
+    /// Declares that a path refuses what it is given.
+    pub(crate) fn declare_refusal(&mut self, on: Selector, reason: &str) {
+        declare(&mut self.refusals, on, reason);
     }
 
     /// Refuses a declaration for what is no path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
-        self.0.expect_sound()
+        self.values.expect_sound()?;
+        self.refusals.expect_sound()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.values.is_empty() && self.refusals.is_empty()
     }
 
-    /// Why a path is to fail; `None`: it isn't.
-    pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&str> {
-        self.0.on(path, adapter).map(String::as_str)
+    /// Whether something is declared of a path.
+    pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
+        self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
     }
 
     /// The first declaration without a reason.
     pub(crate) fn unexplained(&self) -> Option<&Selector> {
-        self.0.iter().find(|(_, reason)| reason.is_empty()).map(|(selector, _)| selector)
+        let mut all = self.values.iter().chain(self.refusals.iter());
+        all.find(|(_, reason)| reason.is_empty()).map(|(selector, _)| selector)
     }
 
-    /// What was seen on the paths that are to fail. At least one case of each has to, unless one
-    /// that is replayed stands for all.
-    pub(crate) fn judge(
+    /// Has each path judged, and says what that means by what is declared of it. No path is left out,
+    /// whatever became of the others. This is the rule for functions, frames and compute passes:
+    ///
+    /// - `fails_on` is about values. At least one of a path's has to be wrong, unless one case that is
+    ///   replayed stands for all. NaN and infinities are values.
+    /// - `refused_on` is about a path that refuses what it is given, before any of it runs.
+    /// - Whatever else stops a path is an error, declared or not: then it has no values.
+    ///
+    /// The record of each path is added to `records`.
+    pub(crate) fn conclude<V, E: Stop>(
         &self,
-        seen: impl IntoIterator<Item = Seen>,
+        executors: &[&dyn Executor],
         replays: bool,
-    ) -> Result<Vec<KnownIssue>, Passes> {
-        let issue = |Seen { adapter, path, cases, failures }: Seen| {
-            let reason = self.on(path, &adapter).unwrap_or_default().to_owned();
-            if failures == 0 && !replays {
-                return Err(Passes { path, reason });
+        records: &mut Vec<PathRecord>,
+        judge: JudgePath<'_, V, E>,
+    ) -> Conclusion<V, E> {
+        let mut all = Conclusion::default();
+        for executor in executors {
+            let (path, adapter) = (executor.path(), executor::adapter(*executor));
+            let [fails, refuses] =
+                [&self.values, &self.refusals].map(|of| of.on(path, &adapter).cloned());
+            let judged = judge(*executor, &adapter);
+            all.asked += 1;
+            let Judged { mut record, values } = match (judged, &refuses) {
+                (Err(error), Some(reason)) if error.is_refusal() => {
+                    let (cases, failures) = (0, 1);
+                    let reason = reason.clone();
+                    let known_issue = Some(reason.clone());
+                    records.push(PathRecord {
+                        known_issue,
+                        ..without_values(adapter.clone(), "refused")
+                    });
+                    all.known.push(KnownIssue { adapter, reason, cases, failures });
+                    continue;
+                }
+                (Err(error), _) => {
+                    all.stopped.push((adapter, error));
+                    continue;
+                }
+                (Ok(judged), _) => judged,
+            };
+            record.known_issue = refuses.clone().or_else(|| fails.clone());
+            let cases = record.configurations.unwrap_or(record.cases);
+            let failures = record.failures;
+            records.push(record);
+            match (refuses, fails) {
+                (Some(reason), _) => {
+                    all.passing.push(Passes { path, reason, declared: Declared::Refuses });
+                }
+                (None, Some(reason)) if failures > 0 || replays => {
+                    all.known.push(KnownIssue { adapter, reason, cases, failures });
+                }
+                (None, Some(reason)) => {
+                    all.passing.push(Passes { path, reason, declared: Declared::Fails });
+                }
+                (None, None) if failures > 0 => all.differing.push((adapter, values)),
+                (None, None) => all.agreeing.push((adapter, values)),
             }
-            Ok(KnownIssue { adapter, reason, cases, failures })
-        };
-        seen.into_iter().map(issue).collect()
+        }
+        if !all.all_stop_alike() {
+            let stopped = all.stopped.iter();
+            records.extend(stopped.map(|(adapter, _)| without_values(adapter.clone(), "stopped")));
+        }
+        all
     }
 }
 
-/// What a path gave that is declared to fail.
-#[derive(Clone, Debug)]
-pub(crate) struct Seen {
-    pub(crate) adapter: Adapter,
-    pub(crate) path: Path,
-    pub(crate) cases: u64,
-    pub(crate) failures: u64,
+fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
+    let reason = reason.trim();
+    match all.get_mut(&on) {
+        Some(known) if known.is_empty() || reason.is_empty() => known.clear(),
+        Some(known) => *known = format!("{known}; {reason}"),
+        None => all.declare(on, reason.to_owned()),
+    }
 }
 
-/// A path passes that is declared to fail.
+/// The record of a path that has no values.
+fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
+    PathRecord {
+        adapter,
+        cases: 0,
+        failures: 1,
+        worst: worst.to_owned(),
+        ratio: None,
+        asserted: String::new(),
+        known_issue: None,
+        granted: None,
+        errors: None,
+        plot: None,
+        histogram: None,
+        configurations: None,
+    }
+}
+
+/// A path's values, once they were judged.
+pub(crate) struct Judged<V> {
+    /// What is recorded; what is declared of the path is added to it.
+    pub(crate) record: PathRecord,
+    pub(crate) values: V,
+}
+
+/// Has one path judged.
+pub(crate) type JudgePath<'j, V, E> =
+    &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
+
+/// Why a check, a frame or passes fail.
+pub(crate) trait Stop: Display {
+    /// Whether a path refused what it was given, before any of it ran.
+    fn is_refusal(&self) -> bool;
+
+    /// The cause in words, which paths that stop alike have in common.
+    fn cause(&self) -> String {
+        self.to_string()
+    }
+
+    fn of_paths(failures: PathFailures<Self>) -> Self
+    where
+        Self: Sized;
+}
+
+/// A path passes that is declared to fail, or runs what it is declared to refuse.
 #[derive(Clone, Debug)]
 pub(crate) struct Passes {
     pub(crate) path: Path,
-    /// What was declared.
+    /// What was declared, and why.
+    pub(crate) declared: Declared,
     pub(crate) reason: String,
+}
+
+/// Each path with its verdict.
+pub(crate) struct Conclusion<V, E> {
+    asked: usize,
+    pub(crate) agreeing: Vec<(Adapter, V)>,
+    differing: Vec<(Adapter, V)>,
+    passing: Vec<Passes>,
+    stopped: Vec<(Adapter, E)>,
+    known: Vec<KnownIssue>,
+}
+
+impl<V, E> Default for Conclusion<V, E> {
+    fn default() -> Self {
+        let (agreeing, differing) = (Vec::new(), Vec::new());
+        let (passing, stopped, known) = (Vec::new(), Vec::new(), Vec::new());
+        Self { asked: 0, agreeing, differing, passing, stopped, known }
+    }
+}
+
+/// The paths that agree, and those that fail as was declared.
+pub(crate) type Agreed<V> = (Vec<(Adapter, V)>, Vec<KnownIssue>);
+
+impl<V, E: Stop> Conclusion<V, E> {
+    /// Whether every path gave the same error: then it is none of a path.
+    fn all_stop_alike(&self) -> bool {
+        let Some(((_, first), others)) = self.stopped.split_first() else { return false };
+        let first = first.cause();
+        self.stopped.len() == self.asked && others.iter().all(|(_, error)| error.cause() == first)
+    }
+
+    /// Adds what other paths gave, or the same paths in another way.
+    pub(crate) fn extend(&mut self, other: Self) {
+        self.asked += other.asked;
+        self.agreeing.extend(other.agreeing);
+        self.differing.extend(other.differing);
+        self.passing.extend(other.passing);
+        self.stopped.extend(other.stopped);
+        self.known.extend(other.known);
+    }
+
+    /// What agrees, or all that doesn't. `differ` makes failures of the paths whose values are wrong, beside
+    /// those that agree.
+    pub(crate) fn verdict(
+        mut self,
+        differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
+        passes: impl Fn(Passes) -> E,
+    ) -> Result<Agreed<V>, E> {
+        if self.all_stop_alike() {
+            return Err(self.stopped.swap_remove(0).1);
+        }
+        let Self { agreeing, differing, passing, mut stopped, known, .. } = self;
+        let mut failures = match differing.is_empty() {
+            true => Vec::new(),
+            false => differ(differing, &agreeing),
+        };
+        failures.extend(passing.into_iter().map(passes));
+        match (failures.len(), stopped.len()) {
+            (0, 0) => Ok((agreeing, known)),
+            (1, 0) => Err(failures.swap_remove(0)),
+            _ => {
+                let agreeing = agreeing.into_iter().map(|(adapter, _)| adapter).collect();
+                // A path may be judged once for each source of its arguments.
+                stopped.dedup_by_key(|(adapter, error)| (adapter.path.clone(), error.to_string()));
+                Err(E::of_paths(PathFailures { failures, stopped, agreeing }))
+            }
+        }
+    }
 }

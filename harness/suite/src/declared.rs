@@ -23,8 +23,8 @@
 //!
 //! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle. It may say
 //! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
-//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `module`, and
-//! in which folder its `golden` lies.
+//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`,
+//! `module`, and in which folder its `golden` lies.
 //!
 //! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
 //! `override = { GAIN = 2 }`.
@@ -81,6 +81,8 @@ pub(crate) struct Declared {
     pub(crate) tolerance_on: BTreeMap<String, String>,
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
+    #[serde(default)]
+    pub(crate) refused_on: BTreeMap<String, String>,
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
@@ -210,6 +212,8 @@ pub(crate) struct Frame {
     pub(crate) tolerance: Option<Relative>,
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
+    #[serde(default)]
+    pub(crate) refused_on: BTreeMap<String, String>,
     /// Relative to the file.
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
@@ -326,6 +330,7 @@ impl Assertion {
             () if error.contains(" cases, ") && test.cases.is_some() => "cases",
             () if error.starts_with("the domain of ") && !test.over.is_empty() => "over",
             () if error.contains("execution path") && names(&test.fails_on) => "fails_on",
+            () if error.contains("execution path") && names(&test.refused_on) => "refused_on",
             () if error.contains("execution path") && names(&test.tolerance_on) => "tolerance_on",
             () if error.contains("override `") => "override",
             () => self.what.key(),
@@ -358,6 +363,20 @@ impl What {
             Self::Integral(_) => "integral",
             Self::NoHazards => "no_hazards",
         }
+    }
+
+    /// As the table of keys has it.
+    fn form(&self) -> &'static str {
+        match self {
+            Self::Integral(Integral { is: None, .. }) => "integral at_most",
+            other => other.key(),
+        }
+    }
+
+    /// Whether it takes a key that others don't.
+    pub(crate) fn takes(&self, key: &str) -> bool {
+        let takers = TAKEN.iter().find(|(known, _)| *known == key);
+        takers.is_none_or(|(_, takers)| takers.contains(&self.form()))
     }
 
     fn name(&self) -> String {
@@ -407,6 +426,10 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
         };
         let what = whats(&declared)
             .map_err(|error| Diagnostic::new(error).at(span.clone(), "").to_string())?;
+        if let Some((key, error)) = idle_key(&what, &|key| keys.0.contains_key(key)) {
+            let place = keys.0.get(key).unwrap_or(&span).clone();
+            return Err(Diagnostic::new(error).at(place, "").to_string());
+        }
         for what in what {
             let name = match &declared.name {
                 Some(name) => format!("{} {}", own(&module, name), what.name()),
@@ -439,6 +462,46 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
         tests.push(Test { name, span, kind: Kind::Frame(Box::new(frame)) });
     }
     Ok(tests)
+}
+
+/// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
+/// has a `slack` in place of a tolerance.
+const TAKEN: [(&str, &[&str]); 3] = [
+    (
+        "over",
+        &[
+            "agrees_with",
+            "golden",
+            "equals",
+            "finite",
+            "in_range",
+            "symmetric_in",
+            "monotone",
+            "limit",
+            "integral",
+            "integral at_most",
+            "no_hazards",
+        ],
+    ),
+    ("tolerance", &WITHIN),
+    ("tolerance_on", &WITHIN),
+];
+
+/// The assertions that take a tolerance.
+const WITHIN: [&str; 8] =
+    ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
+
+/// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
+fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static str, String)> {
+    let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
+    let (key, takers) = TAKEN.iter().find(idle)?;
+    let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
+    let error = format!(
+        "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
+        own.join(", "),
+        takers.join(", ")
+    );
+    Some((*key, error))
 }
 
 /// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
@@ -495,9 +558,24 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
     let monotone = test.monotone.iter().flatten();
     all.extend(monotone.map(|(name, direction)| What::Monotone(name.clone(), *direction)));
-    all.extend(test.limit.as_ref().map(limit).transpose()?);
+    let limit = test.limit.as_ref().map(limit).transpose()?;
+    if let (Some(What::Limit { argument, .. }), true) = (&limit, all.is_empty())
+        && test.over.contains_key(argument)
+        && test.integral.is_none()
+    {
+        return Err(format!(
+            "`{argument}` in `over` does nothing: the limit says what it is. Leave it out"
+        ));
+    }
+    all.extend(limit);
     if let Some(integral) = &test.integral {
         match (&integral.is, &integral.at_most) {
+            (Some(_), None) if integral.slack.is_some() => {
+                return Err(
+                    "`slack` does nothing beside `is`, which has a `tolerance`: leave it out"
+                        .to_owned(),
+                );
+            }
             (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
             _ => return Err("an integral has either `is` or `at_most`".to_owned()),
         }
@@ -583,6 +661,39 @@ mod tests {
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            (
+                "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",
+                "brdf.test.toml:4:1",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\nfinite = true\nno_hazards = true\n\
+                 tolerance_on = { gl = \"4 ulp\" }\n",
+                "`tolerance_on` does nothing here: `finite`, `no_hazards` takes none",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\n\
+                 over = { x = \"0..1\" }\n",
+                "brdf.test.toml:5:1",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
+                 integral = { over = \"sphere\", at_most = 1, slack = 0 }\n",
+                "`integral at_most` takes none",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
+                 integral = { over = \"sphere\", is = 1, slack = 0 }\n",
+                "`slack` does nothing beside `is`",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\nover = { a = \"0..1\" }\n\
+                 limit = { a = 0, through = [0.1, 0.01], is = 1 }\ntolerance = \"4 ulp\"\n",
+                "`a` in `over` does nothing",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\nfinite = true\nwith = { d = 1, d = 2 }\n",
+                "duplicate key",
+            ),
             (
                 "[[test]]\nfunction = \"f\"\nsymmetric_in = [\"a\", \"b\", \"c\"]\n",
                 "test.toml:3:16",

@@ -167,7 +167,15 @@ impl Suite {
 
 /// Where the row of a table stands that the worst case is.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
-    let (Failure::Disagreement(found), What::Table(file)) = (failure, what) else { return None };
+    let What::Table(file) = what else { return None };
+    let found = match failure {
+        Failure::Disagreement(found) => found,
+        Failure::Paths(paths) => paths.failures.iter().find_map(|failure| match failure {
+            Failure::Disagreement(found) => Some(found),
+            _ => None,
+        })?,
+        _ => return None,
+    };
     // A row is a case where nobody asks for another number of them.
     let worst =
         &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
@@ -204,6 +212,7 @@ fn declared_words(message: &str) -> String {
     let mut message = message.to_owned();
     for (rust, declared) in [
         ("`.fails_on(...)`", "its `fails_on`"),
+        ("`.refused_on(...)`", "its `refused_on`"),
         ("`.formats([...])`", "`formats = [..]`"),
         ("`Format::Rgba32Uint`", "`formats = [\"rgba32uint\"]`"),
         ("`Format::Float`", "`formats = [\"float\"]`"),
@@ -318,14 +327,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         What::AgreesWith(reference) => {
             let reference = assertion.of_module(reference);
             let criterion = wanted()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
                 .agrees_with_function(&reference, criterion))
         }
         What::Table(file) => {
             let criterion = wanted()?;
-            if !test.over.is_empty() {
-                return Err("a table has its arguments: leave `over` out".to_owned());
-            }
             let table = table::read(&folder.join(file), &parameters, &result, near)?;
             // The rows as they are: a column of one parameter isn't mixed with others.
             let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
@@ -335,7 +341,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                     return Err("a function without arguments has no table: `equals`".to_owned());
                 }
             }
-            let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), test)?;
+            let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
                 // A subnormal argument that is flushed, or a simpler one, has no row.
@@ -346,19 +352,21 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         What::Golden(name) => {
             let tolerance = required()?;
             let goldens = Goldens::open(&folder.join(GOLDEN));
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.matches(&goldens, name, tolerance))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
             let criterion = wanted()?;
             let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .agrees_with(&expect, criterion))
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
                 return Err(format!("`finite` holds for every {result}, so it can't fail"));
             }
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_finite())
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.is_finite())
         }
         What::InRange([least, most]) => {
             if !(least <= most) {
@@ -367,7 +375,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(format!("`in_range` is for numbers, and the result is a {result}"));
             }
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.stays_within(*least, *most))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.stays_within(*least, *most))
         }
         What::SymmetricIn([first, second]) => {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
@@ -384,7 +392,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 out.extend(swapped);
             };
             let tolerance = or_exact()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.invariant_under(&swap, tolerance))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
             place(&parameters, argument)?;
@@ -393,7 +402,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 Direction::Decreasing => Trend::Decreasing,
             };
             let tolerance = or_exact()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_monotone_in(
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.is_monotone_in(
                 &**argument,
                 trend,
                 tolerance,
@@ -408,7 +417,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let expected = wide(&result, is, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             let tolerance = required()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.at_limit(
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.at_limit(
                 &**argument,
                 &limit,
                 &expect,
@@ -432,7 +441,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             if test.over.contains_key(last) {
                 return Err(format!("over: `{last}` is what is integrated over: leave it out"));
             }
-            let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), test)?;
+            let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
             let value = is.as_ref().or(at_most.as_ref()).expect("one of them");
             let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
@@ -447,14 +456,16 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 }
             }
         }
-        What::NoHazards => Ok(settled(probe.over_dynamic(domain(all)?), test)?.has_no_hazards()),
+        What::NoHazards => {
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.has_no_hazards())
+        }
     }
 }
 
 /// A check with what a test says of all of its assertions.
 fn settled<'p>(
     mut check: DynamicCheck<'p>,
-    test: &crate::declared::Declared,
+    Assertion { test, what, .. }: &Assertion,
 ) -> Result<DynamicCheck<'p>, String> {
     if let Some(cases) = test.cases {
         check = check.cases(cases);
@@ -462,12 +473,19 @@ fn settled<'p>(
     if let Some(seed) = test.seed {
         check = check.seed(seed);
     }
-    for (on, text) in &test.tolerance_on {
-        let own: Tolerance = tolerance(text).map_err(|error| format!("tolerance_on: {error}"))?;
-        check = check.tolerance_on(on.as_str(), own);
+    // Others of the test's assertions may have it.
+    if what.takes("tolerance_on") {
+        for (on, text) in &test.tolerance_on {
+            let own: Tolerance =
+                tolerance(text).map_err(|error| format!("tolerance_on: {error}"))?;
+            check = check.tolerance_on(on.as_str(), own);
+        }
     }
     for (on, reason) in &test.fails_on {
         check = check.fails_on(on.as_str(), reason);
+    }
+    for (on, reason) in &test.refused_on {
+        check = check.refused_on(on.as_str(), reason);
     }
     Ok(check)
 }
@@ -575,6 +593,9 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
     }
     for (on, reason) in &declared.fails_on {
         frame = frame.fails_on(on.as_str(), reason);
+    }
+    for (on, reason) in &declared.refused_on {
+        frame = frame.refused_on(on.as_str(), reason);
     }
     let goldens = Goldens::open(&declared.golden_folder());
     // It panics with its message.

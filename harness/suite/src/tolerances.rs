@@ -73,11 +73,18 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     if !(number.is_finite() && number >= 0.0) {
         return Err(format!("`{text}` bounds nothing: the number is finite and at least 0"));
     }
-    match unit {
-        "ulp" => Ok(Ulp(number).into()),
-        "rel" => Ok(Rel(number).into()),
-        "abs" => Ok(Abs(number).into()),
-        _ => Err(unknown(text)),
+    let bound: Tolerance = match unit {
+        "ulp" => Ulp(number).into(),
+        "rel" => Rel(number).into(),
+        "abs" => Abs(number).into(),
+        _ => return Err(unknown(text)),
+    };
+    let passes =
+        |actual: f32, expected: f32| bound.measure(0, actual, f64::from(expected)).passes();
+    let farthest = [(f32::MAX, f32::MIN), (f32::MIN, f32::from_bits(1))];
+    match farthest.into_iter().all(|(actual, expected)| passes(actual, expected)) {
+        true => Err(format!("`{text}` bounds nothing: no two numbers are farther apart")),
+        false => Ok(bound),
     }
 }
 
@@ -105,6 +112,14 @@ mod tests {
     fn what_bounds_nothing_is_refused() {
         for text in ["", "4", "ulp", "4 ulps", "nan ulp", "-1 abs", "inf rel", "spec 4 ulp"] {
             assert!(criterion(text).is_err(), "{text}");
+        }
+        // Nothing could be off by more.
+        for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"]
+        {
+            assert!(criterion(text).expect_err(text).contains("bounds nothing"), "{text}");
+        }
+        for text in ["rel 1e30", "abs 1e38", "1e9 ulp"] {
+            assert!(criterion(text).is_ok(), "{text}");
         }
         assert!(tolerance("1 ulp or 2 ulp and 3 ulp").is_err());
     }

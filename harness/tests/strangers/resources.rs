@@ -165,7 +165,7 @@ fn comparison_samplers_compare() {
         .function("loaded")
         .with("shadow", depths())
         .over(places())
-        .fails_on(Path::GL, "naga's GLSL has no textureLoad of depths")
+        .refused_on(Path::GL, "naga's GLSL has no textureLoad of depths")
         .agrees_with(depth, Abs(0.0));
 }
 
@@ -264,7 +264,7 @@ fn every_texture_is_loaded_from() {
         );
         let package = Package::from_source(kind, text);
         let check = package.function("f").with("t", texture).over(Integers(0..=texels - 1));
-        let check = gl.into_iter().fold(check, |check, reason| check.fails_on(Path::GL, reason));
+        let check = gl.into_iter().fold(check, |check, reason| check.refused_on(Path::GL, reason));
         check.agrees_with(
             move |i: u32| {
                 let (x, y, z) = place(i);
@@ -302,7 +302,7 @@ fn cubes_have_faces_layers_and_depths() {
         .with("many", Texture::cubes((0..6_u8).map(|i| face(f32::from(i)))))
         .with("filtering", Sampler::Nearest)
         .over((Integers(0..=5_u32), Just(0_u32)))
-        .fails_on(Path::GL, "wgpu's GL makes a plain cube of an array of one cube")
+        .refused_on(Path::GL, "wgpu's GL makes a plain cube of an array of one cube")
         .agrees_with(|face: u32, _: u32| f64::from(face), Abs(0.0));
     package
         .function("lit")
@@ -429,7 +429,8 @@ fn mistakes_are_told_with_the_variables_line() {
 #[test]
 fn a_path_that_compiles_nothing_is_declared() {
     let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
-         fn f(i: u32) -> f32 { return textureLoad(shadow, vec2u(i, 0u), 0); }";
+         fn f(i: u32) -> f32 { return textureLoad(shadow, vec2u(i, 0u), 0); }\n\
+         fn g(i: u32) -> f32 { return f32(i); }";
     let package = package("", text);
     let check = || package.function("f").with("shadow", depths()).over(Integers(0..=1_u32));
     let reference = |i: u32| f64::from(i) / 4.0;
@@ -437,14 +438,20 @@ fn a_path_that_compiles_nothing_is_declared() {
     // Without GL nothing refuses it.
     let Err(error) = plain else { return };
     assert!(error.to_string().contains("not supported in GLSL"), "{error}");
-    let declared = check().fails_on(Path::GL, "no textureLoad of depths");
+    let values = check().fails_on(Path::GL, "no textureLoad of depths");
+    let error = values.try_agrees_with(reference, Abs(0.0)).expect_err("it has no values");
+    assert!(error.to_string().contains("not supported in GLSL"), "{error}");
+    let declared = check().refused_on(Path::GL, "no textureLoad of depths");
     let agreement = declared.try_agrees_with(reference, Abs(0.0)).expect("others agree");
     let issues: Vec<_> = agreement.known_issues.iter().map(|i| (i.cases, i.failures)).collect();
     assert_eq!(issues, [(0, 1)]);
     check()
-        .fails_on(Path::VULKAN, "nothing")
+        .refused_on(Path::VULKAN, "nothing")
         .try_agrees_with(reference, Abs(0.0))
         .expect_err("another path is declared");
+    let runs = package.function("g").over(Integers(0..=1_u32)).refused_on(Path::GL, "no loads");
+    let error = runs.try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
+    assert!(error.to_string().contains("remove `.refused_on(...)`"), "{error}");
 }
 
 /// An error of the fixtures is one that programs can tell from others.

@@ -190,11 +190,11 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
 
 /// Prints a call's result on each path.
 fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write) -> Outcome {
-    let Request { probed, fixtures, paths, .. } = *request;
+    let Request { probed, fixtures, .. } = *request;
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
-    for path in paths {
-        let results = karat::executor::call(probed, *path, &[lanes.to_vec()], fixtures)?;
+    let given = cases::results(request, &[lanes.to_vec()])?;
+    for (path, results) in &given.results {
         let result = results.first().context("the probe returned nothing")?;
         write!(out, "{HEAD}{path:<8}{HEAD:#} {}", function.result.format(result))?;
         let hexadecimal: Vec<String> = result
@@ -214,7 +214,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     if let Some(file) = &args.html {
         trace::write_html(probed, fixtures, lanes, file)?;
     }
-    Ok(Ending::Good)
+    given.ending()
 }
 
 /// Evaluates a sweep: as a table, or as a curve.
@@ -227,10 +227,10 @@ fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write)
         lanes
     };
     let rows: Vec<Vec<u32>> = sweep.values.iter().map(row).collect();
-    let results = cases::results(request, &rows)?;
+    let found = cases::results(request, &rows)?;
     let Some(plot) = &args.plot else {
-        cases::write_table(request, &rows, &results, &[], out)?;
-        return Ok(Ending::Good);
+        cases::write_table(request, &rows, &found.results, &[], out)?;
+        return found.ending();
     };
     let function = request.probed.function();
     let columns = cases::columns(function);
@@ -238,14 +238,14 @@ fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write)
     let lanes = function.result.lanes().into_iter().zip(function.result.lane_names());
     let mut curves = Vec::new();
     for (lane, (kind, name)) in lanes.enumerate() {
-        for (path, values) in request.paths.iter().zip(&results) {
+        for (path, values) in &found.results {
             let points = values.iter().zip(&sweep.values);
             let points = points.map(|(result, x)| (scalar.decode(*x), kind.decode(result[lane])));
             curves.push(Curve { name: format!("{path}{name}"), points: points.collect() });
         }
     }
     if request.output.is_some() {
-        cases::write_table(request, &rows, &results, &[], out)?;
+        cases::write_table(request, &rows, &found.results, &[], out)?;
     }
     match plot {
         None => curve::write_text(&curves, axis, out)?,
@@ -254,5 +254,5 @@ fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write)
             writeln!(out, "{}", file.display())?;
         }
     }
-    Ok(Ending::Good)
+    found.ending()
 }

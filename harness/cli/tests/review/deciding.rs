@@ -89,7 +89,11 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
     let frame = package.frame("", 32, 16).fullscreen("corners", "plain");
     let goldens = Goldens::open(&project.folder().join("golden"));
     let result = frame.try_matches(&goldens, "review_loop");
-    if let Err(FrameError::Golden { source, .. }) = &result
+    let first = match &result {
+        Err(FrameError::Paths(paths)) => paths.failures.first(),
+        result => result.as_ref().err(),
+    };
+    if let Some(FrameError::Golden { source, .. }) = first
         && let GoldenError::Missing { pending, .. } | GoldenError::Differs { pending, .. } =
             &**source
     {

@@ -1,7 +1,7 @@
 //! What is asserted of an integral, and how one is judged.
 
 use super::sum::Sum;
-use crate::check::called::Ready;
+use crate::check::called::Called;
 use crate::check::disagreement::Expectation;
 use crate::check::session::Session;
 use crate::check::tally::{Class, Judged, classify};
@@ -86,11 +86,9 @@ impl Assertion {
     }
 
     /// On one path, which may have a tolerance of its own.
-    pub(super) fn on(&self, ready: &Ready<'_>) -> Bound<'_> {
+    pub(super) fn on(&self, called: &Called<'_>) -> Bound<'_> {
         match self {
-            Self::AgreesWith(tolerances) => {
-                Bound::AgreesWith(tolerances.of(ready.path, &ready.adapter))
-            }
+            Self::AgreesWith(tolerances) => Bound::AgreesWith(tolerances.of(called)),
             Self::IsAtMost(slack) => Bound::IsAtMost(*slack),
         }
     }

@@ -4,7 +4,6 @@ use super::assertion::Assertion;
 use super::sum::Sum;
 use super::{Integrals, Nodes};
 use crate::check::Failure;
-use crate::check::called::Ready;
 use crate::check::disagreement::{CaseFailure, NodeFailure, arguments};
 use crate::check::parallel;
 use crate::check::path_tally::PathTally;
@@ -77,19 +76,17 @@ impl Group {
         self.cases.iter().map(|case| case.nodes.weights.len()).sum()
     }
 
-    /// Evaluates all nodes on every path and judges the sums. An integral whose rules leave it open
-    /// whether it passes isn't counted as one that fails; the first of each path is the second
-    /// result.
+    /// Evaluates all nodes and judges the sums. An integral whose rules leave it open whether it passes
+    /// isn't counted as one that fails; the first of them is the second result.
     pub(super) fn integrate(
         &self,
         session: &Session<'_>,
         assertion: &Assertion,
-    ) -> Result<(Vec<PathTally>, Vec<Option<Failure>>), Failure> {
+    ) -> Result<(PathTally, Option<Failure>), Failure> {
         let called = &session.called;
         let scalars = called.scalars();
-        let empty = vec![Sum::new(scalars.len()); self.cases.len()];
-        let mut sums = vec![empty.clone(); called.ready.len()];
-        let mut controls = vec![empty; called.ready.len()];
+        let mut sums = vec![Sum::new(scalars.len()); self.cases.len()];
+        let mut controls = sums.clone();
         let mut places = (0..self.cases.len()).flat_map(|case| {
             (0..self.cases[case].nodes.weights.len()).map(move |node| (case, node))
         });
@@ -102,48 +99,39 @@ impl Group {
             for (case, node) in &piece {
                 rows.extend_from_slice(self.cases[*case].nodes.row(*node, called.words));
             }
-            for (path, running) in called.start(&rows, piece.len())?.into_iter().enumerate() {
-                running.view(|results| {
-                    for (call, (case, node)) in piece.iter().enumerate() {
-                        let Case { nodes, own, .. } = &self.cases[*case];
-                        let weight = nodes.weights[*node];
-                        let sums = if node < own { &mut sums } else { &mut controls };
-                        sums[path][*case].add(&scalars, *node, weight, results.of(call));
-                    }
-                })?;
-            }
+            called.start(&rows, piece.len())?.view(|results| {
+                for (call, (case, node)) in piece.iter().enumerate() {
+                    let Case { nodes, own, .. } = &self.cases[*case];
+                    let weight = nodes.weights[*node];
+                    let sums = if node < own { &mut sums } else { &mut controls };
+                    sums[*case].add(&scalars, *node, weight, results.of(call));
+                }
+            })?;
         }
-        let mut undecided = Vec::with_capacity(called.ready.len());
-        let tally = |(ready, (sums, controls)): (&Ready<'_>, (&Vec<Sum>, &Vec<Sum>))| {
-            let bound = assertion.on(ready);
-            let mut tally = Tally::default();
-            let mut first = None;
-            for (case, sum) in sums.iter().enumerate() {
-                let doubt = self.doubt(session, assertion, ready, case, (sum, &controls[case]));
-                let judged = match doubt {
-                    Some(_) => Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other },
-                    None => bound.judge(sum, &self.cases[case].expected),
-                };
-                tally.add(self.first + case as u64, judged);
-                first = first.or(doubt);
-            }
-            undecided.push(first);
-            let show = |shown: Shown| {
-                let case = usize::try_from(shown.case - self.first).expect("in this group");
-                let failure = self.show(session, shown, &self.cases[case], &sums[case]);
-                let (lane, other) = (shown.judged.lane, &controls[case]);
-                let nodes = self.cases[case].nodes.weights.len() - self.cases[case].own;
-                let comparable = nodes > 0 && sums[case].bad.is_none() && other.bad.is_none();
-                let (value, control) = (sums[case].totals()[lane], other.totals()[lane]);
-                let doubt = bound.doubt(lane, value, control);
-                failure
-                    .with_control(Some((control, nodes)).filter(|_| comparable && !doubt.passes()))
+        let bound = assertion.on(called);
+        let mut tally = Tally::default();
+        let mut undecided = None;
+        for (case, sum) in sums.iter().enumerate() {
+            let doubt = self.doubt(session, assertion, case, (sum, &controls[case]));
+            let judged = match doubt {
+                Some(_) => Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other },
+                None => bound.judge(sum, &self.cases[case].expected),
             };
-            PathTally::new(ready, tally, show).with_nodes(self.nodes() as u64)
+            tally.add(self.first + case as u64, judged);
+            undecided = undecided.or(doubt);
+        }
+        let show = |shown: Shown| {
+            let case = usize::try_from(shown.case - self.first).expect("in this group");
+            let failure = self.show(session, shown, &self.cases[case], &sums[case]);
+            let (lane, other) = (shown.judged.lane, &controls[case]);
+            let nodes = self.cases[case].nodes.weights.len() - self.cases[case].own;
+            let comparable = nodes > 0 && sums[case].bad.is_none() && other.bad.is_none();
+            let (value, control) = (sums[case].totals()[lane], other.totals()[lane]);
+            let doubt = bound.doubt(lane, value, control);
+            failure.with_control(Some((control, nodes)).filter(|_| comparable && !doubt.passes()))
         };
-        let sums = sums.iter().zip(&controls);
-        let tallies = called.ready.iter().zip(sums).map(tally).collect();
-        Ok((tallies, undecided))
+        let tally = PathTally::new(&called.ready, tally, show).with_nodes(self.nodes() as u64);
+        Ok((tally, undecided))
     }
 
     /// Why an integral has no verdict: its two rules differ by more than is allowed, and one of them
@@ -152,12 +140,11 @@ impl Group {
         &self,
         session: &Session<'_>,
         assertion: &Assertion,
-        ready: &Ready<'_>,
         index: usize,
         (sum, control): (&Sum, &Sum),
     ) -> Option<Failure> {
-        let (case, path) = (&self.cases[index], ready.path);
-        let bound = assertion.on(ready);
+        let case = &self.cases[index];
+        let bound = assertion.on(&session.called);
         let nodes = case.nodes.weights.len() - case.own;
         if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
             return None;
@@ -174,7 +161,7 @@ impl Group {
             (!doubt.passes()).then(|| {
                 let expected = case.expected[lane];
                 let reason = format!(
-                    "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
+                    "gives {value} with {} nodes and {control} with {nodes}, {doubt} \
                      apart, where {expected} is {}, so there is no verdict: use more rings, or a \
                      rule of your own with `.integral(...)`,",
                     case.own,

@@ -1,6 +1,6 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
-use crate::check::called::{Called, Ready};
+use crate::check::called::Called;
 use crate::check::disagreement::arguments;
 use crate::check::parallel;
 use crate::check::{Failure, Mismatch};
@@ -16,7 +16,6 @@ pub(super) const STRIDE: usize = 65_536;
 /// A function on one path.
 pub(super) struct Calls<'s> {
     pub(super) called: &'s Called<'s>,
-    pub(super) ready: &'s Ready<'s>,
 }
 
 /// Appends the arguments that a function is given at points, or for random numbers, which follow
@@ -48,9 +47,9 @@ impl Calls<'_> {
         let per_call = lanes.len() / calls.max(1);
         let mut first = 0;
         while first < calls {
-            let count = (calls - first).min(self.ready.capacity());
+            let count = (calls - first).min(self.called.capacity());
             let batch = &lanes[first * per_call..(first + count) * per_call];
-            self.ready.start(batch, count)?.view(|read| {
+            self.called.start(batch, count)?.view(|read| {
                 (0..count).for_each(|call| results.extend_from_slice(read.of(call)));
             })?;
             first += count;

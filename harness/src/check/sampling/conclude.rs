@@ -4,32 +4,42 @@ use super::calls::Calls;
 use super::judgement::Judgement;
 use super::rejection::{self, PathRejection, Rejection};
 use super::{CONFIGURATIONS, Configuration, ENUMERATED, Fit, Hypothesis, Other, Sampled};
-use crate::check::called::{Called, Fitting, Ready, Refused};
+use crate::check::called::{Called, Fitting};
 use crate::check::demand::Demand;
 use crate::check::plan::Recording;
 use crate::check::session::{Asserted, Session};
 use crate::check::{Failure, Mismatch, Vacuous};
 use crate::domain::Source;
+use crate::executor::Executor;
+use crate::path::Adapter;
 use crate::probe::{BATCH, Inputs};
 use crate::record::{PathRecord, Subject};
-use crate::run::{Identity, KnownIssues, Replayed, Reporter, Seen};
+use crate::reflect::Function;
+use crate::run::{Identity, Judged, Replayed, Reporter};
 use crate::stats::sidak;
 
-/// A sampler in progress, and the other functions that a check needs.
+/// A sampler in progress on one path, and the other functions that a check needs.
 pub(super) struct Functions<'s> {
     pub(super) sampler: &'s Called<'s>,
     pub(super) others: &'s [Called<'s>],
 }
 
 impl Functions<'_> {
-    pub(super) fn sampler(&self, path: usize) -> Calls<'_> {
-        Calls { called: self.sampler, ready: &self.sampler.ready[path] }
+    pub(super) fn sampler(&self) -> Calls<'_> {
+        Calls { called: self.sampler }
     }
 
-    pub(super) fn other(&self, which: usize, path: usize) -> Calls<'_> {
-        let called = &self.others[which];
-        Calls { called, ready: &called.ready[path] }
+    pub(super) fn other(&self, which: usize) -> Calls<'_> {
+        Calls { called: &self.others[which] }
     }
+}
+
+/// What a path gave.
+struct Outcome {
+    function: Function,
+    configurations: u64,
+    p: f64,
+    rejection: Option<PathRejection>,
 }
 
 /// Runs a check: `expect` compares signatures, and each configuration on each path is handed to
@@ -73,123 +83,119 @@ pub(super) fn conclude(
             calls: BATCH,
         };
         let inputs = Inputs::Storage;
-        let session =
-            Session::open(plan, configurations, &demand, &identity, seed, asserted, inputs)?;
-        if let Subject::Function { location, .. } = &mut subject {
-            *location = session.called.function().span.to_string();
-        }
-        read.extend(session.called.files(&plan.probe.fixtures));
-        let executors = plan.probe.executors()?;
-        let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
-            let function = (probe.package, &*probe.name);
-            let given = (&probe.fixtures, &probe.overrides);
-            let fitting = Fitting::find(function, given, inputs, shapes, "it is given")?;
-            if !probe.executors.is_empty() {
-                return Err(Mismatch::Executor.of(fitting.function()));
+        let label = &identity.check;
+        let replays = identity.case(&function, label).is_some();
+        let mut threshold = settings.significance;
+        let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
+            let asserted = asserted.clone();
+            let session = Session::open(
+                (plan, executor),
+                configurations,
+                &demand,
+                &identity,
+                seed,
+                asserted,
+                inputs,
+            )?;
+            if let Subject::Function { location, .. } = &mut subject {
+                *location = session.called.function().span.to_string();
             }
-            // Where the sampler runs: what they return is compared with its samples.
-            let called = fitting.on(&executors, &probe.fixtures, BATCH, &KnownIssues::default())?;
-            read.extend(called.files(&probe.fixtures));
-            Ok(called)
-        };
-        let others: Vec<Called<'_>> =
-            others.iter().map(&mut open).collect::<Result<_, Failure>>()?;
-        let functions = Functions { sampler: &session.called, others: &others };
-        expect(&functions)?;
-        let count = session.count();
-        let threshold = sidak(settings.significance, count * hypothesis.tests);
-        let selected = session.selected()?;
-        let ready = &session.called.ready;
-        let mut sums: Vec<Sum> = ready.iter().map(|_| Sum::default()).collect();
-        for index in selected.clone() {
-            let value = &session.case(index)?;
-            let seed = configuration_seed(seed, index);
-            for (path, sum) in sums.iter_mut().enumerate() {
-                let configuration = Configuration { value, index, path, seed, threshold };
-                let judgement = judge(&functions, &configuration)?;
-                sum.add(index, value.shown(), judgement);
+            read.extend(session.called.files(&plan.probe.fixtures));
+            let mut opened: Vec<Called<'_>> = Vec::new();
+            for Other { probe, shapes, .. } in others {
+                let function = (probe.package, &*probe.name);
+                let given = (&probe.fixtures, &probe.overrides);
+                let fitting = Fitting::find(function, given, inputs, shapes, "it is given")?;
+                if !probe.executors.is_empty() {
+                    return Err(Mismatch::Executor.of(fitting.function()));
+                }
+                // Where the sampler runs: what they return is compared with its samples.
+                let called = fitting.on(executor, &probe.fixtures, BATCH)?;
+                read.extend(called.files(&probe.fixtures));
+                opened.push(called);
             }
-        }
-        let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
-        let mut known: Vec<Seen> = session.called.refused.iter().map(Refused::seen).collect();
-        for (Ready { path, adapter, .. }, sum) in ready.iter().zip(sums) {
-            let (path, adapter) = (*path, adapter.clone());
-            let known_issue = plan.known_issues.on(path, &adapter).map(str::to_owned);
-            let is_known = known_issue.is_some();
+            let functions = Functions { sampler: &session.called, others: &opened };
+            expect(&functions)?;
+            threshold = sidak(settings.significance, session.count() * hypothesis.tests);
+            let selected = session.selected()?;
+            let mut sum = Sum::default();
+            for index in selected.clone() {
+                let value = &session.case(index)?;
+                let seed = configuration_seed(seed, index);
+                let configuration = Configuration { value, index, seed, threshold };
+                sum.add(index, value.shown(), judge(&functions, &configuration)?);
+            }
+            if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
+                let (declared, compared) = (selected.end - selected.start, sum.configurations);
+                return session.called.vacuous(Vacuous::Uncompared { declared, compared });
+            }
             let worst = sum.worst.as_ref().and_then(|worst| worst.histogram.as_ref());
-            let histogram = worst.map(|worst| worst.record(settings.support));
-            paths.push(PathRecord {
+            let record = PathRecord {
                 adapter: adapter.clone(),
                 cases: sum.configurations * settings.samples,
                 failures: sum.rejected,
                 worst: format!("p {:.2e}", sum.p),
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
                 asserted: hypothesis.text.clone(),
-                known_issue,
+                known_issue: None,
                 granted: None,
                 errors: None,
                 plot: None,
-                histogram,
+                histogram: worst.map(|worst| worst.record(settings.support)),
                 configurations: Some(sum.configurations),
-            });
-            if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
-                let declared = selected.end - selected.start;
-                let reason = Vacuous::Uncompared { declared, compared: sum.configurations };
-                return Err(Failure::Domain {
-                    function: function.clone(),
-                    reason: Box::new(reason),
-                });
-            }
-            if is_known {
-                let failures = sum.rejected;
-                known.push(Seen { adapter, path, cases: sum.configurations, failures });
-                continue;
-            }
-            let Some(worst) = sum.worst.filter(|_| sum.rejected > 0) else {
-                agreeing.push(adapter.clone());
-                fits.push((adapter, sum.p));
-                continue;
             };
-            let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
-            let label = &identity.check;
-            let replay =
-                identity.replay(session.selectable(path), seed, &function, label, replayed);
-            let check = format!("{}-{function}-{label}", identity.test);
-            let place = (check, path.to_string());
-            let worst = worst.reported(settings.support, place);
-            rejections.push(PathRejection {
-                adapter,
+            let path = session.called.ready.path;
+            let told = !plan.known_issues.names(path, adapter);
+            let rejection = sum.worst.filter(|_| sum.rejected > 0 && told).map(|worst| {
+                let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
+                let replay =
+                    identity.replay(session.selectable(), seed, &function, label, replayed);
+                let check = format!("{}-{function}-{label}", identity.test);
+                PathRejection {
+                    adapter: adapter.clone(),
+                    configurations: sum.configurations,
+                    rejected: sum.rejected,
+                    worst: worst.reported(settings.support, (check, path.to_string())),
+                    replay,
+                }
+            });
+            let values = Outcome {
+                function: session.called.function().clone(),
                 configurations: sum.configurations,
-                rejected: sum.rejected,
-                worst,
-                replay,
-            });
-        }
-        if rejections.is_empty() {
-            let p = fits.iter().map(|fit| fit.1).fold(1.0, f64::min);
-            let (configurations, samples) = (selected.end - selected.start, settings.samples);
-            let known_issues = plan.known(known, session.is_replay())?;
-            let paths = fits;
-            return Ok(Fit {
-                function,
-                configurations,
-                samples,
-                paths,
-                p,
+                p: sum.p,
+                rejection,
+            };
+            Ok(Judged { record, values })
+        };
+        let executors = plan.probe.executors()?;
+        let all = plan.known_issues.conclude(&executors, replays, &mut paths, on_path);
+        let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
+            let Some((_, first)) = differing.first() else { return Vec::new() };
+            let rejection = Rejection {
+                function: first.function.clone(),
+                check,
+                assertion: hypothesis.text.clone(),
+                significance: settings.significance,
                 threshold,
-                known_issues,
-            });
-        }
-        Err(Failure::Rejection(Box::new(Rejection {
-            function: session.called.function().clone(),
-            check,
-            assertion: hypothesis.text.clone(),
-            significance: settings.significance,
+                paths: differing.into_iter().filter_map(|(_, one)| one.rejection).collect(),
+                agreeing: agreeing.iter().map(|(adapter, _)| adapter.clone()).collect(),
+                seed,
+            };
+            vec![Failure::Rejection(Box::new(rejection))]
+        };
+        let (agreeing, known_issues) = all.verdict(differ, |passes| plan.passes(passes))?;
+        let known = known_issues.iter().map(|issue| issue.cases);
+        let configurations =
+            agreeing.iter().map(|(_, one)| one.configurations).chain(known).min().unwrap_or(0);
+        Ok(Fit {
+            function: function.clone(),
+            configurations,
+            samples: settings.samples,
+            p: agreeing.iter().map(|(_, one)| one.p).fold(1.0, f64::min),
             threshold,
-            paths: rejections,
-            agreeing,
-            seed,
-        })))
+            paths: agreeing.into_iter().map(|(adapter, one)| (adapter, one.p)).collect(),
+            known_issues,
+        })
     })();
     if recording == Recording::On {
         reporter.record(subject, paths, read, &result);

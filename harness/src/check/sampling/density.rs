@@ -298,7 +298,7 @@ impl Sampled<'_, '_> {
     /// Compares the signatures of sampler and density with the support. `given` is the type of the
     /// points that the density's arguments are made of.
     fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
-        functions.sampler(0).expect_random(self.random)?;
+        functions.sampler().expect_random(self.random)?;
         let support = self.settings.support;
         let point = match support.components() {
             1 => Shape::Scalar(Scalar::F32),

@@ -208,7 +208,7 @@ impl Numbers<'_> {
     ) -> Result<Fit, Failure> {
         let hypothesis = Hypothesis { check: self.check, text: self.text.clone(), tests: 1 };
         let expect = |functions: &Functions<'_>| {
-            functions.sampler(0).expect_random(sampler.random)?;
+            functions.sampler().expect_random(sampler.random)?;
             functions.sampler.expect_result(&self.shape, "the number is made of")
         };
         conclude(sampler, &hypothesis, &[], recording, &expect, &mut |functions, configuration| {
@@ -236,9 +236,9 @@ impl Numbers<'_> {
         &self,
         Sampled { settings, random, arguments, .. }: Sampled<'_, '_>,
         functions: &Functions<'_>,
-        Configuration { value, path, seed, .. }: &Configuration<'_>,
+        Configuration { value, seed, .. }: &Configuration<'_>,
     ) -> Result<(Vec<f64>, Offence), Failure> {
-        let sampler = functions.sampler(*path);
+        let sampler = functions.sampler();
         let random = random.lanes();
         let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
         let (mut numbers, mut not_finite) = (Vec::new(), Offence::default());

@@ -9,8 +9,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
 use karat::image::write_whole;
-use karat::output::counted;
-use karat::probe::Probed;
+use karat::output::{counted, visible};
+use karat::probe::{ProbeError, Probed};
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
@@ -64,43 +64,79 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
     ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
-    let results = results(request, &table.rows)?;
+    let given = results(request, &table.rows)?;
     match &request.expect {
         None => {
-            write_table(request, &table.rows, &results, &table.others, out)?;
-            Ok(Ending::Good)
+            write_table(request, &table.rows, &given.results, &table.others, out)?;
+            given.ending()
         }
         Some((_, tolerance)) => {
             if request.output.is_some() {
-                write_table(request, &table.rows, &results, &table.others, out)?;
+                write_table(request, &table.rows, &given.results, &table.others, out)?;
             }
-            compare(request, &columns, &table, &results, tolerance, input, out)
+            let ending = compare(request, &columns, &table, &given.results, tolerance, input, out)?;
+            Ok(if given.ending()? == Ending::Good { ending } else { Ending::Bad })
         }
     }
 }
 
-/// The results on each path.
-pub(super) fn results(
-    request: &Request<'_>,
-    rows: &[Vec<u32>],
-) -> anyhow::Result<Vec<Vec<Vec<u32>>>> {
+/// A path's results, each case a row.
+pub(super) type OfPath = (Path, Vec<Vec<u32>>);
+
+/// What paths gave.
+pub(super) struct Given {
+    pub(super) results: Vec<OfPath>,
+    /// Paths that gave nothing, and why.
+    stopped: Vec<(Path, ProbeError)>,
+}
+
+impl Given {
+    /// Says which paths gave nothing.
+    pub(super) fn ending(&self) -> Outcome {
+        for (path, error) in &self.stopped {
+            let error = error.to_string();
+            eprintln!(
+                "error: no result on {path}: {}",
+                visible(error.trim_start_matches("error: "))
+            );
+        }
+        Ok(if self.stopped.is_empty() { Ending::Good } else { Ending::Bad })
+    }
+}
+
+/// The results on each path, whatever becomes of the others. It is an error if all fail.
+pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
         ProgressStyle::with_template("{bar:40} {human_pos} of {human_len} cases, {eta} left")
             .expect("the template is valid"),
     );
-    let mut results: Vec<Vec<Vec<u32>>> = Vec::new();
-    for path in request.paths {
+    let of = |path: Path| {
         let mut values = Vec::with_capacity(rows.len());
         for batch in rows.chunks(STEP) {
             let fixtures = request.fixtures;
-            values.extend(karat::executor::call(request.probed, *path, batch, fixtures)?);
+            values.extend(karat::executor::call(request.probed, path, batch, fixtures)?);
             bar.inc(batch.len() as u64);
         }
-        results.push(values);
+        Ok::<_, ProbeError>(values)
+    };
+    let (mut results, mut stopped) = (Vec::new(), Vec::new());
+    for path in request.paths {
+        match of(*path) {
+            Ok(values) => results.push((*path, values)),
+            Err(error) => stopped.push((*path, error)),
+        }
     }
     bar.finish_and_clear();
-    Ok(results)
+    if results.is_empty() && !stopped.is_empty() {
+        let mut told: Vec<String> = stopped.iter().map(|(_, error)| error.to_string()).collect();
+        told.dedup();
+        match &*told {
+            [_] => return Err(stopped.swap_remove(0).1.into()),
+            _ => bail!("{}", told.join("\n")),
+        }
+    }
+    Ok(Given { results, stopped })
 }
 
 /// A lane as decimals that read back to it, or in hexadecimal.
@@ -125,7 +161,7 @@ fn wanted(scalar: Scalar, value: f64) -> String {
 pub(super) fn write_table(
     request: &Request<'_>,
     rows: &[Vec<u32>],
-    results: &[Vec<Vec<u32>>],
+    results: &[OfPath],
     others: &[(String, Vec<String>)],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
@@ -133,7 +169,7 @@ pub(super) fn write_table(
     let columns = columns(function);
     let mut head: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     let mut results_head = Vec::new();
-    for path in request.paths {
+    for (path, _) in results {
         let lanes = function.result.lane_names().into_iter();
         results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
@@ -151,7 +187,7 @@ pub(super) fn write_table(
         let inputs =
             row.iter().zip(&columns).map(|(lane, (_, scalar))| shown(*scalar, *lane, exact));
         let others = others.iter().map(|(_, words)| words[index].clone());
-        let values = results.iter().flat_map(|values| {
+        let values = results.iter().flat_map(|(_, values)| {
             let lanes = values[index].iter().zip(&scalars);
             lanes.map(|(lane, scalar)| shown(*scalar, *lane, exact))
         });
@@ -171,7 +207,7 @@ fn compare(
     request: &Request<'_>,
     columns: &[(String, Scalar)],
     table: &Table,
-    results: &[Vec<Vec<u32>>],
+    results: &[OfPath],
     tolerance: &Tolerance,
     input: &FilePath,
     out: &mut dyn Write,
@@ -179,7 +215,7 @@ fn compare(
     let function = request.probed.function();
     let (scalars, names) = (function.result.lanes(), function.result.lane_names());
     let mut ending = Ending::Good;
-    for (path, values) in request.paths.iter().zip(results) {
+    for (path, values) in results {
         let mut failing = 0;
         for (index, (actual, expected)) in values.iter().zip(&table.expected).enumerate() {
             let wrong = scalars.iter().enumerate().find_map(|(lane, scalar)| {
@@ -421,4 +457,56 @@ fn line(text: &str, start: usize) -> usize {
         .take_while(|line| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty());
     let start = start + skipped.map(str::len).sum::<usize>();
     text.get(..start).unwrap_or_default().matches('\n').count() + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karat::{Abs, Package};
+
+    /// Each path's rows are compared, and not the first one's alone.
+    #[test]
+    fn rows_that_differ_on_the_second_path_alone_are_bad() {
+        let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
+        let probed = Probed::new(&package, "twice").expect("valid");
+        let (fixtures, paths) = (Fixtures::new(), [Path::CPU, Path::VULKAN]);
+        let (probed, fixtures, tolerance) = (&probed, &fixtures, Tolerance::from(Abs(0.0)));
+        let expect = Some(("wanted", tolerance.clone()));
+        let paths = &paths[..];
+        let request = Request { probed, fixtures, paths, output: None, exact: false, expect };
+        let row = |x: f32| vec![x.to_bits()];
+        let table = Table {
+            rows: vec![row(1.0), row(2.0)],
+            text: "x,wanted\n1,2\n2,4\n".to_owned(),
+            starts: vec![9, 13],
+            expected: vec![vec![2.0], vec![4.0]],
+            others: Vec::new(),
+        };
+        let columns = columns(probed.function());
+        let right = vec![row(2.0), row(4.0)];
+        for wrong in [None, Some(0), Some(1)] {
+            let mut results: Vec<OfPath> =
+                paths.iter().map(|path| (*path, right.clone())).collect();
+            if let Some(wrong) = wrong {
+                results[wrong].1[1] = row(5.0);
+            }
+            let mut out = Vec::new();
+            let input = FilePath::new("t.csv");
+            let ending = compare(&request, &columns, &table, &results, &tolerance, input, &mut out);
+            let text = String::from_utf8_lossy(&out).into_owned();
+            let good = if wrong.is_some() { Ending::Bad } else { Ending::Good };
+            assert_eq!(ending.expect("it is written"), good, "{text}");
+            let guilty = wrong.map(|path| format!("{}: 1 of 2 rows differ", paths[path]));
+            assert!(guilty.is_none_or(|guilty| text.contains(&guilty)), "{text}");
+        }
+    }
+
+    /// A path that gives nothing makes the command fail, whatever the others give.
+    #[test]
+    fn a_path_without_results_is_bad() {
+        let (path, expected, found) = (Path::VULKAN, 1, 0);
+        let stopped = vec![(path, ProbeError::Length { path, expected, found })];
+        let given = Given { results: vec![(Path::CPU, Vec::new())], stopped };
+        assert_eq!(given.ending().expect("it is said"), Ending::Bad);
+    }
 }

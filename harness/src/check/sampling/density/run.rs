@@ -48,11 +48,11 @@ impl Run<'_> {
     }
 
     pub(super) fn calls(&self) -> Calls<'_> {
-        self.functions.sampler(self.configuration.path)
+        self.functions.sampler()
     }
 
     pub(super) fn other(&self, which: usize) -> Calls<'_> {
-        self.functions.other(which, self.configuration.path)
+        self.functions.other(which)
     }
 
     /// The results of another function at points, with the lanes of its arguments.
@@ -73,7 +73,7 @@ impl Run<'_> {
     /// What a function's values are off by, relative, where it reads textures that the path keeps
     /// in half floats: the peak of a lobe may come from one texel.
     fn half_rounding(&self, which: usize) -> f64 {
-        if self.other(which).ready.reads_half_floats() { HALF } else { 0.0 }
+        if self.other(which).called.ready.reads_half_floats() { HALF } else { 0.0 }
     }
 
     pub(super) fn evidence(&self, reason: impl std::fmt::Display) -> Failure {

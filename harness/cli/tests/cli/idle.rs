@@ -1,0 +1,77 @@
+//! What would do nothing, or can't fail, is refused at its key; what is hidden is told all the same.
+
+use super::*;
+
+const SHADER: &str = "\
+fn count(i: u32) -> u32 { return i; }
+fn half(x: f32) -> f32 { return 0.5 * x; }
+fn open(a: f32, x: f32) -> f32 { return smoothstep(a, a, x); }
+fn capped(roughness: f32) -> f32 { return min(1.0 / roughness, 100.0); }
+";
+
+fn shaders() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", SHADER);
+    folder
+}
+
+#[test]
+fn checks_that_can_not_fail_are_refused_at_their_key() {
+    for (declared, place, message) in [
+        (
+            "function = \"count\"\nin_range = [0, 4294967295]\n",
+            "m.test.toml:3:1",
+            "no result, or every one, would",
+        ),
+        (
+            "function = \"half\"\nequals = 1\ntolerance = \"rel 1e300\"\n",
+            "m.test.toml:4:1",
+            "`rel 1e300` bounds nothing",
+        ),
+        (
+            "function = \"half\"\nagrees_with = \"half\"\ntolerance = \"4 ulp\"\n",
+            "m.test.toml:3:1",
+            "is compared with itself",
+        ),
+        (
+            "function = \"half\"\nin_range = [0, 1]\nover = { x = \"0..1\" }\ntolerance = \"4 ulp\"\n",
+            "m.test.toml:5:1",
+            "`tolerance` does nothing here",
+        ),
+    ] {
+        let folder = shaders();
+        write(folder.path(), "m.test.toml", &format!("[[test]]\n{declared}"));
+        let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
+        let said = format!("{}{}", ran.out, ran.err);
+        assert!(ran.code != Some(0), "{declared}: {said}");
+        assert!(said.contains(place) && said.contains(message), "{declared}: {said}");
+    }
+    // What a driver makes of a function is compared with what WGSL allows of it.
+    let folder = shaders();
+    let text = "[[test]]\nfunction = \"half\"\nagrees_with = \"half\"\ntolerance = \"spec\"\n\
+                over = { x = \"0..1\" }\n";
+    write(folder.path(), "m.test.toml", text);
+    karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
+}
+
+/// A driver may leave out what may be anything: a call has a result on each path.
+#[test]
+fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
+    let folder = shaders();
+    let ran = karat(folder.path(), &["call", "open", "1", "2", "--package", "m.wgsl"]);
+    assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
+    assert!(ran.out.contains("cpu "), "{ran:?}");
+}
+
+/// A hazard that a later operation hides is one.
+#[test]
+fn a_hidden_hazard_is_no_success() {
+    let folder = shaders();
+    let only = ["hazards", "--package", "m.wgsl", "--only", "capped", "--input", "roughness=0..1"];
+    let ran = karat(folder.path(), &only);
+    assert!(ran.out.contains("1.0 / roughness") && ran.out.contains("1 hazard"), "{ran:?}");
+    let hidden = json(&karat(folder.path(), &[&only[..], &["--json"]].concat()).out);
+    let found = hidden[0]["found"].as_array().expect("a list");
+    assert!(!found.is_empty() && found.iter().all(|one| one["hidden"] == true), "{hidden}");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+}
