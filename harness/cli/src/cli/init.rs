@@ -13,6 +13,7 @@ use karat::record::Recorded;
 use karat::value::Shape;
 
 use super::doctor::profile::unoptimised;
+use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
 use super::project::Project;
 use super::table::{DIM, GOOD, HEAD};
@@ -28,6 +29,8 @@ pub(super) struct Args {
     /// Write a pipeline for GitLab
     #[arg(long)]
     gitlab: bool,
+    #[command(flatten)]
+    ci: CiArgs,
 }
 
 /// Functions that are tried until a test of one passes.
@@ -43,6 +46,7 @@ const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    args.ci.check("write a first test")?;
     let folder = match &args.folder {
         Some(folder) => folder.clone(),
         None if Path::new("shaders").is_dir() => PathBuf::from("shaders"),

@@ -263,6 +263,41 @@ impl Project {
         folders.into_iter().collect()
     }
 
+    /// The folders of goldens that are there: the project's, those of its workspace's members, and those that
+    /// the last run used. Each once.
+    pub(super) fn goldens(&self) -> Vec<PathBuf> {
+        let of_members = self.members().into_iter().map(|member| {
+            let declared = Self::declared(&member).ok().and_then(|settings| settings.golden);
+            member.join(declared.unwrap_or_else(|| PathBuf::from("golden")))
+        });
+        let (mut all, mut places) = (Vec::new(), BTreeSet::new());
+        for folder in [self.golden()].into_iter().chain(of_members).chain(self.used_goldens()) {
+            if folder.is_dir() && folder.canonicalize().is_ok_and(|place| places.insert(place)) {
+                all.push(folder);
+            }
+        }
+        all
+    }
+
+    /// The folders of the workspace's members, as its manifest names them.
+    fn members(&self) -> Vec<PathBuf> {
+        let text = std::fs::read_to_string(self.root.join("Cargo.toml")).unwrap_or_default();
+        let table: toml::Table = text.parse().unwrap_or_default();
+        let members = || table.get("workspace")?.get("members")?.as_array();
+        let patterns = members().into_iter().flatten().filter_map(|member| member.as_str());
+        let root = glob::Pattern::escape(&self.root.to_string_lossy());
+        let found = patterns.filter_map(|pattern| glob::glob(&format!("{root}/{pattern}")).ok());
+        found.flatten().flatten().filter(|member| member.join("Cargo.toml").is_file()).collect()
+    }
+
+    /// What the manifest of a folder declares for itself.
+    fn declared(folder: &Path) -> anyhow::Result<Settings> {
+        let text = std::fs::read_to_string(folder.join("Cargo.toml"))?;
+        let table: toml::Table = text.parse()?;
+        let metadata = || table.get("package")?.get("metadata")?.get("karat").cloned();
+        Ok(metadata().map_or_else(|| Ok(Settings::default()), toml::Value::try_into)?)
+    }
+
     /// The cargo binary that is the project's gallery, if one is declared.
     pub(super) fn gallery(&self) -> Option<&str> {
         self.settings.gallery.as_deref()

@@ -59,6 +59,7 @@ pub(crate) fn provenance(
         processor: String::new(),
         facts: BTreeMap::new(),
         folder: String::new(),
+        cargo_package: String::new(),
         compared_with: compared_with.to_owned(),
         compared_profile: String::new(),
         finding: None,
