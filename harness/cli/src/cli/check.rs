@@ -53,6 +53,15 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
+/// The modules of packages that aren't valid; a package that has none goes by its own name.
+pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
+    let modules = |(package, invalid): &(String, Invalid)| match invalid {
+        Invalid::Modules { errors, .. } => errors.iter().map(|(module, _)| module.clone()).collect(),
+        _ => vec![package.clone()],
+    };
+    invalid.iter().flat_map(modules).collect()
+}
+
 /// The packages that aren't valid.
 pub(super) fn invalid(packages: &[Package]) -> anyhow::Result<Vec<(String, Invalid)>> {
     let mut all = Vec::new();

@@ -89,7 +89,7 @@ fn run() -> (TempDir, String) {
 fn record(project: &TempDir, lines: &str, passed: bool) {
     let folder = project.path().join("target/karat/record");
     write(&folder, "1.jsonl", lines);
-    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed };
+    let run = Run { passed, ..Run::default() };
     run.write(&folder).expect("written");
 }
 
@@ -207,7 +207,7 @@ fn places_are_relative_to_what_ci_checked_out() {
     write(&folder, "shaders/calc.wgsl", "\n\n\nfn double(x: f32) -> f32 { return x; }\n");
     let records = folder.join("target/karat/record");
     write(&records, "1.jsonl", &on_two_paths(&folder.join("shaders"), "\"overlay\":null"));
-    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed: false };
+    let run = Run { passed: false, ..Run::default() };
     run.write(&records).expect("written");
     for (variable, value, file) in [
         ("GITHUB_WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
