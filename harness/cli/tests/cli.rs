@@ -22,6 +22,8 @@ mod hazards;
 mod init;
 #[path = "cli/interrupted.rs"]
 mod interrupted;
+#[path = "cli/names.rs"]
+mod names;
 #[path = "cli/outputs.rs"]
 mod outputs;
 #[path = "cli/pending.rs"]

@@ -81,9 +81,7 @@ impl Pending {
             return Ok(None);
         }
         let project = here.canonicalize().ok().and_then(|here| Some(root(&here)?.to_owned()));
-        let is_sound = |part: Component<'_>| {
-            matches!(part, Component::Normal(name) if !name.to_string_lossy().starts_with('.'))
-        };
+        let is_sound = |part: Component<'_>| matches!(part, Component::Normal(name) if !name.to_string_lossy().starts_with('.'));
         match project.filter(|_| Path::new(folder).components().all(is_sound)) {
             Some(project) => Ok(Some(Goldens::open(&project.join(folder)))),
             None => Err(AcceptError::Nowhere { case: self.case.clone(), folder: folder.clone() }),

@@ -56,7 +56,9 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
 /// The modules of packages that aren't valid; a package that has none goes by its own name.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
     let modules = |(package, invalid): &(String, Invalid)| match invalid {
-        Invalid::Modules { errors, .. } => errors.iter().map(|(module, _)| module.clone()).collect(),
+        Invalid::Modules { errors, .. } => {
+            errors.iter().map(|(module, _)| module.clone()).collect()
+        }
         _ => vec![package.clone()],
     };
     invalid.iter().flat_map(modules).collect()

@@ -363,8 +363,11 @@ impl Waiting {
             let wanted = Wanted::of(name);
             let found = all.iter().enumerate().filter(|(_, frame)| wanted.is(frame));
             let found: Vec<usize> = found.map(|(at, _)| at).collect();
-            let exact: Vec<&Frame> =
-                found.iter().map(|at| &all[*at]).filter(|frame| frame.pending.case == *name).collect();
+            let exact: Vec<&Frame> = found
+                .iter()
+                .map(|at| &all[*at])
+                .filter(|frame| frame.pending.case == *name)
+                .collect();
             if let [first, rest @ ..] = &*exact
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {

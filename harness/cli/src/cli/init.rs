@@ -373,7 +373,8 @@ fn write_table(
         let cells = columns.iter().enumerate().map(|(at, (_, scalar))| cell(row, at, *scalar));
         text += &(cells.collect::<Vec<_>>().join(",") + "\n");
     }
-    let arguments = tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
+    let arguments =
+        tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
     std::fs::write(arguments.path(), text).context("there is no room for temporary files")?;
     let mut command = this()?;
     command.args(["call", &item.name, "--path", "cpu", "--exact", "--cases"]).arg(arguments.path());

@@ -156,7 +156,8 @@ mod tests {
             heard.hear(line);
             heard
         };
-        let nextest = "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
+        let nextest =
+            "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
         assert_eq!(heard(nextest), Heard { not_run: 4, stopped: false });
         let coloured = "\u{1b}[33mwarning\u{1b}[0m: 12/50 tests were not run due to test failure";
         assert_eq!(heard(coloured), Heard { not_run: 12, stopped: false });

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use karat::Package;
 use karat::image::write_whole;
-use karat::output::{counted, visible};
+use karat::output::{counted, visible, visible_json};
 use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
 use karat_suite::{Suite, Test};
@@ -136,10 +136,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, &[], &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(
-            out,
-            "`karat test` says that a run ended, and `karat record` for another runner"
-        )?;
+        writeln!(out, "`karat test` says that a run ended, and `karat record` for another runner")?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
     Ok(sum.ending())
@@ -218,7 +215,11 @@ impl OutputArgs {
     ) -> anyhow::Result<()> {
         held.release(out)?;
         let write = |file: &Path, text: &str| {
-            write_whole(file, visible(text).as_bytes())
+            let shown = match self.json.as_deref() == Some(file) {
+                true => visible_json(text),
+                false => visible(text),
+            };
+            write_whole(file, shown.as_bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))
         };
         if let Some(file) = &self.json {

@@ -15,11 +15,7 @@ use crate::cli::project::Project;
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
 /// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
 /// takes the run for a success.
-pub(super) fn text(
-    records: &[Record],
-    sum: &Sum,
-    project: &Project,
-) -> anyhow::Result<String> {
+pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::Result<String> {
     let names = Names::of(records);
     let mut unique = Unique::default();
     let mut report = Report::new("karat");

@@ -26,11 +26,11 @@ impl Names {
         let mut told_apart = BTreeMap::new();
         for (golden, folders) in folders.into_iter().filter(|(_, folders)| folders.len() > 1) {
             // The folder's own package, or that of the test where the record is of another machine.
-            let of = |(folder, tests): (&&str, &&str)| {
-                match &*Goldens::open(Path::new(folder)).cargo_package() {
-                    own if Path::new(folder).is_dir() && !own.is_empty() => own.to_owned(),
-                    _ => (*tests).to_owned(),
-                }
+            let of = |(folder, tests): (&&str, &&str)| match &*Goldens::open(Path::new(folder))
+                .cargo_package()
+            {
+                own if Path::new(folder).is_dir() && !own.is_empty() => own.to_owned(),
+                _ => (*tests).to_owned(),
             };
             let crates: Vec<String> = folders.iter().map(of).collect();
             let distinct = crates.iter().collect::<BTreeSet<_>>().len() == crates.len();

@@ -172,11 +172,7 @@ fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<u
     Ok(failed)
 }
 
-fn write_frames(
-    records: &[&Record],
-    names: &Names,
-    out: &mut dyn Write,
-) -> anyhow::Result<usize> {
+fn write_frames(records: &[&Record], names: &Names, out: &mut dyn Write) -> anyhow::Result<usize> {
     let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
     let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[2, 5, 4]);
     let mut failed = 0;
@@ -323,7 +319,11 @@ pub(super) mod tests {
     }
 
     /// A record of a check, with one path.
-    pub(in crate::cli::report) fn record(verdict: Verdict, failures: u64, known_issue: Option<&str>) -> Record {
+    pub(in crate::cli::report) fn record(
+        verdict: Verdict,
+        failures: u64,
+        known_issue: Option<&str>,
+    ) -> Record {
         let adapter = Adapter {
             path: "gl".to_owned(),
             name: "llvmpipe".to_owned(),
