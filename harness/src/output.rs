@@ -198,7 +198,7 @@ pub fn name(text: &str) -> Cow<'_, str> {
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    let text = text.replace("](", "]&#40;").replace('|', "\\|").replace('`', "'");
+    let text = text.replace("](", "]&#40;").replace('|', "\\|").replace('`', "&#96;");
     visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 

@@ -209,7 +209,7 @@ fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<
     let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
     writeln!(text, "<pre>{}</pre>\n", html(&message[..end]))?;
     if let Some(command) = replays(record).first() {
-        writeln!(text, "Replay: <code>{}</code>\n", html(command))?;
+        writeln!(text, "Replay: <code>{}</code>\n", markdown(command))?;
     }
     let output = project.output();
     let pictures = pictures::write(record, names, project, &output.join("report"))?;
