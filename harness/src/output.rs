@@ -163,27 +163,31 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// Bytes of the longest name. A replay command has a name several times, the name of a file once, which may
-/// have 255.
-const LONGEST_NAME: usize = 200;
+/// Bytes of the longest name. A replay command has several, and Linux takes 128 KiB for an argument.
+const LONGEST_NAME: usize = 1000;
 
 /// A name that every format can hold, by one rule, wherever it comes from: [`one_line`], and of more than
-/// 200 bytes the first 180 and the beginning of a hash, so that no two names become one.
+/// 1000 bytes the first and the beginning of a hash, so that no two names become one.
 ///
 /// ```
 /// use karat::output::name;
 ///
 /// assert_eq!(name("brdf::schlick"), "brdf::schlick");
-/// assert_eq!(name(&"a".repeat(1 << 20)).len(), 200);
+/// assert_eq!(name(&"a".repeat(1 << 20)).len(), 1000);
 /// ```
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
+    name_within(text, LONGEST_NAME)
+}
+
+/// [`name`], of other names of at most so many bytes: that of a file has 255.
+pub(crate) fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);
-    if shown.len() <= LONGEST_NAME {
+    if shown.len() <= most {
         return shown;
     }
     let hash = &blake3::hash(text.as_bytes()).to_hex()[..18];
-    let kept = shown.floor_char_boundary(LONGEST_NAME - hash.len() - "..".len());
+    let kept = shown.floor_char_boundary(most.saturating_sub(hash.len() + "..".len()));
     Cow::Owned(format!("{}..{hash}", &shown[..kept]))
 }
 
@@ -193,12 +197,12 @@ pub fn name(text: &str) -> Cow<'_, str> {
 /// ```
 /// use karat::output::markdown;
 ///
-/// assert_eq!(markdown("a|b\n<img>"), "a\\|b &lt;img&gt;");
+/// assert_eq!(markdown("a|b\n<img>"), "a&#124;b &lt;img&gt;");
 /// ```
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    let text = text.replace("](", "]&#40;").replace('|', "\\|").replace('`', "&#96;");
+    let text = text.replace("](", "]&#40;").replace('|', "&#124;").replace('`', "&#96;");
     visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 

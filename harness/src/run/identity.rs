@@ -247,7 +247,7 @@ mod tests {
         let long = "a".repeat(1 << 20);
         assert_eq!(selecting(&long), "a".repeat(PART));
         let label = label(&long, "agrees_with");
-        assert!(label.len() < 256 && label.ends_with("/agrees_with"), "{label}");
+        assert!(label.len() < 1024 && label.ends_with("/agrees_with"), "{label}");
     }
 
     #[test]

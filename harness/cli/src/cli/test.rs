@@ -628,7 +628,7 @@ fn write_silent(
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     let recorded: HashSet<&str> = records.iter().map(|record| &*record.test).collect();
-    let silent = passed.iter().map(String::as_str).filter(|name| !recorded.contains(name));
+    let silent = passed.iter().map(String::as_str).filter(|test| !recorded.contains(&*name(test)));
     let silent: Vec<&str> = silent.collect();
     if silent.is_empty() {
         return Ok(());

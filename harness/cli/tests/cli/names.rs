@@ -106,9 +106,10 @@ fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     let outside = summary.split("<pre>").map(|part| part.rsplit("</pre>").next().unwrap_or(part));
     let outside: String = outside.collect();
     assert!(!summary.contains("<img") && !outside.contains("]("), "{outside}");
-    let columns = |row: &str| row.replace("\\|", "").matches('|').count();
-    let rows: Vec<&str> = summary.lines().filter(|line| line.starts_with('|')).collect();
-    assert!(rows.iter().all(|row| columns(row) == 8), "{rows:?}");
+    // A backslash before it may be a name's own.
+    let mut rows = outside.lines().filter(|line| line.starts_with('|'));
+    let broken = rows.find(|row| row.matches('|').count() != 8);
+    assert_eq!(broken, None);
 
     // Between the two, nothing is a command.
     let (before, rest) = ran.out.split_once("::stop-commands::").expect("commands are held");

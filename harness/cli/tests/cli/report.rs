@@ -356,8 +356,8 @@ fn github_gets_annotations_a_summary_and_pictures() {
     let summary = std::fs::read_to_string(project.path().join("summary.md")).expect("written");
     assert!(summary.starts_with("before\n## Karat\n\n4 checks, 3 failed"), "{summary}");
     for part in [
-        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
-        "| frame furnace/scene | vulkan | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
+        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp &#124; more | 700% | 1 ulp |\n",
+        "| frame furnace/scene | vulkan | 100 | 1 | 7 ulp &#124; more | 700% | 1 ulp |\n",
         "| frame new | - | 0 | - | error | | |\n",
         "fails, 50%: &lt;b&gt;",
         "Replay: <code>KARAT_CASE=calc::double/agrees_with/3 cargo test calc</code>",
