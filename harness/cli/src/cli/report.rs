@@ -191,7 +191,7 @@ impl OutputArgs {
     /// Has GitHub's runner, where it is one that reads, take no line for a command until the commands are
     /// Karat's own: names and messages of tests say what they like.
     pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
-        if github::runs_here() { Held::begin(out) } else { Ok(Held::default()) }
+        if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
     }
 
     /// Removes a report of a run before, which this one may not live to replace.

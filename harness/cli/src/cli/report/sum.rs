@@ -129,7 +129,10 @@ impl Sum {
     /// Writes the line, with what was compared.
     pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let (style, line) = (self.style(), self.line());
-        writeln!(out, "{style}{line}{style:#}, {} compared", counted(self.cases, "case"))
+        match self.checks {
+            0 => writeln!(out, "{style}{line}{style:#}"),
+            _ => writeln!(out, "{style}{line}{style:#}, {} compared", counted(self.cases, "case")),
+        }
     }
 }
 
