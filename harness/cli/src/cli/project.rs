@@ -50,6 +50,14 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     }
 }
 
+/// What the manifest of a workspace's member says for itself.
+fn settings_of_member(folder: &Path) -> anyhow::Result<Settings> {
+    let text = std::fs::read_to_string(folder.join("Cargo.toml"))?;
+    let table: toml::Table = text.parse()?;
+    let metadata = || table.get("package")?.get("metadata")?.get("karat").cloned();
+    Ok(metadata().map_or_else(|| Ok(Settings::default()), toml::Value::try_into)?)
+}
+
 /// The project around the working directory.
 #[derive(Debug)]
 pub(super) struct Project {
@@ -267,8 +275,8 @@ impl Project {
     /// the last run used. Each once.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
         let of_members = self.members().into_iter().map(|member| {
-            let declared = Self::declared(&member).ok().and_then(|settings| settings.golden);
-            member.join(declared.unwrap_or_else(|| PathBuf::from("golden")))
+            let golden = settings_of_member(&member).ok().and_then(|settings| settings.golden);
+            member.join(golden.unwrap_or_else(|| PathBuf::from("golden")))
         });
         let (mut all, mut places) = (Vec::new(), BTreeSet::new());
         for folder in [self.golden()].into_iter().chain(of_members).chain(self.used_goldens()) {
@@ -288,14 +296,6 @@ impl Project {
         let root = glob::Pattern::escape(&self.root.to_string_lossy());
         let found = patterns.filter_map(|pattern| glob::glob(&format!("{root}/{pattern}")).ok());
         found.flatten().flatten().filter(|member| member.join("Cargo.toml").is_file()).collect()
-    }
-
-    /// What the manifest of a folder declares for itself.
-    fn declared(folder: &Path) -> anyhow::Result<Settings> {
-        let text = std::fs::read_to_string(folder.join("Cargo.toml"))?;
-        let table: toml::Table = text.parse()?;
-        let metadata = || table.get("package")?.get("metadata")?.get("karat").cloned();
-        Ok(metadata().map_or_else(|| Ok(Settings::default()), toml::Value::try_into)?)
     }
 
     /// The cargo binary that is the project's gallery, if one is declared.
