@@ -163,6 +163,7 @@ mod tests {
             record(Verdict::Fail, 9, None),
         ];
         let good = &[pass.clone(), known.clone()][..];
+        let one = std::slice::from_ref(&fail);
         let whole = Run::default();
         assert_eq!(line(good, Some(&whole)), "2 checks, 0 failed, 1 known issue");
         let red = Run { passed: false, ..Run::default() };
@@ -173,10 +174,7 @@ mod tests {
             line(good, Some(&invalid)),
             "1 module isn't valid: a::b; 1 check passed, 1 known issue"
         );
-        assert_eq!(
-            line(&[fail.clone()], Some(&invalid)),
-            "1 module isn't valid: a::b; 1 check, 1 failed"
-        );
+        assert_eq!(line(one, Some(&invalid)), "1 module isn't valid: a::b; 1 check, 1 failed");
         let other = Run { failed: names(&["other"]), ..red.clone() };
         assert_eq!(
             line(&[], Some(&other)),
@@ -191,11 +189,11 @@ mod tests {
         assert_eq!(line(good, None), ended);
         let stopped = Run { not_run: 4, failed: names(&["t"]), ..red.clone() };
         assert_eq!(
-            line(&[fail.clone()], Some(&stopped)),
+            line(one, Some(&stopped)),
             "4 tests weren't run after a failure: run with --no-fail-fast; 1 check, 1 failed"
         );
         let stopped = Run { stopped: true, ..red };
-        assert!(line(&[fail], Some(&stopped)).starts_with("the runner stopped at a failure"));
+        assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
     }
 
     #[test]
