@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use karat::Package;
+use karat::output::name;
 use karat::reflect::{Dependence, Invalid};
 
 use super::project::Project;
@@ -55,13 +56,16 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
 
 /// The modules of packages that aren't valid; a package that has none goes by its own name.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
-    let modules = |(package, invalid): &(String, Invalid)| match invalid {
-        Invalid::Modules { errors, .. } => {
-            errors.iter().map(|(module, _)| module.clone()).collect()
+    let mut names = Vec::new();
+    for (package, invalid) in invalid {
+        match invalid {
+            Invalid::Modules { errors, .. } => {
+                names.extend(errors.iter().map(|(module, _)| name(module).into_owned()));
+            }
+            _ => names.push(name(package).into_owned()),
         }
-        _ => vec![package.clone()],
-    };
-    invalid.iter().flat_map(modules).collect()
+    }
+    names
 }
 
 /// The packages that aren't valid.

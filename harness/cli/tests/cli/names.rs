@@ -188,3 +188,20 @@ fn no_file_breaks_the_page_of_translations() {
     let page = std::fs::read_to_string(folder.path().join("m.md")).expect("written");
     assert!(page.contains("&lt;img") && !page.contains("<img"), "{page}");
 }
+
+/// A file whose name no module can have is told, and begins no line.
+#[cfg(unix)]
+#[test]
+fn no_file_begins_a_line_with_a_command() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "a\n::error file=x::planted.wgsl", "fn f(x: f32) -> f32 { return y; }\n");
+    write(&shaders, "m.wgsl", "fn g(x: f32) -> f32 { return x; }\n");
+    write(&shaders, "m.test.toml", "[[test]]\nfunction = \"g\"\nfinite = true\n");
+    for arguments in [&["check"][..], &["test", "shaders", "--paths", "cpu"], &["list"]] {
+        let ran = karat(folder.path(), arguments);
+        assert_ne!(ran.code, Some(0), "{ran:?}");
+        let mut lines = ran.out.lines().chain(ran.err.lines());
+        assert!(!lines.any(|line| line.starts_with("::error")), "{ran:?}");
+    }
+}

@@ -5,7 +5,7 @@
 
 use std::io::Write;
 
-use karat::output::{Style, counted};
+use karat::output::{Style, counted, one_line};
 use karat::record::{Record, Run, Verdict};
 
 use super::{is_failure, outside};
@@ -31,7 +31,8 @@ const SHOWN: usize = 4;
 /// The first of some names.
 fn some(names: &[String]) -> String {
     let more = if names.len() > SHOWN { ", ..." } else { "" };
-    names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ") + more
+    let names = names.iter().take(SHOWN).map(|name| one_line(name));
+    names.collect::<Vec<_>>().join(", ") + more
 }
 
 impl Sum {
