@@ -44,7 +44,10 @@ impl Sum {
             failed: records.iter().filter(|record| is_failure(record)).count(),
             known: count(Verdict::KnownIssue),
             cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
-            outside: run.map_or_else(Vec::new, |run| outside(records, &run.failed)),
+            // Of a run that passed it is something else that a test printed.
+            outside: run
+                .filter(|run| !run.passed)
+                .map_or_else(Vec::new, |run| outside(records, &run.failed)),
             others: Vec::new(),
         };
         let Some(run) = run else {
@@ -186,6 +189,8 @@ mod tests {
             "a test failed outside of Karat's checks; 1 check passed, 1 known issue"
         );
         assert_eq!(line(&[], Some(&whole)), "no check ran");
+        let printed = Run { failed: names(&["printed"]), ..Run::default() };
+        assert_eq!(line(good, Some(&printed)), "2 checks, 0 failed, 1 known issue");
         let ended = "the record doesn't say that its run ended; 1 check passed, 1 known issue";
         assert_eq!(line(good, None), ended);
         let stopped = Run { not_run: 4, failed: names(&["t"]), ..red.clone() };
