@@ -48,6 +48,7 @@ mod tally;
 mod tolerances;
 mod trial;
 mod vacuous;
+mod validity;
 mod verdict;
 mod wgsl_test;
 

@@ -126,6 +126,7 @@ fn commands(character: char) -> bool {
         '\u{61c}' | '\u{200e}' | '\u{200f}' => true, // marks of direction
         '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true, // overrides and isolates
         '\u{2028}' | '\u{2029}' => true,             // ends of lines and paragraphs
+        '\u{fffe}' | '\u{ffff}' => true,             // no characters, which XML can't hold
         _ => character.is_control(),
     }
 }
@@ -140,6 +141,69 @@ fn commands(character: char) -> bool {
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
+}
+
+/// A text in one line: [`visible`], and with ends of lines and tabs escaped, too.
+///
+/// ```
+/// use karat::output::one_line;
+///
+/// assert_eq!(one_line("a\n::error::b"), "a\\u{a}::error::b");
+/// ```
+#[must_use]
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    let ends = |character: char| matches!(character, '\n' | '\r' | '\t') || commands(character);
+    if !text.contains(ends) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |character: char| match ends(character) {
+        true => format!("\\u{{{:x}}}", u32::from(character)),
+        false => character.to_string(),
+    };
+    Cow::Owned(text.chars().map(shown).collect())
+}
+
+/// Bytes of the longest name. A replay command has several, and Linux takes 128 KiB for an argument.
+const LONGEST_NAME: usize = 1000;
+
+/// A name that every format can hold, by one rule, wherever it comes from: [`one_line`], and of more than
+/// 1000 bytes the first and the beginning of a hash, so that no two names become one.
+///
+/// ```
+/// use karat::output::name;
+///
+/// assert_eq!(name("brdf::schlick"), "brdf::schlick");
+/// assert_eq!(name(&"a".repeat(1 << 20)).len(), 1000);
+/// ```
+#[must_use]
+pub fn name(text: &str) -> Cow<'_, str> {
+    name_within(text, LONGEST_NAME)
+}
+
+/// [`name`], of other names of at most so many bytes: that of a file has 255.
+pub(crate) fn name_within(text: &str, most: usize) -> Cow<'_, str> {
+    let shown = one_line(text);
+    if shown.len() <= most {
+        return shown;
+    }
+    let hash = &blake3::hash(text.as_bytes()).to_hex()[..18];
+    let kept = shown.floor_char_boundary(most.saturating_sub(hash.len() + "..".len()));
+    Cow::Owned(format!("{}..{hash}", &shown[..kept]))
+}
+
+/// A text within Markdown that neither Markdown nor HTML takes for its own: no cell of a table ends in it, and
+/// it has no tag, link, image or code.
+///
+/// ```
+/// use karat::output::markdown;
+///
+/// assert_eq!(markdown("a|b\n<img>"), "a&#124;b &lt;img&gt;");
+/// ```
+#[must_use]
+pub fn markdown(text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let text = text.replace("](", "]&#40;").replace('|', "&#124;").replace('`', "&#96;");
+    visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 
 /// [`visible`] for JSON, where such characters occur within strings and become `\u001b`.

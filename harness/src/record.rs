@@ -8,6 +8,7 @@
 mod errors;
 mod folder;
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -21,6 +22,7 @@ pub use self::errors::{Errors, Histogram, Plot};
 pub use self::folder::Running;
 use self::folder::Turn;
 pub use crate::diagnostic::FileRead;
+use crate::output;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
@@ -254,10 +256,10 @@ pub struct Grant {
 /// ```
 /// # let folder = tempfile::tempdir()?;
 /// # let record = folder.path();
-/// use karat::record::{Run, SCHEMA};
+/// use karat::record::Run;
 ///
 /// # let selected = vec!["fresnel".to_owned()];
-/// # Run { schema: SCHEMA, selected, passed: true }.write(record)?;
+/// # Run { selected, ..Run::default() }.write(record)?;
 /// let run = Run::read(record)?.expect("it has ended");
 /// assert!(run.passed && run.selected == ["fresnel"]); // `karat test fresnel`
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -268,8 +270,34 @@ pub struct Run {
     pub schema: u32,
     /// What selected the tests: a filter, packages, targets. If it is empty, every test ran.
     pub selected: Vec<String>,
-    /// Whether every test passed. A test that fails records nothing after its failure.
+    /// Whether every test passed and each module is valid. A test that fails records nothing after its
+    /// failure.
     pub passed: bool,
+    /// Tests that failed, as far as their runner named them, whether or not a check of theirs did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub failed: Vec<String>,
+    /// Modules that aren't valid, whether or not a test uses them; a package that has none goes by its name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub invalid: Vec<String>,
+    /// Tests that the runner left out after a failure, by its own word. They were to run.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub not_run: u64,
+    /// Whether the runner stopped at a failure, and didn't say how many tests it left out.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_none(count: &u64) -> bool {
+    *count == 0
+}
+
+impl Default for Run {
+    /// Of every test, which passed.
+    fn default() -> Self {
+        let (selected, failed, invalid) = Default::default();
+        Self { schema: SCHEMA, selected, passed: true, failed, invalid, not_run: 0, stopped: false }
+    }
 }
 
 impl Run {
@@ -281,9 +309,9 @@ impl Run {
     /// ```
     /// # let folder = tempfile::tempdir()?;
     /// # let record = folder.path();
-    /// use karat::record::{Run, SCHEMA};
+    /// use karat::record::Run;
     ///
-    /// let run = Run { schema: SCHEMA, selected: Vec::new(), passed: true };
+    /// let run = Run { passed: false, ..Run::default() };
     /// run.write(record)?;
     /// assert_eq!(Run::read(record)?, Some(run));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -470,10 +498,10 @@ impl Recorded {
     /// ```
     /// # let folder = tempfile::tempdir()?;
     /// # let record = folder.path();
-    /// use karat::record::{Recorded, Run, SCHEMA};
+    /// use karat::record::{Recorded, Run};
     ///
     /// assert!(Recorded::read(record)?.is_none(), "nothing has run");
-    /// Run { schema: SCHEMA, selected: Vec::new(), passed: true }.write(record)?;
+    /// Run::default().write(record)?;
     /// let recorded = Recorded::read(record)?.expect("a run has ended");
     /// assert!(recorded.records.is_empty(), "it had no check");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -562,7 +590,7 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
             if record.schema != SCHEMA {
                 return Err(bad(format!("it has version {}", record.schema)));
             }
-            records.push(record);
+            records.push(record.named());
         }
     }
     Record::sort(&mut records);
@@ -570,6 +598,22 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
+    /// With names that every format can hold: a record may come from another program or machine.
+    fn named(mut self) -> Self {
+        let mut names = vec![&mut self.test, &mut self.cargo_package];
+        match &mut self.subject {
+            Subject::Function { function, check, .. } => names.extend([function, check]),
+            Subject::Frame { golden, .. } => names.push(golden),
+        }
+        names.extend(self.paths.iter_mut().map(|path| &mut path.adapter.path));
+        for name in names {
+            if let Cow::Owned(held) = output::name(name) {
+                *name = held;
+            }
+        }
+        self
+    }
+
     /// Orders records by what they are about, and those of one test about the same as they were made.
     ///
     /// ```

@@ -29,8 +29,10 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     let accept = |because: &str| {
         let pending = goldens.select("gradient").expect("it is pending").frames;
         let because = because.to_owned();
-        goldens
-            .accept(&pending[0], &Acceptance { because, any_adapter: true, ..Default::default() })
+        goldens.accept(
+            &pending[0],
+            &Acceptance { because, any_adapter: true, ci_may_write: true, ..Default::default() },
+        )
     };
     assert!(accept(" ").is_err(), "a reason is needed");
     accept("the first one").expect("accepted");
@@ -81,8 +83,12 @@ fn a_frame_with_nan_is_not_accepted() {
     assert!(!output.status.success() && text.contains("512 pixels with NaN"), "{text}");
     let goldens = Goldens::open(folder.path());
     let pending = goldens.select("gradient").expect("it is pending").frames;
-    let acceptance =
-        Acceptance { because: "why".to_owned(), any_adapter: true, ..Default::default() };
+    let acceptance = Acceptance {
+        because: "why".to_owned(),
+        any_adapter: true,
+        ci_may_write: true,
+        ..Default::default()
+    };
     let error = goldens.accept(&pending[0], &acceptance).expect_err("it has NaN");
     assert!(error.to_string().contains("nothing could ever agree with it"), "{error}");
 }
@@ -111,7 +117,8 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
     let pending = goldens.select_by("*", |_| true).expect("it is pending").frames;
-    let acceptance = Acceptance { because: "why".to_owned(), ..Default::default() };
+    let acceptance =
+        Acceptance { because: "why".to_owned(), ci_may_write: true, ..Default::default() };
     let error = goldens.accept(&pending[0], &acceptance).expect_err("rendered on GL");
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
@@ -124,8 +131,12 @@ fn a_golden_holds_at_another_vector_width() {
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
     let pending = goldens.select("gradient").expect("it is pending").frames;
-    let acceptance =
-        Acceptance { because: "why".to_owned(), any_adapter: true, ..Acceptance::default() };
+    let acceptance = Acceptance {
+        because: "why".to_owned(),
+        any_adapter: true,
+        ci_may_write: true,
+        ..Acceptance::default()
+    };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
     let open = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());
     let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
@@ -148,8 +159,12 @@ fn a_golden_says_what_it_was_made_on() {
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
     let pending = goldens.select("gradient").expect("it is pending").frames;
-    let acceptance =
-        Acceptance { because: "why".to_owned(), any_adapter: true, ..Default::default() };
+    let acceptance = Acceptance {
+        because: "why".to_owned(),
+        any_adapter: true,
+        ci_may_write: true,
+        ..Default::default()
+    };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
     let toml = std::fs::read_to_string(folder.path().join("gradient.toml")).expect("written");
     let adapter = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());

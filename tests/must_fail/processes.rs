@@ -44,6 +44,30 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     assert_eq!(location, "<planted>:2:1");
 }
 
+/// That a package is valid as a whole is a check, which a record has like others.
+#[test]
+fn that_a_package_is_valid_is_recorded() {
+    for (fault, verdict, failures) in
+        [("valid", karat::record::Verdict::Pass, 0), ("invalid", karat::record::Verdict::Fail, 1)]
+    {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder_name = folder.path().display().to_string();
+        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
+        assert_eq!(output.status.success(), failures == 0, "{text}");
+        let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+        let [record] = &*records else { panic!("one check, {} records", records.len()) };
+        let karat::record::Subject::Function { function, check, location, .. } = &record.subject
+        else {
+            panic!("{record:?}")
+        };
+        assert_eq!((&**function, &**check, record.verdict), ("planted", "is_valid", verdict));
+        let [path] = &*record.paths else { panic!("naga alone looks: {record:?}") };
+        assert_eq!((&*path.adapter.path, path.cases, path.failures), ("naga", 1, failures));
+        assert_eq!(location == "<planted>:1:31", failures > 0, "{location}");
+        assert_eq!(record.message.is_some(), failures > 0, "{record:?}");
+    }
+}
+
 /// A replay that replays nothing is red, and says which check was likely meant. One that replays
 /// the second check of a program is not.
 #[test]

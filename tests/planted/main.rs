@@ -40,6 +40,8 @@ fn main() -> ExitCode {
         }
         "unexpected_pass" => Ok(declared("fn id(x: f32) -> f32 { return x; }", "id")),
         "kept" => kept(),
+        "valid" => Ok(valid("fn id(x: f32) -> f32 { return x; }")),
+        "invalid" => Ok(valid("fn id(x: f32) -> f32 { return y; }")),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(GRADIENT),
         "golden_or_panic" => {
@@ -67,6 +69,11 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
+}
+
+/// A package as a whole.
+fn valid(wgsl: &str) -> String {
+    Package::from_source("planted", wgsl).is_valid().to_string()
 }
 
 /// A structure whose members are swapped.

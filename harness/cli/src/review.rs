@@ -150,6 +150,8 @@ pub(crate) struct Review {
     run: LastRun,
     /// Whether goldens are shown that nothing is pending for.
     accepted: bool,
+    /// Whether accepting may write where `CI` is set.
+    ci_may_write: bool,
 }
 
 /// An entry of the page, by the number of its data file.
@@ -173,7 +175,15 @@ impl Review {
             arguments: String::new(),
             run: LastRun::default(),
             accepted: false,
+            ci_may_write: false,
         }
+    }
+
+    /// Whether accepting may write a golden where `CI` is set.
+    #[must_use]
+    pub(crate) fn may_write_in_ci(mut self, may: bool) -> Self {
+        self.ci_may_write = may;
+        self
     }
 
     /// Takes the pending frames from another folder, such as what a CI run left.

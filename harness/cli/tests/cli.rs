@@ -24,6 +24,8 @@ mod idle;
 mod init;
 #[path = "cli/interrupted.rs"]
 mod interrupted;
+#[path = "cli/names.rs"]
+mod names;
 #[path = "cli/outputs.rs"]
 mod outputs;
 #[path = "cli/pending.rs"]

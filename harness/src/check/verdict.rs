@@ -242,9 +242,9 @@ impl<T: Passed> Concluded for Result<T, Failure> {
         self.as_ref().err().map(ToString::to_string)
     }
 
-    fn location(&self) -> Option<&str> {
+    fn location(&self) -> Option<String> {
         match self {
-            Err(Failure::Signature { location, .. }) => Some(location),
+            Err(Failure::Signature { location, .. }) => Some(location.clone()),
             _ => None,
         }
     }

@@ -39,6 +39,8 @@ pub struct Acceptance {
     /// adapter, and the golden for all has to fail there. `None`: the frame becomes the golden for
     /// all.
     pub profile: Option<String>,
+    /// Whether a golden may be written where `CI` is set. Otherwise nothing is written into sources there.
+    pub ci_may_write: bool,
 }
 
 /// What accepting did.
@@ -82,6 +84,12 @@ pub enum AcceptError {
     /// No reason was given.
     #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
     NoReason(String),
+    /// The environment says that this is a CI run.
+    #[error(
+        "`{0}` isn't accepted: `CI` is set, and CI writes nothing into your sources; accept it on your own \
+         machine, with --from and what this run leaves, or say --ci-may-write"
+    )]
+    InCi(String),
     /// The frame wasn't rendered on lavapipe, where goldens are made.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
@@ -134,6 +142,17 @@ pub enum AcceptError {
         /// The golden.
         case: String,
         /// The folder, from the project's root.
+        folder: String,
+    },
+    /// The folder that a frame says its goldens are in can't be one of this project.
+    #[error(
+        "`{case}` says that its goldens are in `{folder}`, which is no folder of a project here: name the \
+         folder with --golden DIR"
+    )]
+    Nowhere {
+        /// The golden.
+        case: String,
+        /// The folder that it says.
         folder: String,
     },
     /// A pending file isn't where its own metadata says.
@@ -228,7 +247,7 @@ impl Goldens {
     /// ```
     ///
     /// # Errors
-    /// If no reason is given; if the golden changed since the frame was compared; if the frame
+    /// If no reason is given; if `CI` is set and may not write; if the golden changed since the frame was compared; if the frame
     /// wasn't rendered on lavapipe and other adapters aren't allowed; if a profile doesn't need its
     /// own golden; if the file is too large or can't be written. The golden is then unchanged.
     pub fn accept(
@@ -239,6 +258,9 @@ impl Goldens {
         let (case, because) = (pending.case.clone(), acceptance.because.trim());
         if because.is_empty() {
             return Err(AcceptError::NoReason(case));
+        }
+        if super::in_ci() && !self.beside && !acceptance.ci_may_write {
+            return Err(AcceptError::InCi(case));
         }
         if !pending.is_of(self) {
             let folder = pending.provenance.folder.clone();
@@ -277,6 +299,7 @@ impl Goldens {
         }
         let provenance = Provenance {
             folder: String::new(),
+            cargo_package: String::new(),
             compared_with: String::new(),
             compared_profile: String::new(),
             finding: None,

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::content::{Content, PENDING_FRAME, PENDING_TABLE, is_table};
-use super::place::OVERLAID;
+use super::place::{OVERLAID, root};
 use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, parts};
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
@@ -57,6 +57,35 @@ impl Pending {
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
         own.is_empty() || folder.is_empty() || own == *folder
+    }
+
+    /// The folder of goldens that it was compared with, in the project around a folder. The first golden of
+    /// a package makes it. `None`: the frame doesn't say, as one of an older Karat.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// for pending in Goldens::open("artefact".as_ref()).pending().frames {
+    ///     if let Some(goldens) = pending.goldens(".".as_ref())? {
+    ///         println!("{} belongs into {}", pending.case, goldens.folder().display());
+    ///     }
+    /// }
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the name that it says leaves the project, or is of a folder that tools keep (`.git`): a frame may
+    /// come from somebody else's machine. If the folder given is in no project.
+    pub fn goldens(&self, here: &Path) -> Result<Option<Goldens>, AcceptError> {
+        let folder = &self.provenance.folder;
+        if folder.is_empty() {
+            return Ok(None);
+        }
+        let project = here.canonicalize().ok().and_then(|here| Some(root(&here)?.to_owned()));
+        let is_sound = |part: Component<'_>| matches!(part, Component::Normal(name) if !name.to_string_lossy().starts_with('.'));
+        match project.filter(|_| Path::new(folder).components().all(is_sound)) {
+            Some(project) => Ok(Some(Goldens::open(&project.join(folder)))),
+            None => Err(AcceptError::Nowhere { case: self.case.clone(), folder: folder.clone() }),
+        }
     }
 
     /// The profile that rendered it.
@@ -218,6 +247,7 @@ impl Goldens {
         let path = self.pending_file(case);
         let (mut provenance, parts) = frame.stored(case, against);
         provenance.folder = self.key();
+        provenance.cargo_package = self.cargo_package();
         provenance.modules = self.module_hashes(&frame.modules);
         if !frame.other_waits {
             let metadata = Some(provenance.metadata());
@@ -313,8 +343,16 @@ impl Goldens {
         Ok(selected)
     }
 
-    /// The name that a pending file in this folder has by its place.
-    fn name_of(&self, path: &Path) -> String {
+    /// The name that a pending file in this folder has by its place, whatever it says itself.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// assert_eq!(goldens.name_of("golden/rooms/dark.new.exr".as_ref()), "rooms/dark");
+    /// ```
+    #[must_use]
+    pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
         let name = path.to_string_lossy().replace('\\', "/");
         ending(&name).and_then(|ending| name.strip_suffix(ending)).unwrap_or(&name).to_owned()
@@ -428,6 +466,7 @@ impl Rendered<'_> {
             processor: processor(),
             facts: self.facts.clone(),
             folder: String::new(),
+            cargo_package: String::new(),
             compared_with: against.hash.clone(),
             compared_profile: against.profile.clone(),
             finding: against.finding.clone(),

@@ -32,13 +32,31 @@ impl Goldens {
     /// The folder as seen from the project's root, with `/`: the same on all machines that have the
     /// project. Empty where there is no project.
     pub(crate) fn key(&self) -> String {
-        let Ok(folder) = self.folder().canonicalize() else { return String::new() };
+        let Some(folder) = resolved(&self.folder()) else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
         below.map_or_else(String::new, with_slashes)
     }
 
+    /// The Cargo package that has the folder: the name in the nearest `Cargo.toml`. Empty where there is
+    /// none, as in a folder of shaders without Cargo. The folder needn't be there yet.
+    ///
+    /// ```
+    /// let goldens = karat::goldens!("golden");
+    /// assert_eq!(goldens.cargo_package(), env!("CARGO_PKG_NAME"));
+    /// ```
+    #[must_use]
+    pub fn cargo_package(&self) -> String {
+        let Some(folder) = resolved(&self.folder()) else { return String::new() };
+        let name = |folder: &Path| {
+            let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).ok()?;
+            let manifest: toml::Table = manifest.parse().ok()?;
+            Some(manifest.get("package")?.get("name")?.as_str()?.to_owned())
+        };
+        folder.ancestors().find_map(name).unwrap_or_default()
+    }
+
     /// The folder of the project that the goldens belong to: where its lock file is, or its repository.
-    /// `None`: there is neither.
+    /// `None`: there is neither. The folder itself needn't be there yet.
     ///
     /// ```
     /// use karat::Goldens;
@@ -46,11 +64,10 @@ impl Goldens {
     /// // This package's own lock file, or that of its workspace, says where the project is.
     /// let goldens = Goldens::open(env!("CARGO_MANIFEST_DIR").as_ref());
     /// assert!(goldens.project().is_some_and(|project| goldens.folder().starts_with(project)));
-    /// assert_eq!(Goldens::open("no-such-folder".as_ref()).project(), None);
     /// ```
     #[must_use]
     pub fn project(&self) -> Option<PathBuf> {
-        root(&self.folder().canonicalize().ok()?).map(Path::to_path_buf)
+        root(&resolved(&self.folder())?).map(Path::to_path_buf)
     }
 
     /// Hashes of modules, by their files as seen from the project's root. One that isn't in the
@@ -68,9 +85,7 @@ impl Goldens {
     /// Whether commands find the folder by themselves: `golden` in a package, or where they run.
     fn is_usual(&self) -> bool {
         let folder = self.folder();
-        let Ok(folder) = folder.canonicalize().or_else(|_| std::path::absolute(&folder)) else {
-            return false;
-        };
+        let Some(folder) = resolved(&folder) else { return false };
         let here = std::env::current_dir().ok().and_then(|here| here.canonicalize().ok());
         let above = folder.parent();
         folder.ends_with("golden")
@@ -107,9 +122,9 @@ impl Goldens {
         if HOSTED.get().is_some() {
             return format!(" --from {}{golden}", shown(&output));
         }
-        let above = self.folder().canonicalize().ok();
-        let root = above.as_deref().and_then(root);
-        let output = root.and_then(|root| output.strip_prefix(root).ok()).unwrap_or(&output);
+        let root = self.project();
+        let below = root.as_ref().and_then(|root| output.strip_prefix(root).ok());
+        let output = below.unwrap_or(&output);
         let output = output.display().to_string().replace('\\', "/");
         match self.key() {
             key if key.is_empty() => format!(" --from {output}{golden}"),
@@ -160,8 +175,18 @@ fn with_slashes(path: &Path) -> String {
     path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
+/// A folder by its whole name, also one that isn't there yet: a package has no goldens before its first.
+fn resolved(folder: &Path) -> Option<PathBuf> {
+    let folder = std::path::absolute(folder).ok()?;
+    let whole = |above: &Path| {
+        let rest = folder.strip_prefix(above).ok()?;
+        Some(above.canonicalize().ok()?.components().chain(rest.components()).collect())
+    };
+    folder.ancestors().find_map(whole)
+}
+
 /// The project's root: where its lock file is, or its repository.
-fn root(folder: &Path) -> Option<&Path> {
+pub(super) fn root(folder: &Path) -> Option<&Path> {
     let with = |name: &str| folder.ancestors().find(|above| above.join(name).exists());
     with("Cargo.lock").or_else(|| with(".git"))
 }
@@ -196,6 +221,23 @@ mod tests {
         assert_eq!(key(), "golden");
         std::fs::write(project.path().join("Cargo.lock"), "").expect("written");
         assert_eq!(key(), "crates/a/golden", "a lock file lies at the root of a workspace");
-        assert_eq!(Goldens::open(&project.path().join("nowhere")).key(), "");
+        let first = Goldens::open(&project.path().join("crates/b/golden"));
+        assert_eq!(first.key(), "crates/b/golden", "a crate has no folder before its first golden");
+    }
+
+    #[test]
+    fn the_package_of_a_folder_is_the_nearest() {
+        let project = tempfile::tempdir().expect("a temporary folder");
+        let manifest = |file: &str, text: &str| {
+            let file = project.path().join(file);
+            std::fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
+            std::fs::write(file, text).expect("written");
+        };
+        manifest("Cargo.toml", "[package]\nname = \"all\"\n[workspace]\nmembers = [\"a\"]\n");
+        manifest("a/Cargo.toml", "[package]\nname = \"one\"\n");
+        let of = |folder: &str| Goldens::open(&project.path().join(folder)).cargo_package();
+        assert_eq!([of("a/tests/golden"), of("golden")], ["one", "all"]);
+        manifest("a/Cargo.toml", "[workspace]\n");
+        assert_eq!(of("a/golden"), "all", "a workspace alone is no package");
     }
 }

@@ -58,6 +58,9 @@ pub struct Provenance {
     /// The folder of the goldens that a pending frame was compared with, from the project's root.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub folder: String,
+    /// The Cargo package that has that folder; empty where none has, or if an older Karat wrote it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub cargo_package: String,
     /// Pixels of the golden that this frame was compared with; empty if there was none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_with: String,

@@ -209,6 +209,7 @@ impl Goldens {
             processor: processor(),
             facts: std::collections::BTreeMap::new(),
             folder: self.key(),
+            cargo_package: self.cargo_package(),
             compared_with: against.map_or_else(String::new, |(golden, _)| golden.hash()),
             compared_profile: String::new(),
             finding: against.map(|(_, difference)| super::FrameFinding {

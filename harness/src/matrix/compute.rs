@@ -159,17 +159,17 @@ fn open(
     open
 }
 
-/// Which of these words are known to be floats. It isn't known of structures that end in an array.
+/// Which of these words are floats.
 fn floats(program: &Program, name: &str, data: &[Data]) -> Vec<bool> {
     let bindings =
         program.compute_entry_point(name).map_or_else(Vec::new, |(bindings, _)| bindings);
     let of_buffer = |data: &Data| {
         let binding = bindings.iter().find(|b| (b.group, b.binding) == (data.group, data.binding));
-        let shape = binding.and_then(|binding| Some((binding, program.buffer_data(binding)?.0)));
-        let marked = shape.and_then(|(binding, shape)| {
+        let marked = binding.and_then(|binding| {
+            // As many elements as there may be words: what is beyond the data is cut off.
+            let shape = program.buffer_of(binding, data.bytes.len() / 4)?;
             let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
-            let lanes: Vec<u32> = marks.cycle().take(data.bytes.len() / 4).collect();
-            program.bytes(binding, &lanes).ok()
+            program.bytes(binding, &marks.collect::<Vec<_>>()).ok()
         });
         let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
         words.resize(data.bytes.len() / 4, 0);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::{Cell, Matrix, Status, Stop};
-use crate::output::counted;
+use crate::output::{counted, markdown, visible};
 
 impl Cell {
     /// What a table calls it: how far it got, that it is wrong, or that this is known.
@@ -61,9 +61,27 @@ enum Weight {
 /// Rows that are named where there may be many.
 const MOST_NAMES: usize = 6;
 
-/// A text in a cell of a table: `|` would end it.
-fn cell(text: &str) -> String {
-    text.replace('|', "\\|")
+/// A name as code. Within backticks HTML has no meaning, and a name that isn't plain gets by without them.
+fn code(name: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "_:.-#@ (),".contains(c);
+    match name.chars().all(plain) {
+        true => format!("`{name}`"),
+        false => format!("<code>{}</code>", markdown(name)),
+    }
+}
+
+/// A sentence with code in it, between single backticks.
+fn prose(text: &str) -> String {
+    let parts: Vec<&str> = text.split('`').collect();
+    // An even number of marks, and no two side by side: then these, and only these, are code.
+    if text.contains("``") || parts.len().is_multiple_of(2) {
+        return markdown(text);
+    }
+    let shown = |(at, part): (usize, &&str)| match at % 2 {
+        0 => markdown(part),
+        _ => format!("`{}`", visible(part)),
+    };
+    parts.iter().enumerate().map(shown).collect()
 }
 
 impl Matrix {
@@ -166,15 +184,15 @@ impl Matrix {
 
     fn write_markdown(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
-        writeln!(text, "# Translations of `{}`\n\nBy naga {}.\n", self.package, self.naga)?;
+        writeln!(text, "# Translations of {}\n\nBy naga {}.\n", code(&self.package), self.naga)?;
         writeln!(text, "| column | language | runs on |\n|---|---|---|")?;
         for head in &self.columns {
             let runs = head.adapter.as_deref().unwrap_or("nothing here");
-            writeln!(text, "| {} | {} | {} |", head.name, head.language, cell(runs))?;
+            writeln!(text, "| {} | {} | {} |", head.name, head.language, markdown(runs))?;
         }
         writeln!(text, "\n| validator | version |\n|---|---|")?;
         for (tool, version) in &self.validators {
-            writeln!(text, "| {tool} | {} |", cell(version))?;
+            writeln!(text, "| {tool} | {} |", markdown(version))?;
         }
         let names: Vec<&str> = self.columns.iter().map(|head| head.name.as_str()).collect();
         let rule = "---|".repeat(names.len());
@@ -186,7 +204,7 @@ impl Matrix {
         writeln!(text, "\n| row | {} |\n|---|{rule}", names.join(" | "))?;
         for row in self.rows.iter().filter(|row| row.error.is_none()) {
             let cells: Vec<&str> = row.cells.iter().map(Cell::word).collect();
-            writeln!(text, "| {} ({}) | {} |", cell(&row.name), row.kind, cells.join(" | "))?;
+            writeln!(text, "| {} ({}) | {} |", markdown(&row.name), row.kind, cells.join(" | "))?;
         }
         if let Some(open) = self.open() {
             writeln!(text, "\n{open}.")?;
@@ -197,10 +215,9 @@ impl Matrix {
             *weight == Weight::Absent && rows.len() * 2 > self.rows.len()
         };
         for (_, why, rows) in self.ranked_reasons().into_iter().filter(|reason| !whole(reason)) {
-            let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
+            let why = prose(&why.split_whitespace().collect::<Vec<_>>().join(" "));
             writeln!(text, "- {}: {why}", counted(rows.len(), "row"))?;
-            let few: Vec<String> =
-                rows.iter().take(MOST_NAMES).map(|row| format!("`{row}`")).collect();
+            let few: Vec<String> = rows.iter().take(MOST_NAMES).map(|row| code(row)).collect();
             let more = rows.len().saturating_sub(few.len());
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             writeln!(text, "  ({}{more})", few.join(", "))?;
@@ -224,5 +241,27 @@ impl Matrix {
         let rows = self.rows.iter().filter(|row| row.is_judged());
         let reached = rows.filter_map(|row| row.cells.get(column)?.status);
         reached.filter(|reached| *reached >= status).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What HTML there is outside of code, of a text without two marks side by side.
+    fn bare(text: &str) -> String {
+        text.split('`').step_by(2).collect()
+    }
+
+    #[test]
+    fn names_and_reasons_bring_no_html() {
+        assert_eq!(code("brdf::f (function)"), "`brdf::f (function)`");
+        let page = code("a`<img src=x>|");
+        assert_eq!(page, "<code>a&#96;&lt;img src=x&gt;&#124;</code>");
+        assert_eq!(prose("`array<f32>` isn't `bool`"), "`array<f32>` isn't `bool`");
+        for text in ["<img src=x>", "`a` <img src=x>", "`a<img>", "```<img>`", "`a`<img>`b`<img>"] {
+            assert!(!bare(&prose(text)).contains("<img"), "{text}: {}", prose(text));
+        }
+        assert!(!prose("![x](http://example.org/x.png)").contains("]("));
     }
 }

@@ -1,6 +1,7 @@
 //! Why a package can't be read or linked.
 
 use crate::diagnostic::Diagnostic;
+use crate::output::one_line;
 
 /// What can be wrong with a package.
 #[derive(Debug, thiserror::Error)]
@@ -80,7 +81,10 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// A path names a module that the package hasn't.
-    #[error("package `{package}` has no module `{module}`{}", did_you_mean(nearest))]
+    #[error(
+        "package `{}` has no module `{}`{}",
+        one_line(package), one_line(module), one_line(&did_you_mean(nearest))
+    )]
     UnknownModule {
         /// What was asked for.
         module: String,

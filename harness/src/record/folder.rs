@@ -28,11 +28,11 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// ```
 /// # let folder = tempfile::tempdir()?;
 /// # let records = folder.path();
-/// use karat::record::{Recorded, Running, SCHEMA, Run};
+/// use karat::record::{Recorded, Run, Running};
 ///
 /// let running = Running::begin(records)?;
 /// // Here tests run, with `KARAT_RECORD` set to `running.folder()`.
-/// Run { schema: SCHEMA, selected: Vec::new(), passed: true }.write(running.folder())?;
+/// Run::default().write(running.folder())?;
 /// running.end()?;
 /// assert!(Recorded::read(records)?.is_some_and(|recorded| recorded.run.is_some()));
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -68,24 +68,8 @@ fn list(errors: &[(String, ReflectError)]) -> String {
 }
 
 impl Package {
-    /// Validates every module with all of its functions and entry points, including those that no
-    /// test calls. If a module is valid only with features, set them with
-    /// [`validated_with`](Self::validated_with).
-    ///
-    /// ```
-    /// use karat::Package;
-    ///
-    /// Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
-    /// ```
-    ///
-    /// # Panics
-    /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
-    #[track_caller]
-    pub fn is_valid(&self) -> Validated {
-        self.try_is_valid().unwrap_or_else(|invalid| panic!("{invalid}"))
-    }
-
-    /// Validates every module with all of its functions and entry points.
+    /// Validates every module with all of its functions and entry points, as [`is_valid`](Self::is_valid)
+    /// does, without the panic. The verdict is left to the caller and isn't recorded.
     ///
     /// ```
     /// use karat::Package;

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::path::Path as FilePath;
 
 use super::{NotReplayed, host, replay};
+use crate::output;
 use crate::path::Path;
 use crate::probe::Inputs;
 use crate::settings::{self, SelectedCase, Settings, SettingsError};
@@ -53,14 +54,14 @@ impl Identity {
             *count
         });
         let check = if count == 1 { verb.to_owned() } else { format!("{verb}#{count}") };
-        replay::begin(settings, &format!("{function}/{check}"))?;
+        replay::begin(settings, &label(function, &check))?;
         Ok(Self { test, check, settings })
     }
 
     /// The selected case, if the environment names this check or none.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
-            Some(named) => *named == format!("{function}/{check}"),
+            Some(named) => *named == label(function, check),
             None => true,
         })
     }
@@ -89,7 +90,7 @@ impl Identity {
         let named = self.settings.case.as_ref()?.check.as_ref()?;
         Inputs::ALL
             .into_iter()
-            .find(|inputs| *named == format!("{function}/{}", with_inputs(check, *inputs)))
+            .find(|inputs| *named == label(function, &with_inputs(check, *inputs)))
     }
 
     /// Whether failing inputs are remembered: not where one case is replayed, or they are turned off.
@@ -118,7 +119,7 @@ impl Identity {
     ) -> String {
         let Replayed { case, steps, input } = replayed;
         let path = path.map_or_else(String::new, |path| format!("KARAT_PATHS={path} "));
-        let mut selected = format!("{function}/{check}/{case}");
+        let mut selected = format!("{}/{case}", label(function, check));
         if !steps.is_empty() {
             selected = format!("{selected}:{}", write_steps(steps));
         }
@@ -140,12 +141,32 @@ impl Identity {
         match package {
             None => format!("{environment} {}", host::quoted(&exe.display().to_string())),
             Some(package) => {
-                let target = target(&exe, &package);
-                format!("{environment} cargo test -p {package} {target} -- --exact {}", self.test)
+                let (target, test) = (target(&exe, &package), selecting(&test_as_named()));
+                format!("{environment} cargo test -p {package} {target} -- {test}")
             }
         }
     }
 }
+
+/// A check, as a replay command names it.
+fn label(function: &str, check: &str) -> String {
+    format!("{}/{check}", output::name(function))
+}
+
+/// Arguments by which a test's program runs a test of this name. What no line can hold is selected by a part
+/// of its name.
+fn selecting(test: &str) -> String {
+    if output::name(test) == test {
+        return format!("--exact {}", host::quoted(test));
+    }
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | ':' | ' ');
+    let parts = test.split(|c| !is_plain(c)).map(str::trim);
+    let longest = parts.max_by_key(|part| part.len()).unwrap_or_default();
+    host::quoted(&longest[..longest.floor_char_boundary(PART)])
+}
+
+/// Bytes by which a test is selected whose name is longer than a line holds.
+const PART: usize = 100;
 
 /// A check's name with the source of its arguments, unless that is a storage buffer.
 pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
@@ -183,6 +204,11 @@ pub(crate) fn leave_frame_out() {
 /// The running test. The test runner names each test's thread; a program that isn't a test runs on
 /// `main`.
 pub(crate) fn test() -> String {
+    output::name(&test_as_named()).into_owned()
+}
+
+/// The running test, by the name that its author gave it.
+fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
@@ -211,6 +237,17 @@ mod tests {
         assert_eq!(of("/t/debug/deps/fresnel-0a1b"), "--test fresnel");
         assert_eq!(of("/t/debug/examples/srgb-0a1b"), "--example srgb");
         assert_eq!(of("/t/debug/deps/my_crate-0a1b"), "--lib --bins");
+    }
+
+    #[test]
+    fn a_test_that_no_line_can_name_is_selected_by_a_part() {
+        assert_eq!(selecting("brdf::grazing"), "--exact brdf::grazing");
+        assert_eq!(selecting("it's 1"), "--exact 'it'\\''s 1'");
+        assert_eq!(selecting("a\n::error file=x::"), "'::error file'");
+        let long = "a".repeat(1 << 20);
+        assert_eq!(selecting(&long), "a".repeat(PART));
+        let label = label(&long, "agrees_with");
+        assert!(label.len() < 1024 && label.ends_with("/agrees_with"), "{label}");
     }
 
     #[test]

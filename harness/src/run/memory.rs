@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::identity::{write_steps, write_words};
 use super::{Identity, host};
+use crate::output::name_within;
 use crate::settings::{read_steps, read_words};
 
 const HEAD: &str = "\
@@ -180,10 +181,14 @@ impl Entry {
     }
 }
 
+/// Bytes of a file's name, without its ending: systems take 255.
+const LONGEST: usize = 200;
+
 /// A test's name as the name of a file: `module__test`.
 fn file_name(test: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
-    test.replace("::", "__").chars().map(plain).collect()
+    let plain: String = test.replace("::", "__").chars().map(plain).collect();
+    name_within(&plain, LONGEST).into_owned()
 }
 
 /// A line on standard error, which the test runner shows where the test fails.
@@ -255,5 +260,7 @@ mod tests {
     fn tests_have_files() {
         assert_eq!(file_name("a::b::test_1"), "a__b__test_1");
         assert_eq!(file_name("main/.."), "main---");
+        let [one, other] = ["a", "b"].map(|end| file_name(&("n".repeat(900) + end)));
+        assert!(one.len() == 200 && one != other, "{one}");
     }
 }

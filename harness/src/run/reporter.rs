@@ -15,7 +15,7 @@ pub(crate) trait Concluded {
     /// What is wrong.
     fn message(&self) -> Option<String>;
     /// `file:line:column` of the function, where a failure knows it.
-    fn location(&self) -> Option<&str> {
+    fn location(&self) -> Option<String> {
         None
     }
 }
@@ -50,7 +50,7 @@ impl Reporter {
             (&mut subject, concluded.location())
             && location.is_empty()
         {
-            *location = known.to_owned();
+            *location = known;
         }
         record::write(&Record {
             schema: record::SCHEMA,

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use karat::Package;
 use karat::diagnostic::{nearest, shown};
+use karat::output::name;
 use karat::package::PackageError;
 
 use crate::declared;
@@ -66,7 +67,12 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         }
     }
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    for broken in &mut broken {
+        broken.name = name(&broken.name).into_owned();
+    }
     for test in &mut tests {
+        // Threads, records, replay commands and files are named by it.
+        test.name = name(&test.name).into_owned();
         let count = seen.entry(test.name.clone()).or_default();
         *count += 1;
         if *count > 1 {

@@ -37,7 +37,8 @@ impl Project {
     pub(crate) fn accept(&self, case: &str) {
         let pending = self.pending(case).expect("it waits");
         let because = "as it should be".to_owned();
-        let acceptance = Acceptance { because, any_adapter: true, ..Acceptance::default() };
+        let acceptance =
+            Acceptance { because, any_adapter: true, ci_may_write: true, ..Acceptance::default() };
         self.goldens.accept(&pending, &acceptance).expect("accepted");
         assert!(self.pending(case).is_none(), "it waits no longer");
     }
@@ -270,7 +271,8 @@ fn accepting_values_has_the_rules_of_accepting_frames() {
     over(&package).try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
     let pending = project.pending(case).expect("it waits");
     let accept = |change: fn(&mut Acceptance)| {
-        let mut acceptance = Acceptance { because: "right".to_owned(), ..Acceptance::default() };
+        let mut acceptance =
+            Acceptance { because: "right".to_owned(), ci_may_write: true, ..Acceptance::default() };
         change(&mut acceptance);
         goldens.accept(&pending, &acceptance)
     };
@@ -297,7 +299,12 @@ fn accepting_values_has_the_rules_of_accepting_frames() {
     std::fs::write(project.folder.path().join("values/rules.csv"), golden).expect("written");
     let stale = goldens.accept(
         &stale,
-        &Acceptance { because: "right".to_owned(), any_adapter: true, ..Acceptance::default() },
+        &Acceptance {
+            because: "right".to_owned(),
+            any_adapter: true,
+            ci_may_write: true,
+            ..Acceptance::default()
+        },
     );
     assert!(matches!(stale, Err(AcceptError::Stale(_))), "{stale:?}");
 }

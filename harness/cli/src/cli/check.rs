@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use karat::Package;
+use karat::output::name;
 use karat::reflect::{Dependence, Invalid};
 
 use super::project::Project;
@@ -51,6 +52,20 @@ pub(super) fn validate(
 pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut each = invalid.iter();
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
+}
+
+/// The modules of packages that aren't valid; a package that has none goes by its own name.
+pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
+    let mut names = Vec::new();
+    for (package, invalid) in invalid {
+        match invalid {
+            Invalid::Modules { errors, .. } => {
+                names.extend(errors.iter().map(|(module, _)| name(module).into_owned()));
+            }
+            _ => names.push(name(package).into_owned()),
+        }
+    }
+    names
 }
 
 /// The packages that aren't valid.

@@ -1,12 +1,12 @@
 //! `karat pending`, `accept` and `reject`
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use karat::Goldens;
-use karat::diagnostic::shown;
+use karat::diagnostic::{nearest, shown};
 use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames, Provenance, Unusable};
 use karat::output::{counted, tell};
 use serde::Serialize;
@@ -29,54 +29,80 @@ impl FolderArgs {
         self.golden.as_deref()
     }
 
+    /// The folder that was named, or else that of the project. It is there.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
-        let (folder, used) = match &self.golden {
-            Some(folder) => (folder.clone(), Vec::new()),
-            None => {
-                let project = Project::find()?;
-                (project.golden(), project.used_goldens())
-            }
-        };
-        let others = others(&folder, used);
-        if folder.is_dir() {
-            for other in others.iter().filter(|other| has_pending(other)) {
-                tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
-            }
-            return Ok(folder);
+        if let Some(folder) = &self.golden {
+            anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
+            return Ok(folder.clone());
         }
-        let used = match others.join("`, `") {
-            none if none.is_empty() => String::new(),
-            others => format!(" (the last run used `{others}`)"),
-        };
-        bail!(
-            "there is no folder `{}`; name the folder of goldens with --golden DIR{used}",
-            folder.display()
-        )
+        let project = Project::find()?;
+        let (folder, all) = (project.golden(), project.goldens());
+        let own = folder.canonicalize().ok();
+        let others = all.iter().filter(|other| other.canonicalize().ok() != own);
+        let others: Vec<String> = others.map(|other| shown(other)).collect();
+        anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
+        for other in others.iter().filter(|other| has_pending(other)) {
+            tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
+        }
+        Ok(folder)
     }
 
-    /// The folder, which accepting makes if it isn't there: a project has none before its first golden.
-    fn open_or_new(&self, from: Option<&Path>) -> anyhow::Result<Goldens> {
-        match (&self.golden, from) {
-            (Some(folder), _) => Ok(Goldens::open(folder)),
-            (None, Some(_)) => Ok(Goldens::open(&Project::find()?.golden())),
-            (None, None) => self.open(),
+    /// The goldens that a review decides about: of what a CI run left, those that its frames were compared
+    /// with, which a first golden makes.
+    pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
+        let (None, Some(artefact)) = (&self.golden, from) else {
+            return Ok(Goldens::open(&self.path()?));
+        };
+        let project = Project::find()?;
+        let mut all: Vec<Goldens> = Vec::new();
+        for pending in artefact.frames().pending().frames {
+            let goldens = pending.goldens(project.root())?;
+            let goldens = goldens.unwrap_or_else(|| Goldens::open(&project.golden()));
+            if all.iter().all(|known| known.folder() != goldens.folder()) {
+                all.push(goldens);
+            }
         }
-    }
-
-    pub(super) fn open(&self) -> anyhow::Result<Goldens> {
-        Ok(Goldens::open(&self.path()?))
+        for other in all.iter().skip(1) {
+            let other = shown(&other.folder());
+            tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
+        }
+        Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
 }
 
-/// Other folders of goldens than this one, as they are seen from here.
-fn others(folder: &Path, used: Vec<PathBuf>) -> Vec<String> {
-    let own = folder.canonicalize().ok();
-    used.into_iter().filter(|used| own.as_ref() != Some(used)).map(|used| shown(&used)).collect()
+/// That a folder of goldens isn't there, and which are.
+fn absent(folder: &Path, others: &[String]) -> String {
+    let others = match others.join("`, `") {
+        none if none.is_empty() => String::new(),
+        others => format!(" (there is `{others}`)"),
+    };
+    let folder = folder.display();
+    format!("there is no folder `{folder}`; name the folder of goldens with --golden DIR{others}")
 }
 
 fn has_pending(folder: &str) -> bool {
     let PendingFrames { frames, unusable } = Goldens::open(Path::new(folder)).pending();
     !frames.is_empty() || !unusable.is_empty()
+}
+
+/// What CI may do to sources.
+#[derive(clap::Args)]
+pub(super) struct CiArgs {
+    /// Write into your sources although `CI` is set
+    #[arg(long)]
+    pub(super) ci_may_write: bool,
+}
+
+impl CiArgs {
+    /// Refuses what writes into sources in CI, unless it may.
+    pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            self.ci_may_write || !karat::golden::in_ci(),
+            "`CI` is set, and CI writes nothing into your sources: {what} on your own machine, or say \
+             --ci-may-write"
+        );
+        Ok(())
+    }
 }
 
 /// Where the pending frames are.
@@ -114,7 +140,7 @@ pub(super) struct PendingArgs {
 
 #[derive(clap::Args)]
 pub(super) struct AcceptArgs {
-    /// Names or globs of pending frames
+    /// Names or globs of pending frames; of one crate: `crate::name`
     #[arg(required = true)]
     frames: Vec<String>,
     /// Why the new image is right; kept with the golden
@@ -133,6 +159,8 @@ pub(super) struct AcceptArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    ci: CiArgs,
+    #[command(flatten)]
     from: FromArgs,
     #[command(flatten)]
     folder: FolderArgs,
@@ -140,12 +168,14 @@ pub(super) struct AcceptArgs {
 
 #[derive(clap::Args)]
 pub(super) struct RejectArgs {
-    /// Names or globs of pending frames
+    /// Names or globs of pending frames; of one crate: `crate::name`
     #[arg(required = true)]
     frames: Vec<String>,
     /// Print JSON: of each frame case and file
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    ci: CiArgs,
     #[command(flatten)]
     from: FromArgs,
     #[command(flatten)]
@@ -204,19 +234,14 @@ impl<'a> From<&'a Unusable> for PendingEntry<'a> {
 
 pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
-    let PendingFrames { frames, unusable } = match &artefact {
-        Some(artefact) => artefact.frames().pending(),
-        None => {
-            let goldens = args.folder.open()?;
-            // There, nothing may change the sources unasked.
-            if !karat::golden::in_ci() {
-                goldens.tidy();
-            }
-            goldens.pending()
-        }
-    };
+    let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
+    // There, nothing may change the sources unasked.
+    if artefact.is_none() && !karat::golden::in_ci() {
+        waiting.places.iter().for_each(Goldens::tidy);
+    }
+    let (frames, unusable) = waiting.all()?;
     if args.json {
-        let entries = frames.iter().map(PendingEntry::from);
+        let entries = frames.iter().map(|frame| PendingEntry::from(&frame.pending));
         write_json(&entries.chain(unusable.iter().map(Into::into)).collect::<Vec<_>>(), out)?;
     } else if !frames.is_empty() {
         write_table(&frames, out)?;
@@ -224,7 +249,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
         writeln!(out, "nothing is pending")?;
     }
     report(&unusable)?;
-    Ok(if frames.iter().any(|pending| Status::of(pending) == Status::Differs) {
+    Ok(if frames.iter().any(|frame| Status::of(&frame.pending) == Status::Differs) {
         Ending::Bad
     } else if frames.is_empty() {
         Ending::Good
@@ -241,40 +266,209 @@ pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     if unusable.is_empty() { Ok(()) } else { Err(Reported.into()) }
 }
 
-fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> {
-    let folder = |pending: &Pending| pending.provenance.folder.clone();
-    let several = pending.windows(2).any(|pair| folder(&pair[0]) != folder(&pair[1]));
+fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
+    let folder = |frame: &Frame| shown(&frame.goldens.folder());
+    let several = frames.windows(2).any(|pair| folder(&pair[0]) != folder(&pair[1]));
     let head: &[&str] = &["frame or values", "golden", "size", "made on", "goldens"];
     let mut table = Table::new(&head[..if several { 5 } else { 4 }], &[]);
-    for pending in pending {
-        let Pending { case, provenance, .. } = pending;
-        let golden = if pending.is_new() { "none" } else { "differs" };
-        let size = match pending.is_table() {
+    for frame in frames {
+        let Pending { provenance, .. } = &frame.pending;
+        let golden = if frame.pending.is_new() { "none" } else { "differs" };
+        let size = match frame.pending.is_table() {
             true => counted(provenance.height, "row"),
             false => format!("{} x {}", provenance.width, provenance.height),
         };
-        let mut cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];
-        cells.extend(several.then(|| folder(pending)));
+        let adapter = provenance.adapter.to_string();
+        let mut cells = vec![frame.name.clone(), golden.to_owned(), size, adapter];
+        cells.extend(several.then(|| folder(frame)));
         table.row(DIM, cells);
     }
     table.write(out)
 }
 
-/// What is pending of these names and globs, each once.
-fn select(goldens: &Goldens, names: &[String]) -> anyhow::Result<PendingFrames> {
-    let mut selected = PendingFrames::default();
-    for name in names {
-        let glob = glob::Pattern::new(name).ok();
-        let matches = |case: &str| glob.as_ref().is_some_and(|glob| glob.matches(case));
-        let PendingFrames { frames, unusable } = goldens.select_by(name, matches)?;
-        selected.frames.extend(frames);
-        selected.unusable.extend(unusable);
+/// What waits, of one folder of goldens or of all crates of a project.
+struct Waiting {
+    /// Where it lies.
+    places: Vec<Goldens>,
+    /// The goldens that were named. Otherwise each frame has those that it was compared with.
+    named: Option<Goldens>,
+    /// The project into which goldens go that a CI run's frames become.
+    project: Option<Project>,
+}
+
+/// A frame that waits, or values.
+struct Frame {
+    pending: Pending,
+    /// The goldens that it becomes one of.
+    goldens: Goldens,
+    /// Its name, with its crate where several crates have frames of that name: `lamp::dusk`.
+    name: String,
+}
+
+impl Waiting {
+    fn of(folder: &FolderArgs, artefact: Option<&Artefact>) -> anyhow::Result<Self> {
+        let named = folder.named().map(Goldens::open);
+        if let Some(artefact) = artefact {
+            let project = if named.is_none() { Some(Project::find()?) } else { None };
+            return Ok(Self { places: vec![artefact.frames()], named, project });
+        }
+        if named.is_some() {
+            let places = vec![Goldens::open(&folder.path()?)];
+            return Ok(Self { places, named, project: None });
+        }
+        let all = Project::find()?.goldens();
+        let places = match all.is_empty() {
+            true => vec![Goldens::open(&folder.path()?)],
+            false => all.iter().map(|folder| Goldens::open(folder)).collect(),
+        };
+        Ok(Self { places, named, project: None })
     }
-    selected.frames.sort_by(|a, b| (&a.case, &a.path).cmp(&(&b.case, &b.path)));
-    selected.frames.dedup_by(|a, b| a.path == b.path);
-    selected.unusable.sort_by(|a, b| a.path.cmp(&b.path));
-    selected.unusable.dedup_by(|a, b| a.path == b.path);
-    Ok(selected)
+
+    /// The goldens that a frame becomes one of, which lies here.
+    fn goldens(&self, place: &Goldens, pending: &Pending) -> Result<Goldens, AcceptError> {
+        match (&self.named, &self.project) {
+            (Some(named), _) => Ok(named.clone()),
+            (None, None) => Ok(place.clone()),
+            (None, Some(project)) => {
+                let own = pending.goldens(project.root())?;
+                Ok(own.unwrap_or_else(|| Goldens::open(&project.golden())))
+            }
+        }
+    }
+
+    /// All that waits, by name.
+    fn all(&self) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
+        let (mut frames, mut unusable) = (Vec::new(), Vec::new());
+        for place in &self.places {
+            let found = place.pending();
+            unusable.extend(found.unusable);
+            for pending in found.frames {
+                let name = pending.case.clone();
+                match self.goldens(place, &pending) {
+                    Ok(goldens) => frames.push(Frame { pending, goldens, name }),
+                    Err(reason) => unusable.push(Unusable { path: pending.path, reason }),
+                }
+            }
+        }
+        name_crates(&mut frames);
+        frames.sort_by(|a, b| (&a.name, &a.pending.path).cmp(&(&b.name, &b.pending.path)));
+        Ok((frames, unusable))
+    }
+
+    /// What waits of these names and globs, each once.
+    fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
+        let (all, broken) = self.all()?;
+        let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
+        for name in names {
+            let wanted = Wanted::of(name);
+            let found = all.iter().enumerate().filter(|(_, frame)| wanted.is(frame));
+            let found: Vec<usize> = found.map(|(at, _)| at).collect();
+            let exact: Vec<&Frame> = found
+                .iter()
+                .map(|at| &all[*at])
+                .filter(|frame| frame.pending.case == *name)
+                .collect();
+            if let [first, rest @ ..] = &*exact
+                && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
+            {
+                let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
+                bail!("`{name}` waits in several crates: name `{}`", names.join("` or `"));
+            }
+            let of_files = broken.iter().enumerate().filter(|(_, broken)| {
+                self.places.iter().any(|place| wanted.names(&file_case(place, broken)))
+            });
+            let of_files: Vec<usize> = of_files.map(|(at, _)| at).collect();
+            if found.is_empty() && of_files.is_empty() {
+                let known = all.iter().map(|frame| &*frame.name);
+                let nearest = nearest(name, known).map(str::to_owned);
+                return Err(AcceptError::NotPending { case: name.clone(), nearest }.into());
+            }
+            found.into_iter().for_each(|at| chosen[at] = true);
+            of_files.into_iter().for_each(|at| told[at] = true);
+        }
+        let chosen = all.into_iter().zip(chosen).filter_map(|(frame, is)| is.then_some(frame));
+        let told = broken.into_iter().zip(told).filter_map(|(broken, is)| is.then_some(broken));
+        Ok((chosen.collect(), told.collect()))
+    }
+}
+
+/// A name or glob that was typed, with its crate if that was, too.
+struct Wanted {
+    krate: Option<Option<glob::Pattern>>,
+    name: String,
+    glob: Option<glob::Pattern>,
+}
+
+impl Wanted {
+    fn of(typed: &str) -> Self {
+        let (krate, name) = match typed.rsplit_once("::") {
+            Some((krate, name)) => (Some(glob::Pattern::new(krate).ok()), name),
+            None => (None, typed),
+        };
+        Self { krate, name: name.to_owned(), glob: glob::Pattern::new(name).ok() }
+    }
+
+    fn names(&self, case: &str) -> bool {
+        case == self.name || self.glob.as_ref().is_some_and(|glob| glob.matches(case))
+    }
+
+    fn is(&self, frame: &Frame) -> bool {
+        let of_crate = match &self.krate {
+            None => true,
+            Some(None) => false,
+            Some(Some(krate)) => {
+                [frame.krate(), folder_of(frame)].iter().any(|known| krate.matches(known))
+            }
+        };
+        of_crate && self.names(&frame.pending.case)
+    }
+}
+
+impl Frame {
+    /// The Cargo package of its goldens.
+    fn krate(&self) -> String {
+        match &*self.pending.provenance.cargo_package {
+            "" => self.goldens.cargo_package(),
+            known => known.to_owned(),
+        }
+    }
+}
+
+/// The folder of a frame's goldens, as the project names it.
+fn folder_of(frame: &Frame) -> String {
+    match &*frame.pending.provenance.folder {
+        "" => shown(&frame.goldens.folder()),
+        known => known.to_owned(),
+    }
+}
+
+/// Gives frames their crates' names where several crates have frames of one name, and their folders' where
+/// that isn't enough.
+fn name_crates(frames: &mut [Frame]) {
+    let mut folders: BTreeMap<String, BTreeSet<PathBuf>> = BTreeMap::new();
+    let mut crates: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for frame in &*frames {
+        let case = &frame.pending.case;
+        folders.entry(case.clone()).or_default().insert(frame.goldens.folder());
+        crates.entry(case.clone()).or_default().insert(frame.krate());
+    }
+    for frame in frames {
+        let case = &frame.pending.case;
+        let folders = folders.get(case).map_or(1, BTreeSet::len);
+        if folders > 1 {
+            let known = crates.get(case).is_some_and(|crates| crates.len() == folders);
+            let of = if known { frame.krate() } else { folder_of(frame) };
+            frame.name = format!("{of}::{case}");
+        }
+    }
+}
+
+/// The name that a file which can't be used has by its place.
+fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
+    match reason {
+        AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),
+        _ => place.name_of(path),
+    }
 }
 
 /// What JSON says of a frame that was to be accepted. Fields are added, not changed.
@@ -290,16 +484,15 @@ struct AcceptEntry {
 }
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
-    let goldens = args.folder.open_or_new(args.from.named())?;
+    args.ci.check("accept, with --from and what this run leaves,")?;
     let artefact = args.from.open()?;
-    let waiting = artefact.as_ref().map_or_else(|| goldens.clone(), Artefact::frames);
-    let PendingFrames { frames, unusable } = select(&waiting, &args.frames)?;
-    // What a CI run left may be of several folders of goldens.
+    let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
+    let (frames, unusable) = waiting.select(&args.frames)?;
+    // What a CI run left may be of several folders of goldens, of which one was named.
     let (own, others): (Vec<_>, Vec<_>) =
-        frames.into_iter().partition(|pending| pending.is_of(&goldens));
+        frames.into_iter().partition(|frame| frame.pending.is_of(&frame.goldens));
     if !own.is_empty() && !others.is_empty() {
-        let folders: BTreeSet<&str> =
-            others.iter().map(|pending| pending.provenance.folder.as_str()).collect();
+        let folders: BTreeSet<String> = others.iter().map(folder_of).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
         tell(&format!("note: frames of `{folders}` aren't looked at"));
     }
@@ -309,10 +502,10 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
         by: args.by.clone(),
         any_adapter: args.any_adapter,
         profile: args.profile.clone(),
+        ci_may_write: args.ci.ci_may_write,
     };
     let (mut entries, mut failed) = (Vec::new(), false);
-    for pending in frames {
-        let case = pending.case.clone();
+    for Frame { pending, goldens, name: case } in frames {
         let entry = match goldens.accept(&pending, &acceptance) {
             Ok(done) => AcceptEntry {
                 case,
@@ -364,22 +557,19 @@ struct RejectEntry {
 }
 
 pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
+    args.ci.check("reject")?;
     let artefact = args.from.open()?;
-    let goldens = match &artefact {
-        Some(zip) if zip.is_zip() => {
-            bail!("a frame in a zip can't be rejected: delete the zip instead")
-        }
-        Some(artefact) => artefact.frames(),
-        None => args.folder.open()?,
-    };
+    if artefact.as_ref().is_some_and(Artefact::is_zip) {
+        bail!("a frame in a zip can't be rejected: delete the zip instead");
+    }
     let mut entries = Vec::new();
-    let PendingFrames { frames, unusable } = select(&goldens, &args.frames)?;
-    for pending in frames {
+    let (frames, unusable) = Waiting::of(&args.folder, artefact.as_ref())?.select(&args.frames)?;
+    for Frame { pending, goldens, name: case } in frames {
         goldens.reject(&pending)?;
         if !args.json {
-            writeln!(out, "rejected {}", pending.case)?;
+            writeln!(out, "rejected {case}")?;
         }
-        entries.push(RejectEntry { case: pending.case, file: pending.path });
+        entries.push(RejectEntry { case, file: pending.path });
     }
     if args.json {
         write_json(&entries, out)?;

@@ -7,20 +7,24 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
 use karat::Package;
+use karat::diagnostic::shown;
+use karat::output::counted;
 use karat::package::FunctionItem;
 use karat::probe::Probed;
 use karat::record::Recorded;
-use karat::value::Shape;
+use karat::value::{Scalar, Shape};
 
 use super::doctor::profile::unoptimised;
+use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
 use super::project::Project;
 use super::table::{DIM, GOOD, HEAD};
-use super::{Ending, Outcome, check};
+use super::{Ending, Outcome, PackageArgs, check};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Folder of shaders [default: `shaders` where there is one, else the working directory]
+    /// Folder of shaders [default: the first that `karat test` finds, such as `shaders`, else the working
+    /// directory]
     folder: Option<PathBuf>,
     /// Write a workflow for GitHub Actions
     #[arg(long)]
@@ -28,6 +32,8 @@ pub(super) struct Args {
     /// Write a pipeline for GitLab
     #[arg(long)]
     gitlab: bool,
+    #[command(flatten)]
+    ci: CiArgs,
 }
 
 /// Functions that are tried until a test of one passes.
@@ -37,16 +43,16 @@ const TRIED: usize = 40;
 const AWAY: &str = "0.01..1";
 
 /// What runs leave behind and nobody commits.
-const IGNORED: [&str; 4] = [".karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
+const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    args.ci.check("write a first test")?;
     let folder = match &args.folder {
         Some(folder) => folder.clone(),
-        None if Path::new("shaders").is_dir() => PathBuf::from("shaders"),
-        None => PathBuf::from("."),
+        None => usual_folder()?,
     };
     ensure!(folder.is_dir(), "there is no folder `{}`", folder.display());
     let package = Package::open(&folder)?;
@@ -63,11 +69,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     );
     // Who has tests in Rust and asks for a workflow wants that alone.
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
+    // Before all else: where no test can be offered, nothing is written.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
         writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
-        Ok(None)
+        None
     } else {
-        first_test(&package, &folder, &items, out)
+        first_test(&package, &folder, &items, out)?
     };
     ignore(out)?;
     optimise(&folder, out)?;
@@ -77,8 +84,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.gitlab {
         keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
     }
-    // Without a test the rest is of use, too.
-    let written = written?;
     let good = run_tests(&folder, out)?;
     let folder = folder.display();
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
@@ -105,6 +110,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// The folder whose tests `karat test` runs here, if there is one.
+fn usual_folder() -> anyhow::Result<PathBuf> {
+    let packages = Project::find()?.packages(&PackageArgs::default()).unwrap_or_default();
+    let root = packages.first().map(Package::root).filter(|root| root.is_dir());
+    Ok(PathBuf::from(root.map_or_else(|| ".".to_owned(), |root| shown(&root))))
 }
 
 /// Runs the folder's tests. In a project with a record of a run they add none: of its Rust tests nothing would
@@ -142,54 +154,152 @@ fn first_test(
         return Ok(None);
     }
     let tested = tested(folder)?;
-    let probed = |item: &FunctionItem| Probed::new(package, &item.name).ok();
-    let mut found: Vec<(&FunctionItem, Probed)> =
-        items.iter().filter_map(|item| Some((item, probed(item)?))).collect();
-    found.retain(|(_, probed)| {
-        let function = probed.function();
-        function.bindings.is_empty() && function.result.lanes().iter().all(|lane| lane.is_float())
-    });
-    let testable = found.len();
-    found.retain(|(item, _)| !tested.is(&item.name));
-    if found.is_empty() && testable > 0 {
+    let (own, others): (Vec<_>, Vec<_>) = items.iter().partition(|item| !tested.is(&item.name));
+    let mut found = Functions::default();
+    for item in &own {
+        found.add(package, item);
+    }
+    if found.are_none() && !others.is_empty() {
         writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
         return Ok(None);
     }
-    // Functions with arguments show more.
-    found.sort_by_key(|(_, probed)| probed.function().parameters.is_empty());
-    for away in [false, true] {
-        for (item, probed) in found.iter().take(TRIED) {
-            if let Some(file) = try_test(item, probed, away, folder)? {
+    for attempt in [Attempt::Names, Attempt::Away, Attempt::Table] {
+        let candidates = if attempt == Attempt::Table { &found.others } else { &found.floats };
+        // Functions with arguments show more.
+        let has = |probed: &Probed| !probed.function().parameters.is_empty();
+        let (with, without): (Vec<_>, Vec<_>) =
+            candidates.iter().partition(|(_, probed)| has(probed));
+        for (item, probed) in with.into_iter().chain(without).take(TRIED) {
+            if let Some(file) = try_test(item, probed, attempt, folder)? {
                 writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
                 return Ok(Some(file));
             }
         }
     }
-    anyhow::bail!(
-        "of {} functions none is finite for arguments that its names and types suggest: `karat hazards \
-         --package {}` says why",
-        found.len(),
-        folder.display()
-    )
+    anyhow::bail!(found.told(folder))
 }
 
-/// Writes a test of a function beside its module, for arguments that their names suggest or only `away` from
-/// their ends. `None` if it doesn't pass.
+/// Functions that have no test, by what a first test of them can be.
+#[derive(Default)]
+struct Functions<'i> {
+    /// Those that return floats: they should be finite.
+    floats: Vec<(&'i FunctionItem, Probed)>,
+    /// Those that return integers or booleans: a table has what they return.
+    others: Vec<(&'i FunctionItem, Probed)>,
+    /// Those that read what a test has to bind.
+    bound: Vec<&'i FunctionItem>,
+    /// Those that can't be called, with why.
+    refused: Vec<(&'i FunctionItem, String)>,
+}
+
+impl<'i> Functions<'i> {
+    fn add(&mut self, package: &Package, item: &'i FunctionItem) {
+        let probed = match Probed::new(package, &item.name) {
+            Ok(probed) => probed,
+            Err(error) => return self.refused.push((item, error.to_string())),
+        };
+        let function = probed.function();
+        if !function.bindings.is_empty() {
+            self.bound.push(item);
+        } else if function.result.lanes().iter().all(|lane| lane.is_float()) {
+            self.floats.push((item, probed));
+        } else {
+            self.others.push((item, probed));
+        }
+    }
+
+    fn are_none(&self) -> bool {
+        let Self { floats, others, bound, refused } = self;
+        floats.is_empty() && others.is_empty() && bound.is_empty() && refused.is_empty()
+    }
+
+    /// What was found, where no test passes.
+    fn told(&self, folder: &Path) -> String {
+        let named = |items: &mut dyn Iterator<Item = &FunctionItem>| {
+            let names: Vec<&str> = items.map(|item| &*item.name).collect();
+            let more = if names.len() > SHOWN { ", .." } else { "" };
+            let first = names[..names.len().min(SHOWN)].join("`, `");
+            (names.len(), format!("`{first}`{more}"))
+        };
+        let mut text = "no first test passes, so nothing is written".to_owned();
+        let mut tell = |(count, names): (usize, String), what: &str| {
+            if count > 0 {
+                text += &format!("\n  {}: {what}: {names}", counted(count, "function"));
+            }
+        };
+        let folder = folder.display();
+        tell(
+            named(&mut self.floats.iter().map(|(item, _)| *item)),
+            &format!(
+                "not finite for arguments that names and types suggest; `karat hazards --package {folder}` \
+                 says why"
+            ),
+        );
+        tell(
+            named(&mut self.others.iter().map(|(item, _)| *item)),
+            "returns no floats, and a table of its values on `cpu` isn't what it returns on the other paths",
+        );
+        tell(
+            named(&mut self.bound.iter().copied()),
+            "reads a binding, so its test says what that holds: `with = { name = .. }` in `*.test.toml`",
+        );
+        tell(
+            named(&mut self.refused.iter().map(|(item, _)| *item)),
+            "can't be called by a test; `karat call` says why",
+        );
+        text
+    }
+}
+
+/// Names that a line shows.
+const SHOWN: usize = 4;
+
+/// How a first test of a function is made.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Attempt {
+    /// It is finite for arguments that names and types suggest.
+    Names,
+    /// The same, away from the ends.
+    Away,
+    /// It returns what it returns now, as a table.
+    Table,
+}
+
+/// Writes a test of a function beside its module. `None` if it doesn't pass: then nothing is left of it.
 fn try_test(
     item: &FunctionItem,
     probed: &Probed,
-    away: bool,
+    attempt: Attempt,
     folder: &Path,
 ) -> anyhow::Result<Option<PathBuf>> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let mut file = folder.to_owned();
-    file.extend(module.split("::"));
-    let file = PathBuf::from(format!("{}.test.toml", file.display()));
+    let mut beside = folder.to_owned();
+    beside.extend(module.split("::"));
+    let file = PathBuf::from(format!("{}.test.toml", beside.display()));
+    if file.exists() {
+        return Ok(None);
+    }
     let function = probed.function();
+    if attempt == Attempt::Table {
+        let table = beside.with_file_name(format!("{name}.csv"));
+        if table.exists() || !write_table(item, probed, folder, &table)? {
+            return Ok(None);
+        }
+        let text = format!(
+            "# {function}\n[[test]]\nfunction = \"{name}\"\n# What it returned when this was written, on `cpu`: \
+             correct what is wrong, and add rows of your own.\ntable = \"{name}.csv\"\ntolerance = \"exact\"\n"
+        );
+        let written = passes(item, &file, &text, folder)?;
+        if !written {
+            std::fs::remove_file(&table).with_context(|| format!("`{}`", table.display()))?;
+        }
+        return Ok(written.then_some(file));
+    }
     let float = |shape: &Shape| matches!(shape, Shape::Scalar(scalar) if scalar.is_float());
     let numbers = function.parameters.iter().filter(|(_, shape)| float(shape));
     let over: Vec<String> = numbers.map(|(name, _)| format!("{name} = \"{AWAY}\"")).collect();
-    if file.exists() || away && over.is_empty() {
+    let away = attempt == Attempt::Away;
+    if away && over.is_empty() {
         return Ok(None);
     }
     let over = match away {
@@ -206,18 +316,81 @@ fn try_test(
         let text = format!(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
         );
-        std::fs::write(&file, text).with_context(|| format!("`{}`", file.display()))?;
-        let mut command = this()?;
-        command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
-        // What a test that is thrown away fails on isn't to be remembered.
-        command.env("KARAT_FAILURES", "off");
-        command.stdout(Stdio::null()).stderr(Stdio::null());
-        if command.status().is_ok_and(|status| status.success()) {
+        if passes(item, &file, &text, folder)? {
             return Ok(Some(file));
         }
-        std::fs::remove_file(&file).with_context(|| format!("`{}`", file.display()))?;
     }
     Ok(None)
+}
+
+/// Writes a test, and removes it if it doesn't pass.
+fn passes(item: &FunctionItem, file: &Path, text: &str, folder: &Path) -> anyhow::Result<bool> {
+    std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
+    let mut command = this()?;
+    command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
+    // What a test that is thrown away fails on isn't to be remembered.
+    command.env("KARAT_FAILURES", "off");
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let passes = command.status().is_ok_and(|status| status.success());
+    if !passes {
+        std::fs::remove_file(file).with_context(|| format!("`{}`", file.display()))?;
+    }
+    Ok(passes)
+}
+
+/// Writes a table of what a function returns for some arguments, each of which has small and large ones.
+/// Whether it could be called.
+fn write_table(
+    item: &FunctionItem,
+    probed: &Probed,
+    folder: &Path,
+    table: &Path,
+) -> anyhow::Result<bool> {
+    /// Rows of a table: what a person looks through.
+    const ROWS: usize = 8;
+    let function = probed.function();
+    let columns = function.parameters.iter().flat_map(|(name, shape)| {
+        let names = shape.lane_names().into_iter().map(move |lane| format!("{name}{lane}"));
+        names.zip(shape.lanes())
+    });
+    let columns: Vec<(String, Scalar)> = columns.collect();
+    if columns.is_empty() {
+        return Ok(false);
+    }
+    let cell = |row: usize, column: usize, scalar: Scalar| {
+        // Neighbouring columns have other values in a row.
+        let at = (row + 3 * column) % ROWS;
+        match scalar {
+            Scalar::Bool => ["false", "true"][(row >> (column % 3)) % 2],
+            Scalar::U32 => ["0", "1", "2", "3", "7", "64", "255", "65535"][at],
+            Scalar::I32 => ["0", "1", "-1", "2", "7", "-8", "64", "255"][at],
+            _ => ["0", "1", "0.25", "0.5", "0.75", "2", "-1", "10"][at],
+        }
+    };
+    let names: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
+    let mut text = names.join(",") + "\n";
+    for row in 0..ROWS {
+        let cells = columns.iter().enumerate().map(|(at, (_, scalar))| cell(row, at, *scalar));
+        text += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    let arguments =
+        tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
+    std::fs::write(arguments.path(), text).context("there is no room for temporary files")?;
+    let mut command = this()?;
+    command.args(["call", &item.name, "--path", "cpu", "--exact", "--cases"]).arg(arguments.path());
+    let ran = command.arg("--package").arg(folder).stderr(Stdio::null()).output();
+    let Some(output) = ran.ok().filter(|ran| ran.status.success()) else { return Ok(false) };
+    let called = String::from_utf8_lossy(&output.stdout);
+    // Columns of results are called after the path there, and `result` in a test's table.
+    let head = called.lines().next().unwrap_or_default();
+    let renamed = head.split(',').map(|column| match column.strip_prefix("cpu") {
+        Some(lane) if !names.contains(&column) => format!("result{lane}"),
+        _ => column.to_owned(),
+    });
+    let renamed = renamed.collect::<Vec<_>>().join(",");
+    let rows = called.strip_prefix(head).unwrap_or_default();
+    std::fs::write(table, renamed + rows).with_context(|| format!("`{}`", table.display()))?;
+    Ok(true)
 }
 
 /// Functions that have tests: in the last run, or by their names in the Rust files of `tests`.
@@ -274,8 +447,9 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
         .into_iter()
         // `.karat/` has the folder of runs in it.
         .filter(|line| {
+            let whole = [".karat/", "**/.karat/"];
             let covers =
-                |known: &str| known == *line || known == ".karat/" && line.starts_with(known);
+                |known: &str| known == *line || whole.contains(&known) && *line == IGNORED[0];
             !text.lines().any(|known| covers(known.trim()))
         })
         .collect();

@@ -1,17 +1,18 @@
 //! `karat record`: runs tests by another runner, and keeps what they check as one run.
 
 use std::ffi::OsString;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, ensure};
-use karat::record::{self, Run, Running, SCHEMA};
+use karat::output::Output;
+use karat::record::{self, Run, Running};
 
 use super::project::Project;
-use super::report::{OutputArgs, Tests, short, tables};
+use super::report::{OutputArgs, Sum, short, tables};
 use super::test::unwritable;
-use super::{Ending, Outcome, child};
+use super::{Outcome, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -68,30 +69,100 @@ impl Place {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut unread = std::io::sink();
-    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let project = Project::find()?;
     args.output.spare(&project.record())?;
     let place = Place::of(args.into.as_deref(), &project)?;
     args.output.clear()?;
+    let held = args.output.hold_commands(out)?;
+    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let [program, arguments @ ..] = args.command.as_slice() else {
         anyhow::bail!("no command runs the tests: `karat record -- cargo nextest run`");
     };
     let mut command = Command::new(program);
     command.args(arguments).env("KARAT_RECORD", place.folder());
-    let passed = child::pass_on(&mut command, told)?.success();
+    let mut heard = Heard::default();
+    let passed = heard.run(&mut command, told)?;
     let records = record::read(place.folder())?;
-    tables::expect_some(&records, None)?;
+    if passed {
+        tables::expect_some(&records, None)?;
+    }
     // Which tests another runner leaves out nobody knows.
     let words: Vec<_> = args.command.iter().map(|word| word.to_string_lossy()).collect();
-    let run = Run { schema: SCHEMA, selected: vec![words.join(" ")], passed };
+    let Heard { not_run, stopped } = heard;
+    let selected = vec![words.join(" ")];
+    let run = Run { selected, passed, not_run, stopped, ..Run::default() };
     run.write(place.folder()).context("can't say how the run was made")?;
     let folder = place.end().context("can't keep the record")?;
-    let failed = tables::write(&records, args.output.all, told)?;
-    let tests = Tests { failed: &[], passed, told: true };
-    tables::write_sum(&records, failed, tests, &folder, told)?;
+    let sum = Sum::of(&records, Some(&run));
+    tables::write(&records, args.output.all, told)?;
+    tables::write_sum(&records, &sum, &folder, told)?;
     if args.output.short {
-        short::write(&records, &[], tests, project.root(), out)?;
+        short::write(&records, &[], &sum, project.root(), out)?;
     }
-    args.output.write(&records, Some(&run), &[], &project, out)?;
-    Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })
+    args.output.write(&records, Some(&run), &sum, held, &project, out)?;
+    Ok(sum.ending())
+}
+
+/// What another runner says of tests that it left out after a failure.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Heard {
+    /// How many, if it says so.
+    not_run: u64,
+    /// That it stopped, and no number.
+    stopped: bool,
+}
+
+impl Heard {
+    /// Runs the command; whether it succeeds.
+    fn run(&mut self, command: &mut Command, out: &mut dyn Write) -> anyhow::Result<bool> {
+        let is_seen = std::io::stderr().is_terminal();
+        // It writes through a pipe, and to somebody who sees it.
+        if is_seen && std::env::var_os("CARGO_TERM_COLOR").is_none() {
+            command.env("CARGO_TERM_COLOR", "always");
+        }
+        let mut err = Output::new(std::io::stderr());
+        let mut error = |line: &str| {
+            self.hear(line);
+            Ok(writeln!(err, "{line}")?)
+        };
+        let mut line = |line: &str| {
+            writeln!(out, "{line}")?;
+            Ok(out.flush()?)
+        };
+        Ok(child::run_heard(command, &mut error, &mut line)?.success())
+    }
+
+    /// Of a line on standard error. nextest: `warning: 4/5 tests were not run due to test failure`; Cargo
+    /// stops at the first program of tests that fails: `error: test failed, to rerun pass ..`.
+    fn hear(&mut self, line: &str) {
+        let line = anstream::adapter::strip_str(line).to_string();
+        if let Some((count, _)) = line.split_once(" were not run due to ") {
+            let count = count.trim_start_matches("warning: ");
+            self.not_run = count.split(['/', ' ']).next().and_then(|n| n.parse().ok()).unwrap_or(0);
+            self.stopped |= self.not_run == 0;
+        }
+        self.stopped |= line.starts_with("error: test failed, to rerun pass ");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runners_say_what_they_left_out() {
+        let heard = |line: &str| {
+            let mut heard = Heard::default();
+            heard.hear(line);
+            heard
+        };
+        let nextest =
+            "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
+        assert_eq!(heard(nextest), Heard { not_run: 4, stopped: false });
+        let coloured = "\u{1b}[33mwarning\u{1b}[0m: 12/50 tests were not run due to test failure";
+        assert_eq!(heard(coloured), Heard { not_run: 12, stopped: false });
+        let cargo = "error: test failed, to rerun pass `--lib`";
+        assert_eq!(heard(cargo), Heard { not_run: 0, stopped: true });
+        assert_eq!(heard("test a ... FAILED"), Heard::default());
+    }
 }

@@ -9,7 +9,7 @@ use karat::diagnostic::nearest;
 use karat::record::{Record, Recorded};
 
 use super::project::Project;
-use super::report::{is_failure, subject};
+use super::report::{Names, is_failure};
 use super::{Ending, NotThere, Outcome, child};
 
 #[derive(clap::Args)]
@@ -28,9 +28,10 @@ const LENGTH: usize = 4;
 /// its name from run to run. All are as long as the longest needs to be.
 pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let failed = records.iter().filter(|record| is_failure(record) && command(record).is_some());
+    let called = Names::of(records);
     let hash = |record: &Record| {
         let mut hasher = blake3::Hasher::new();
-        for part in [&record.test, &subject(record)] {
+        for part in [&record.cargo_package, &record.test, &called.subject(record)] {
             hasher.update(part.as_bytes()).update(&[0]);
         }
         hasher.finalize().to_hex().to_string()
@@ -87,8 +88,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
         None if names.len() > 1 => {
-            let lines =
-                names.iter().map(|(name, record)| format!("\n  {name}  {}", subject(record)));
+            let called = Names::of(&records);
+            let lines = names
+                .iter()
+                .map(|(name, record)| format!("\n  {name}  {}", called.subject(record)));
             let lines: String = lines.collect();
             return Err(NotThere(format!("which one?{lines}")).into());
         }

@@ -6,8 +6,10 @@ mod github;
 mod html;
 mod junit;
 pub(super) mod merge;
+pub(super) mod names;
 mod pictures;
 pub(super) mod short;
+pub(super) mod sum;
 pub(super) mod tables;
 
 use std::collections::BTreeSet;
@@ -17,19 +19,21 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use karat::Package;
 use karat::image::write_whole;
-use karat::output::{counted, visible};
+use karat::output::{counted, visible, visible_json};
 use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
 use karat_suite::{Suite, Test};
 
 use crate::review::{Failure, FrameRun, LastRun};
 
+pub(super) use self::github::Held;
 use self::html::Beside;
+pub(super) use self::names::Names;
+pub(super) use self::sum::Sum;
 pub(super) use self::tables::is_failure;
 use super::list::callable;
 use super::project::Project;
-use super::table::BAD;
-use super::{Ending, NotThere, Outcome, spare};
+use super::{NotThere, Outcome, spare};
 
 /// What is written besides the tables.
 #[derive(clap::Args)]
@@ -93,8 +97,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         })
     };
     let folder = args.record.clone().unwrap_or_else(|| project.record());
-    let Recorded { folder, records, run } = match args.merge.as_slice() {
-        [] => recorded(&folder)?,
+    let (Recorded { folder, records, run }, reasons) = match args.merge.as_slice() {
+        [] => (recorded(&folder)?, Vec::new()),
         folders => {
             let places = folders.iter().map(|folder| folder.canonicalize().ok());
             let places: Vec<_> = places.collect();
@@ -111,37 +115,31 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             for part in &parts {
                 args.output.spare(&part.folder)?;
             }
-            merge::merged(parts)
+            (merge::merged(&parts), merge::missing(&parts))
         }
     };
     args.output.spare(&folder)?;
-    tables::expect_some(&records, None)?;
+    if run.as_ref().is_none_or(|run| run.passed) {
+        tables::expect_some(&records, None)?;
+    }
+    let mut sum = reasons.into_iter().fold(Sum::of(&records, run.as_ref()), Sum::with);
+    if args.merge.is_empty() && args.record.is_none() && was_killed(&project.record()) {
+        let why = "a later run was stopped before its end: this is the one before it";
+        sum = sum.with(why.to_owned());
+    }
+    let held = args.output.hold_commands(out)?;
     let mut unread = std::io::sink();
     let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
-    let failed = tables::write(&records, args.output.all, told)?;
-    // Of a run that didn't end nobody knows.
-    let passed = run.as_ref().is_some_and(|run| run.passed);
-    // Without a record of their own they are known by their names.
-    let of_project = args.merge.is_empty() && args.record.is_none();
-    let failing = if of_project { super::test::failed(&project) } else { Vec::new() };
-    let tests = Tests { failed: &failing, passed: passed || run.is_none(), told: false };
-    tables::write_sum(&records, failed, tests, &folder, told)?;
+    tables::write(&records, args.output.all, told)?;
+    tables::write_sum(&records, &sum, &folder, told)?;
     if args.output.short {
-        short::write(&records, &[], tests, project.root(), out)?;
-    }
-    let killed = of_project && was_killed(&project.record());
-    if killed {
-        let why = "a later run was stopped before its end: this is the one before it";
-        writeln!(out, "{BAD}{why}{BAD:#}")?;
+        short::write(&records, &[], &sum, project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(
-            out,
-            "the record doesn't say that its run ended: `karat test` does, and `karat record` for another runner"
-        )?;
+        writeln!(out, "`karat test` says that a run ended, and `karat record` for another runner")?;
     }
-    args.output.write(&records, run.as_ref(), &failing, &project, out)?;
-    Ok(if passed && failed == 0 && !killed { Ending::Good } else { Ending::Bad })
+    args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;
+    Ok(sum.ending())
 }
 
 /// Writes the page of records that were made path by path: their paths stand side by side.
@@ -153,9 +151,9 @@ pub(super) fn write_page(
     let records = merge::side_by_side(records);
     let packages = project.tested(&records)?;
     let untested = Some(names(untested(&records, &packages)?));
-    let passed = !records.iter().any(is_failure);
-    let run = Run { schema: SCHEMA, selected: Vec::new(), passed };
-    let text = html::page(&records, Some(&run), &Beside { untested, ..Beside::default() });
+    let run = Run { passed: !records.iter().any(is_failure), ..Run::default() };
+    let sum = Sum::of(&records, Some(&run));
+    let text = html::page(&records, Some(&run), &sum, &Beside { untested, ..Beside::default() });
     let folder = page.parent().unwrap_or(page);
     std::fs::create_dir_all(folder)
         .and_then(|()| write_whole(page, visible(&text).as_bytes()))
@@ -190,6 +188,12 @@ impl OutputArgs {
         [&self.junit, &self.html, &self.json].into_iter().flatten().map(PathBuf::as_path)
     }
 
+    /// Has GitHub's runner, where it is one that reads, take no line for a command until the commands are
+    /// Karat's own: names and messages of tests say what they like.
+    pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
+        if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
+    }
+
     /// Removes a report of a run before, which this one may not live to replace.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
         self.files().try_for_each(|file| match std::fs::remove_file(file) {
@@ -204,14 +208,18 @@ impl OutputArgs {
         &self,
         records: &[Record],
         run: Option<&Run>,
-        failed: &[String],
+        sum: &Sum,
+        held: Held,
         project: &Project,
         out: &mut dyn Write,
     ) -> anyhow::Result<()> {
-        let passed = run.is_some_and(|run| run.passed);
-        let tests = Tests { failed, passed, told: false };
+        held.release(out)?;
         let write = |file: &Path, text: &str| {
-            write_whole(file, visible(text).as_bytes())
+            let shown = match self.json.as_deref() == Some(file) {
+                true => visible_json(text),
+                false => visible(text),
+            };
+            write_whole(file, shown.as_bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))
         };
         if let Some(file) = &self.json {
@@ -227,15 +235,14 @@ impl OutputArgs {
             let hazards = self.hazards.then(look).transpose()?;
             let (review, matrix) = (self.review.as_deref(), self.matrix.as_deref());
             let beside = Beside { untested, hazards, review, matrix };
-            write(file, &html::page(records, run, &beside))?;
+            write(file, &html::page(records, run, sum, &beside))?;
         }
-        let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
-        if self.github || (on_github && !self.short) {
-            github::write(records, passed, project, out)?;
+        if self.github || (github::runs_here() && !self.short) {
+            github::write(records, sum, project, out)?;
         }
         // Behind GitHub's, which clears pictures that this one names.
         if let Some(file) = &self.junit {
-            write(file, &junit::text(records, tests, project)?)?;
+            write(file, &junit::text(records, sum, project)?)?;
         }
         Ok(())
     }
@@ -276,14 +283,6 @@ fn names(items: Vec<FunctionItem>) -> Vec<String> {
     items.into_iter().map(|item| item.name).collect()
 }
 
-/// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.
-pub(super) fn subject(record: &Record) -> String {
-    match &record.subject {
-        Subject::Function { function, check, .. } => format!("{function} {check}"),
-        Subject::Frame { golden, .. } => format!("frame {golden}"),
-    }
-}
-
 /// How much fails on a path: `3 of 4096 cases`; of a sampler, which is judged as a whole for each of its
 /// configurations, `2 of 8 configurations`.
 fn failing(path: &PathRecord) -> String {
@@ -295,40 +294,13 @@ fn failing(path: &PathRecord) -> String {
 
 /// The tests that failed although each of their checks passed: a panic, or an assertion that isn't Karat's.
 /// `failed` are the names of all tests that failed.
-fn outside<'t>(records: &[Record], failed: &'t [String]) -> Vec<&'t str> {
+fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     let by_check: BTreeSet<&str> = records
         .iter()
         .filter(|record| is_failure(record))
         .map(|record| record.test.as_str())
         .collect();
-    failed.iter().map(String::as_str).filter(|test| !by_check.contains(test)).collect()
-}
-
-/// Names that are shown of tests which failed outside of checks.
-const OUTSIDE: usize = 4;
-
-/// A line on the tests that failed outside of checks; `None` where there are none.
-fn told_outside(records: &[Record], Tests { failed, passed, .. }: Tests<'_>) -> Option<String> {
-    let outside = outside(records, failed);
-    if outside.is_empty() {
-        let unexplained = !passed && !records.iter().any(is_failure);
-        return unexplained.then(|| "a test failed outside of Karat's checks".to_owned());
-    }
-    let shown = outside.iter().take(OUTSIDE).copied().collect::<Vec<_>>().join(", ");
-    let more = if outside.len() > OUTSIDE { ", ..." } else { "" };
-    let count = counted(outside.len(), "test");
-    Some(format!("{count} failed outside of Karat's checks: {shown}{more}"))
-}
-
-/// How the tests of a run ended.
-#[derive(Clone, Copy)]
-pub(super) struct Tests<'t> {
-    /// Names of those that failed, as far as they are known.
-    pub(super) failed: &'t [String],
-    /// Whether all passed.
-    pub(super) passed: bool,
-    /// Whether their own messages stand above.
-    pub(super) told: bool,
+    failed.iter().filter(|test| !by_check.contains(&***test)).cloned().collect()
 }
 
 /// A message, beginning with the line that says what is wrong. That of a frame begins with what
@@ -350,7 +322,7 @@ fn message(record: &Record) -> Option<String> {
 
 /// What the review shows of a run: where its frames come from, and the functions that fail.
 pub(super) fn review_of(records: &[Record]) -> LastRun {
-    let mut run = LastRun::default();
+    let (mut run, names) = (LastRun::default(), Names::of(records));
     for record in records {
         let replays = replays(record).into_iter().map(str::to_owned).collect();
         let test = record.test.clone();
@@ -369,7 +341,7 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
             }
             Subject::Function { location, .. } if is_failure(record) => {
                 run.failures.push(Failure {
-                    name: subject(record),
+                    name: names.subject(record),
                     test,
                     place: location.clone(),
                     message: message(record).unwrap_or_default(),

@@ -11,7 +11,7 @@ use karat::output::counted;
 use karat::record::{Recorded, Subject};
 
 use super::artefact::Artefact;
-use super::goldens::{FolderArgs, FromArgs, report};
+use super::goldens::{CiArgs, FolderArgs, FromArgs, report};
 use super::project::Project;
 use super::report::review_of;
 use super::{Ending, Outcome};
@@ -32,6 +32,8 @@ pub(super) struct Args {
     #[arg(long)]
     goldens: bool,
     #[command(flatten)]
+    ci: CiArgs,
+    #[command(flatten)]
     from: FromArgs,
     #[command(flatten)]
     folder: FolderArgs,
@@ -39,14 +41,19 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
-    let mut review = Review::new(args.folder.open()?).with_arguments(&arguments(args));
+    if args.files.is_none() {
+        args.ci.check("review, with --from and what this run leaves,")?;
+    }
+    let goldens = args.folder.open(artefact.as_ref())?;
+    let mut review = Review::new(goldens.clone()).with_arguments(&arguments(args));
+    review = review.may_write_in_ci(args.ci.ci_may_write);
     if let Some(artefact) = &artefact {
         review = review.pending_in(artefact.folder());
     }
     if args.goldens {
         review = review.with_goldens();
     }
-    if let Some(run) = last_run(artefact.as_ref(), &args.folder.open()?) {
+    if let Some(run) = last_run(artefact.as_ref(), &goldens) {
         review = review.with_run(run);
     }
     if let Some(folder) = &args.files {

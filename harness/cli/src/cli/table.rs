@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-use karat::output::{Style, visible};
+use karat::output::{Style, one_line};
 
 use super::terminal;
 
@@ -53,8 +53,8 @@ impl Table {
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
-        // As wide as they are shown.
-        let cells = cells.iter().map(|cell| visible(cell).into_owned()).collect();
+        // As wide as they are shown, and each in its row.
+        let cells = cells.iter().map(|cell| one_line(cell).into_owned()).collect();
         self.rows.push((style, cells));
     }
 

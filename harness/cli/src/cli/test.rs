@@ -11,7 +11,7 @@ use std::process::{Command, ExitStatus};
 use anyhow::Context;
 use karat::Package;
 use karat::diagnostic::{nearest, shown};
-use karat::output::{Output, counted};
+use karat::output::{Output, counted, name};
 use karat::package::LeftOut;
 use karat::record::{self, Record, Recorded, Run, Running};
 use karat::reflect::Invalid;
@@ -20,9 +20,9 @@ use karat_suite::{Suite, Test};
 use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
-use super::report::{OutputArgs, Tests, colour, is_failure, short, tables, untested};
+use super::report::{OutputArgs, Sum, colour, is_failure, short, tables, untested};
 use super::table::{BAD, DIM, HEAD, KNOWN};
-use super::{Ending, NotThere, Outcome, PackageArgs, check, child, suite};
+use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -77,12 +77,13 @@ struct Asked<'a> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // What isn't a failure's line has no reader then.
     let mut unread = std::io::sink();
-    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let asked = Asked::of(args)?;
     let project = asked.project()?;
     let asked = asked.with_failed(&project)?.with_tests_of_functions(&project);
     args.output.spare(&project.record())?;
     args.output.clear()?;
+    let held = args.output.hold_commands(out)?;
+    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let mut subjects = Subjects::read(&project.record());
     asked.write_unknown(&project, &subjects, told)?;
     // The record of the last run stays until there is another one.
@@ -142,23 +143,27 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     } else {
         check::invalid_as_used(&project.used(&records)?, running.folder())?
     };
-    let good = passed && invalid.is_empty();
-    let run =
-        Run { schema: record::SCHEMA, selected: asked.selected(project.is_cargo()), passed: good };
+    let run = Run {
+        selected: asked.selected(project.is_cargo()),
+        passed: passed && invalid.is_empty(),
+        failed: progress.failed().iter().map(|test| name(test).into_owned()).collect(),
+        invalid: check::names(&invalid),
+        ..Run::default()
+    };
     run.write(running.folder()).context("can't say how the run was made")?;
+    let sum = Sum::of(&records, Some(&run));
     let (folder, _of_replay) = match is_replay {
         true => (project.record(), Some(running)),
         false => (running.end().context("can't keep the record")?, None),
     };
-    let failed = tables::write(&records, args.output.all, told)?;
+    tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
         let tested = if declared { packages } else { project.tested(&records)? };
         write_untested(&records, tested, &invalid, told)?;
     }
     check::write(&invalid, told)?;
-    let tests = Tests { failed: progress.failed(), passed, told: true };
-    tables::write_sum(&records, failed, tests, &folder, told)?;
+    tables::write_sum(&records, &sum, &folder, told)?;
     if args.leaves_frames_out() {
         writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
     }
@@ -166,10 +171,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_silent(&records, progress.passed(), args.output.all, told)?;
     }
     if args.output.short {
-        short::write(&records, &invalid, tests, project.root(), out)?;
+        short::write(&records, &invalid, &sum, project.root(), out)?;
     }
-    args.output.write(&records, Some(&run), progress.failed(), &project, out)?;
-    Ok(if good && failed == 0 { Ending::Good } else { Ending::Bad })
+    args.output.write(&records, Some(&run), &sum, held, &project, out)?;
+    Ok(sum.ending())
 }
 
 impl Args {
@@ -600,11 +605,6 @@ impl<'a> Asked<'a> {
     }
 }
 
-/// Tests that failed in the last run, with or without a record.
-pub(super) fn failed(project: &Project) -> Vec<String> {
-    Subjects::read(&project.record()).failed().to_vec()
-}
-
 /// That a run has no place for what it leaves.
 pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
@@ -628,7 +628,7 @@ fn write_silent(
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     let recorded: HashSet<&str> = records.iter().map(|record| &*record.test).collect();
-    let silent = passed.iter().map(String::as_str).filter(|name| !recorded.contains(name));
+    let silent = passed.iter().map(String::as_str).filter(|test| !recorded.contains(&*name(test)));
     let silent: Vec<&str> = silent.collect();
     if silent.is_empty() {
         return Ok(());

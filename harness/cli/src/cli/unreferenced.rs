@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use self::facts::Doubt;
 use self::files::{Files, Golden, Stray};
-use super::goldens::FolderArgs;
+use super::goldens::{CiArgs, FolderArgs};
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD};
 use super::{Ending, NotThere, Outcome, write_json};
@@ -37,6 +37,8 @@ pub(super) struct Args {
     /// Folder of records [default: that of the last run]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
+    #[command(flatten)]
+    ci: CiArgs,
     #[command(flatten)]
     folder: FolderArgs,
 }
@@ -72,6 +74,9 @@ struct Evidence {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if args.delete {
+        args.ci.check("delete")?;
+    }
     let folder = args.folder.path()?;
     let record = match &args.record {
         Some(folder) => folder.clone(),

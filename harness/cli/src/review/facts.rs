@@ -172,6 +172,7 @@ mod tests {
             processor: "one".to_owned(),
             facts: std::collections::BTreeMap::new(),
             folder: String::new(),
+            cargo_package: String::new(),
             compared_with: String::new(),
             compared_profile: String::new(),
             finding: None,

@@ -268,6 +268,7 @@ impl Desk {
             // The golden of a profile that it was compared with is what it replaces.
             profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
                 .then(|| pending.profile().to_string()),
+            ci_may_write: self.review.ci_may_write,
         };
         let accepted = self.review.goldens.accept(pending, &acceptance)?;
         for warning in accepted.warnings {

@@ -48,7 +48,7 @@ fn a_first_test_is_written_and_passes() {
     let ran = karat(folder.path(), &["init", "--github", "--gitlab"]).good();
     for part in [
         "wrote shaders/brdf.test.toml, a test of `brdf::lambert`",
-        "added .karat/run/, *.new.exr, *.new.csv, *.new.png to .gitignore",
+        "added **/.karat/run/, *.new.exr, *.new.csv, *.new.png to .gitignore",
         "wrote .github/workflows/karat.yml",
         "wrote .gitlab-ci.karat.yml",
         "2 checks, 0 failed",
@@ -57,7 +57,7 @@ fn a_first_test_is_written_and_passes() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     let read = |file: &str| std::fs::read_to_string(folder.path().join(file)).expect(file);
-    assert_eq!(read(".gitignore"), "target\n.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
+    assert_eq!(read(".gitignore"), "target\n**/.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("in_range = [0, 1]"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
     // Broken, the first test is red.
@@ -138,8 +138,97 @@ fn what_has_nothing_to_test_is_told() {
     assert!(init().contains("no function of `.` can be called"), "{}", init());
     write(folder.path(), "a.wgsl", "fn f(x: f32) -> f32 { return sqrt(-1.0 - x * x); }\n");
     assert!(init().contains("karat hazards"), "{}", init());
-    // The rest is there.
-    assert!(folder.path().join(".gitignore").exists());
+    // Where no test passes nothing is written: not even what goes with it.
+    let bound = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
+                 fn tex(uv: vec2f) -> vec4f { return textureLoad(t, vec2i(uv), 0); }\n";
+    write(folder.path(), "b.wgsl", bound);
+    let told = init();
+    for part in ["1 function: not finite", "`a::f`", "1 function: reads a binding", "`b::tex`"] {
+        assert!(told.contains(part), "no `{part}` in {told}");
+    }
+    let with = karat(folder.path(), &["init", "--github"]).error();
+    assert!(with.contains("nothing is written"), "{with}");
+    let left = std::fs::read_dir(folder.path()).expect("there").count();
+    assert_eq!(left, 2, "the two modules alone");
     let none = karat(folder.path(), &["init", "nowhere"]).error();
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
+}
+
+/// What returns integers or booleans has a table of what it returns, which holds on each path.
+#[test]
+fn integers_get_a_table() {
+    for (function, table) in [
+        ("fn f(seed: u32) -> u32 { return (seed ^ 61u) * 9u; }", "seed,result\n0,549\n1,540\n"),
+        ("fn f(x: i32, y: u32) -> bool { return x < 0 && y > 1u; }", "x,y,result\n"),
+        (
+            "fn f(p: vec2i, on: bool) -> vec2i { return select(p, p / 8, on); }",
+            "p.x,p.y,on,result.x",
+        ),
+        ("fn f(x: f32) -> i32 { return i32(floor(x * 3.0)); }", "x,result\n"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write(folder.path(), "shaders/m.wgsl", function);
+        let ran = karat(folder.path(), &["init"]).good();
+        assert!(ran.contains("a test of `m::f`") && ran.contains("1 check, 0 failed"), "{ran}");
+        let read = |file| std::fs::read_to_string(folder.path().join(file)).expect("written");
+        assert!(read("shaders/f.csv").starts_with(table), "{}", read("shaders/f.csv"));
+        // It can fail.
+        let other = function.replacen("return ", "return (", 1).replacen("; }", ") ; }", 1);
+        write(folder.path(), "shaders/m.wgsl", &other);
+        assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(0), "the same function");
+        let values = read("shaders/f.csv");
+        let (rows, last) = values.trim_end().rsplit_once(',').expect("a row");
+        let changed = match last {
+            "true" => "false",
+            "false" => "true",
+            _ => "12345",
+        };
+        write(folder.path(), "shaders/f.csv", &format!("{rows},{changed}\n"));
+        assert_eq!(karat(folder.path(), &["test", "shaders"]).code, Some(1), "{values}");
+    }
+}
+
+/// What git ignores is what runs leave, wherever the folder of shaders is.
+#[test]
+fn git_ignores_what_runs_leave() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "lib/shaders/m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
+    let git = |arguments: &[&str]| {
+        let mut git = Command::new("git");
+        let ran = git.current_dir(path).args(arguments).output().expect("git is there");
+        String::from_utf8_lossy(&ran.stdout).into_owned()
+    };
+    git(&["init", "-q"]);
+    karat(path, &["init", "lib/shaders"]).good();
+    assert!(path.join("lib/shaders/.karat/run/record").is_dir());
+    let seen = git(&["status", "--porcelain", "-uall"]);
+    assert_eq!(seen, "?? .gitignore\n?? lib/shaders/m.test.toml\n?? lib/shaders/m.wgsl\n");
+}
+
+/// The folder is that whose tests `karat test` runs.
+#[test]
+fn the_folder_is_the_one_that_is_declared() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "assets/wgsl/m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
+    let manifest =
+        "[package]\nname = \"a\"\n[package.metadata.karat]\npackages = [\"assets/wgsl\"]\n";
+    write(path, "Cargo.toml", manifest);
+    let ran = karat(path, &["init"]).good();
+    assert!(ran.contains("wrote assets/wgsl/m.test.toml"), "{ran}");
+}
+
+#[test]
+fn nothing_is_written_in_ci_unless_it_may() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
+    let init = |more: &[&str]| {
+        output(command(folder.path(), &[&["init"], more].concat()).env("CI", "true"))
+    };
+    let error = init(&[]).error();
+    assert!(error.contains("`CI` is set") && error.contains("--ci-may-write"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("there").count(), 1);
+    init(&["--ci-may-write"]).good();
+    assert!(folder.path().join("m.test.toml").is_file());
 }

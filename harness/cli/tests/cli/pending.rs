@@ -26,10 +26,21 @@ pub(crate) fn write_frame(
     adapter: &str,
     compared_with: &str,
 ) {
+    write_of(golden, file, ("", ""), provenance(case, "", adapter, compared_with));
+}
+
+/// A pending frame of a crate and its folder of goldens.
+fn write_of(
+    place: &FilePath,
+    file: &str,
+    (cargo_package, folder): (&str, &str),
+    provenance: Provenance,
+) {
     let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
-    let provenance = provenance(case, &image.hash(), adapter, compared_with);
+    let (cargo_package, folder) = (cargo_package.to_owned(), folder.to_owned());
+    let provenance = Provenance { pixels: image.hash(), cargo_package, folder, ..provenance };
     let metadata = serde_json::to_string(&provenance).expect("plain data");
-    let path = golden.join(format!("{file}.new.exr"));
+    let path = place.join(format!("{file}.new.exr"));
     image.write_exr(&path, Precision::Half, Some(&metadata)).expect("written");
 }
 
@@ -59,6 +70,7 @@ pub(crate) fn provenance(
         processor: String::new(),
         facts: BTreeMap::new(),
         folder: String::new(),
+        cargo_package: String::new(),
         compared_with: compared_with.to_owned(),
         compared_profile: String::new(),
         finding: None,
@@ -298,4 +310,131 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     }
     let above = folder.parent().expect("a folder").join("evil.new.exr");
     assert!(!above.exists() && !FilePath::new("/evil.new.exr").exists());
+}
+
+/// A workspace of two crates, `a` and `b`, whose names in Cargo are others than their folders'. `a` has a
+/// golden.
+fn workspace() -> TempDir {
+    let project = tempfile::tempdir().expect("a temporary folder");
+    let folder = project.path();
+    write(folder, "Cargo.toml", "[workspace]\nmembers = [\"crates/*\"]\n");
+    write(folder, "Cargo.lock", "");
+    for name in ["lamp", "sky"] {
+        let manifest = format!("[package]\nname = \"the-{name}\"\n");
+        write(folder, &format!("crates/{name}/Cargo.toml"), &manifest);
+    }
+    std::fs::create_dir_all(folder.join("crates/lamp/golden")).expect("a folder");
+    project
+}
+
+fn new(case: &str) -> Provenance {
+    provenance(case, "", LAVAPIPE, "")
+}
+
+/// The first golden of a crate makes the crate's folder, and no other's is written into.
+#[test]
+fn a_first_golden_goes_to_its_own_crate() {
+    let project = workspace();
+    let folder = project.path();
+    let ci = folder.join("ci/pending");
+    write_of(&ci, "crates/sky/golden/dusk", ("the-sky", "crates/sky/golden"), new("dusk"));
+    let frame = std::fs::read(ci.join("crates/sky/golden/dusk.new.exr")).expect("written");
+    zip(&folder.join("k.zip"), &[("pending/crates/sky/golden/dusk.new.exr", &frame)]);
+    let accept = ["accept", "dusk", "--from", "k.zip", "--because", "x"];
+    // In CI nothing is written, unless it may.
+    let refused = output(command(folder, &accept).env("CI", "true")).error();
+    assert!(refused.contains("`CI` is set, and CI writes nothing into your sources"), "{refused}");
+    assert!(refused.contains("--ci-may-write"), "{refused}");
+    assert!(!folder.join("crates/sky/golden").exists());
+    assert_eq!(karat(folder, &accept).good(), "accepted dusk\n");
+    assert!(folder.join("crates/sky/golden/dusk.exr").is_file());
+    assert!(folder.join("crates/sky/golden/dusk.toml").is_file());
+    assert!(!folder.join("golden").exists());
+    assert_eq!(std::fs::read_dir(folder.join("crates/lamp/golden")).expect("there").count(), 0);
+    // Another folder is refused, whoever names it.
+    let other = [&accept[..], &["--golden", "crates/lamp/golden"]].concat();
+    let error = karat(folder, &other).failure(1);
+    assert!(error.contains("compared with goldens of `crates/sky/golden`"), "{error}");
+    let may = [&accept[..], &["--ci-may-write"]].concat();
+    output(command(folder, &may).env("CI", "true")).good();
+}
+
+/// Frames of one name in two crates are told apart by their crates' names.
+#[test]
+fn frames_of_one_name_are_named_by_their_crates() {
+    let project = workspace();
+    let folder = project.path();
+    let crates = [("the-lamp", "crates/lamp/golden"), ("the-sky", "crates/sky/golden")];
+    for (at, (name, golden)) in crates.into_iter().enumerate() {
+        write_of(&folder.join("ci/pending").join(golden), "dusk", (name, golden), new("dusk"));
+        // Here they wait beside their goldens.
+        write_of(&folder.join(golden), "dusk", (name, golden), new("dusk"));
+        write_of(
+            &folder.join(golden),
+            &format!("own-{at}"),
+            (name, golden),
+            new(&format!("own-{at}")),
+        );
+    }
+    for from in [&[][..], &["--from", "ci"]] {
+        let pending = karat(folder, &[&["pending"], from].concat());
+        assert_eq!(pending.code, Some(3), "{pending:?}");
+        for name in ["the-lamp::dusk", "the-sky::dusk", "crates/sky/golden"] {
+            assert!(pending.out.contains(name), "no {name} in {pending:?}");
+        }
+        let because = [from, &["--because", "x"]].concat();
+        let both = karat(folder, &[&["accept", "dusk"][..], &because].concat()).error();
+        let told = "`dusk` waits in several crates: name `the-lamp::dusk` or `the-sky::dusk`";
+        assert!(both.contains(told), "{both}");
+        let one = karat(folder, &[&["accept", "the-sky::dusk"][..], &because].concat()).good();
+        assert!(one.contains("accepted the-sky::dusk\n"), "{one}");
+        assert!(folder.join("crates/sky/golden/dusk.exr").is_file());
+        assert!(!folder.join("crates/lamp/golden/dusk.exr").exists());
+        for file in ["dusk.exr", "dusk.toml"] {
+            std::fs::remove_file(folder.join("crates/sky/golden").join(file)).expect("written");
+        }
+        let none =
+            karat(folder, &[&["accept", "the-moon::dusk"][..], &because].concat()).failure(3);
+        assert!(none.contains("`the-moon::dusk` isn't pending"), "{none}");
+    }
+    // A name that one crate has needs none.
+    let own = karat(folder, &["reject", "own-1", "the-lamp::*"]).good();
+    assert_eq!(own, "rejected dusk\nrejected own-0\nrejected own-1\n");
+}
+
+/// A frame of another machine says where it belongs, and is believed no more than its name.
+#[test]
+fn a_frame_that_belongs_outside_of_the_project_is_refused() {
+    let project = workspace();
+    let folder = project.path();
+    for (at, golden) in ["../../elsewhere", "/tmp/elsewhere", ".git/hooks"].into_iter().enumerate()
+    {
+        let case = format!("evil-{at}");
+        write_of(&folder.join("ci"), &case, ("the-sky", golden), new(&case));
+        let accept = ["accept", &case, "--from", "ci", "--because", "x"];
+        let error = karat(folder, &accept).error();
+        assert!(error.contains("which is no folder of a project here"), "{error}");
+    }
+    assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
+}
+
+/// Whatever writes into sources refuses to in CI.
+#[test]
+fn commands_that_write_refuse_to_in_ci() {
+    let project = with_goldens();
+    let folder = project.path();
+    pending_frame(&folder.join("golden"), "scene", LAVAPIPE);
+    for arguments in [
+        &["accept", "scene", "--because", "x"][..],
+        &["reject", "scene"],
+        &["review"],
+        &["unreferenced", "--delete"],
+    ] {
+        let error = output(command(folder, arguments).env("CI", "1")).error();
+        assert!(error.contains("`CI` is set") && error.contains("--ci-may-write"), "{error}");
+        assert!(folder.join("golden/scene.new.exr").is_file(), "{arguments:?}");
+    }
+    output(command(folder, &["review", "--static", "page"]).env("CI", "1"));
+    assert!(folder.join("page/index.html").is_file(), "a page is no source");
+    output(command(folder, &["reject", "scene", "--ci-may-write"]).env("CI", "1")).good();
 }

@@ -89,7 +89,7 @@ fn run() -> (TempDir, String) {
 fn record(project: &TempDir, lines: &str, passed: bool) {
     let folder = project.path().join("target/karat/record");
     write(&folder, "1.jsonl", lines);
-    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed };
+    let run = Run { passed, ..Run::default() };
     run.write(&folder).expect("written");
 }
 
@@ -207,7 +207,7 @@ fn places_are_relative_to_what_ci_checked_out() {
     write(&folder, "shaders/calc.wgsl", "\n\n\nfn double(x: f32) -> f32 { return x; }\n");
     let records = folder.join("target/karat/record");
     write(&records, "1.jsonl", &on_two_paths(&folder.join("shaders"), "\"overlay\":null"));
-    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed: false };
+    let run = Run { passed: false, ..Run::default() };
     run.write(&records).expect("written");
     for (variable, value, file) in [
         ("GITHUB_WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
@@ -356,8 +356,8 @@ fn github_gets_annotations_a_summary_and_pictures() {
     let summary = std::fs::read_to_string(project.path().join("summary.md")).expect("written");
     assert!(summary.starts_with("before\n## Karat\n\n4 checks, 3 failed"), "{summary}");
     for part in [
-        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
-        "| frame furnace/scene | vulkan | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
+        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp &#124; more | 700% | 1 ulp |\n",
+        "| frame furnace/scene | vulkan | 100 | 1 | 7 ulp &#124; more | 700% | 1 ulp |\n",
         "| frame new | - | 0 | - | error | | |\n",
         "fails, 50%: &lt;b&gt;",
         "Replay: <code>KARAT_CASE=calc::double/agrees_with/3 cargo test calc</code>",
@@ -485,8 +485,7 @@ fn a_failure_outside_of_checks_is_annotated_too() {
     let lines = function("calc::same", "gl", "pass", None);
     record(&project, &lines, false);
     let ran = karat(project.path(), &["report", "--github"]);
-    let outside =
-        "::error title=karat::A test failed outside of Karat's checks, or the run didn't end.";
+    let outside = "::error title=karat::a test failed outside of Karat's checks";
     assert_eq!(annotations(&ran), [outside]);
     record(&project, &lines, true);
     assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
@@ -535,7 +534,7 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     let both = run(&[], "yes");
     assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
     let short = run(&["--short"], "yes");
-    let end = format!("1 check, 1 failed; {told}; leave --short out to see it\n");
+    let end = format!("{told}; 1 check, 1 failed; leave --short out to see it\n");
     assert!(short.out.ends_with(&end), "{short:?}");
     let by_check = run(&[], "");
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
@@ -605,4 +604,109 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     write(folder, "lines.jsonl", "");
     assert_eq!(test(&["--junit", "junit.xml"], "101").code, Some(2));
     assert!(!folder.join("junit.xml").exists());
+}
+
+/// Checks of one test by one verb are several cases: readers show the first of those that have one name.
+#[test]
+fn junit_has_no_two_cases_of_one_name() {
+    let project = project();
+    let check = function("calc::same", "gl", "pass", None).replace("agrees_with", "satisfies");
+    record(&project, &check.repeat(3), true);
+    let text = junit(&project, project.path(), &[]);
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let cases = xml.descendants().filter(|node| node.has_tag_name("testcase"));
+    let names: Vec<&str> = cases.map(|case| attribute(case, "name")).collect();
+    let own = "calc::same satisfies on gl";
+    assert_eq!(names, [own.to_owned(), format!("{own} #2"), format!("{own} #3")]);
+}
+
+/// The last line of each command, its exit code and its files agree on what the run came to.
+#[test]
+fn no_closing_line_contradicts_its_run() {
+    let project = project();
+    let folder = project.path().join("target/karat/record");
+    let pass = function("calc::same", "gl", "pass", None);
+    let known = function("calc::double", "gl", "known_issue", None);
+    let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+    for (lines, run, line) in [
+        (pass.clone() + &known, Run::default(), "2 checks, 0 failed, 1 known issue"),
+        (
+            pass.clone() + &known,
+            Run { invalid: names(&["a::b"]), passed: false, ..Run::default() },
+            "1 module isn't valid: a::b; 1 check passed, 1 known issue",
+        ),
+        (
+            String::new(),
+            Run { failed: names(&["other"]), passed: false, ..Run::default() },
+            "1 test failed outside of Karat's checks: other; no check ran",
+        ),
+        (
+            pass.clone(),
+            Run { not_run: 7, passed: false, ..Run::default() },
+            "7 tests weren't run after a failure: run with --no-fail-fast; 1 check passed",
+        ),
+    ] {
+        write(&folder, "1.jsonl", &lines);
+        run.write(&folder).expect("written");
+        let good = run.passed;
+        let ran = karat(project.path(), &["report", "--junit", "r.xml", "--html", "r.html"]);
+        assert_eq!(ran.code, Some(i32::from(!good)), "{ran:?}");
+        assert!(ran.out.contains(line), "{ran:?}");
+        assert_eq!(ran.out.contains(" 0 failed"), good, "{ran:?}");
+        let short = karat(project.path(), &["report", "--short"]);
+        assert_eq!(short.code, Some(i32::from(!good)), "{short:?}");
+        assert!(short.out.lines().any(|found| found.starts_with(line)), "{short:?}");
+        let read = |file| std::fs::read_to_string(project.path().join(file)).expect("written");
+        let page = read("r.html");
+        assert_eq!(page.contains(">passed</h1>"), good, "{page}");
+        assert!(page.contains(&line.replace('\'', "&#39;")) || page.contains(line), "{page}");
+        let xml = read("r.xml");
+        let xml = roxmltree::Document::parse(&xml).expect("well-formed");
+        assert_eq!(attribute(xml.root_element(), "errors") == "0", good, "{line}");
+        let summary = project.path().join("summary.md");
+        let mut github = command(project.path(), &["report", "--github"]);
+        let ran = output(github.env("GITHUB_STEP_SUMMARY", &summary));
+        assert_eq!(annotations(&ran).is_empty(), good, "{ran:?}");
+        let summary = std::fs::read_to_string(summary).expect("written");
+        assert!(summary.contains(&format!("{line}.")), "{summary}");
+        drop(std::fs::remove_file(project.path().join("summary.md")));
+    }
+}
+
+/// A runner that stops at a failure leaves tests out: the run and the whole that it is a part of say so.
+#[cfg(unix)]
+#[test]
+fn a_part_that_lacks_checks_says_so() {
+    let project = project();
+    let folder = project.path();
+    let part = |name: &str, verdict: &str, words: &str| {
+        let lines = function(&format!("calc::{name}"), "gl", verdict, Some("error: it fails"));
+        write(folder, &format!("{name}.jsonl"), &lines);
+        let script = format!(
+            "mkdir -p \"$KARAT_RECORD\"\ncp {name}.jsonl \"$KARAT_RECORD/1.jsonl\"\n\
+             echo '{words}' >&2\n[ {verdict} = pass ]\n"
+        );
+        write(folder, &format!("{name}.sh"), &script);
+        let script = format!("{name}.sh");
+        let arguments = ["record", "--into", name, "--", "/bin/sh", &script];
+        karat(folder, &arguments)
+    };
+    let words = "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
+    let stopped = part("a", "fail", words);
+    let told = "4 tests weren't run after a failure: run with --no-fail-fast; 1 check, 1 failed";
+    assert!(stopped.code == Some(1) && stopped.out.contains(told), "{stopped:?}");
+    part("b", "pass", "");
+    let cargo = part("c", "fail", "error: test failed, to rerun pass `--lib`");
+    assert!(cargo.out.contains("the runner stopped at a failure"), "{cargo:?}");
+    let whole = karat(folder, &["report", "--merge", "a", "b", "c"]);
+    assert_eq!(whole.code, Some(1), "{whole:?}");
+    for told in [
+        "`a` has 1 check, and lacks 4 tests that didn't run after a failure (--no-fail-fast); ",
+        "; `c` has 1 check, and may lack more: its runner stopped at a failure (--no-fail-fast); ",
+        "; 3 checks, 2 failed",
+    ] {
+        assert!(whole.out.contains(told), "no `{told}` in {}", whole.out);
+    }
+    let good = karat(folder, &["report", "--merge", "b"]).good();
+    assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
 }

@@ -39,7 +39,7 @@ fn record(project: &TempDir, lines: &[String], run: Option<(&[&str], bool)>) -> 
     write(&folder, "1.jsonl", &lines.concat());
     if let Some((selected, passed)) = run {
         let selected = selected.iter().map(|text| (*text).to_owned()).collect();
-        let run = Run { schema: karat::record::SCHEMA, selected, passed };
+        let run = Run { selected, passed, ..Run::default() };
         run.write(&folder).expect("written");
     }
     folder

@@ -496,7 +496,12 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
 pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
-    let acceptance = karat::golden::Acceptance { because, any_adapter: true, ..Default::default() };
+    let acceptance = karat::golden::Acceptance {
+        because,
+        any_adapter: true,
+        ci_may_write: true,
+        ..Default::default()
+    };
     let pending = goldens.select(case).expect("it waits").frames;
     goldens.accept(&pending[0], &acceptance).expect("accepted");
 }

@@ -148,10 +148,8 @@ macro_rules! scattered {
             let mut places = Vec::new();
             let clamped =
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
-            if clamped {
-                if $self.leave_unwritten(lane) {
-                    continue;
-                }
+            if clamped && $self.leave_unwritten(lane) {
+                continue;
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
             for at in places {
@@ -382,10 +380,10 @@ impl<A: Rules> Machine<'_, A> {
                 continue;
             }
             let mut at = 0;
-            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
-                if self.leave_unwritten(lane) {
-                    continue;
-                }
+            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to)
+                && self.leave_unwritten(lane)
+            {
+                continue;
             }
             match scalar {
                 Scalar::F32 => {

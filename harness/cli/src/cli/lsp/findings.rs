@@ -12,7 +12,7 @@ use lsp_types::{
 
 use super::super::replay;
 use super::super::report::short::{self, Finding};
-use super::super::report::{Place, is_failure, subject};
+use super::super::report::{Names, Place, is_failure};
 use super::documents::Documents;
 use super::place;
 
@@ -86,8 +86,12 @@ pub(super) fn of_records(
     findings: &mut Findings,
 ) {
     let names = replay::names(last);
+    let (called, known_as) = (Names::of(records), Names::of(last));
     for record in records.iter().filter(|record| is_failure(record)) {
-        let same = |known: &Record| known.test == record.test && subject(known) == subject(record);
+        let same = |known: &Record| {
+            let same = known_as.subject(known) == called.subject(record);
+            same && known.test == record.test && known.cargo_package == record.cargo_package
+        };
         let name = names.iter().find(|(_, known)| same(known)).map(|(name, _)| name.clone());
         for finding in short::of(record, root) {
             add(finding, name.clone(), root, documents, findings);

@@ -2,14 +2,15 @@
 
 use std::fmt::Write as _;
 use std::fs::OpenOptions;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 
 use anyhow::Context;
-use karat::output::{counted, visible};
-use karat::record::{Record, Subject, Verdict};
+use karat::output::{counted, markdown, visible};
+use karat::record::{Record, Subject};
 
 use super::tables::{is_failure, share};
-use super::{Place, pictures, place, replays, subject, workspace};
+use super::{Names, Place, Sum, pictures, place, replays, workspace};
 use crate::cli::project::Project;
 
 /// GitHub takes a MiB of summary for each step, and drops more.
@@ -22,23 +23,47 @@ const MOST_ANNOTATIONS: usize = 10;
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
+/// Whether GitHub's runner reads what is printed here.
+pub(super) fn runs_here() -> bool {
+    std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
+}
+
+/// A time in which GitHub's runner takes no line for a command. A word ends it that nobody can guess.
+#[derive(Debug, Default)]
+pub(in crate::cli) struct Held(Option<String>);
+
+impl Held {
+    pub(super) fn begin(out: &mut dyn Write) -> std::io::Result<Self> {
+        let number = || RandomState::new().build_hasher().finish();
+        let word = format!("karat-{:016x}{:016x}", number(), number());
+        writeln!(out, "::stop-commands::{word}")?;
+        out.flush()?;
+        Ok(Self(Some(word)))
+    }
+
+    pub(super) fn release(self, out: &mut dyn Write) -> std::io::Result<()> {
+        self.0.map_or(Ok(()), |word| writeln!(out, "::{word}::"))
+    }
+}
+
 pub(super) fn write(
     records: &[Record],
-    passed: bool,
+    sum: &Sum,
     project: &Project,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let failures: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
-    for annotation in annotations(&failures, passed, project) {
+    let names = &Names::of(records);
+    for annotation in annotations(&failures, sum, names, project) {
         writeln!(out, "{annotation}")?;
     }
     out.flush()?;
     let pictures = project.output().join("report");
-    records.iter().try_for_each(|record| pictures::clear(record, &pictures))?;
+    records.iter().try_for_each(|record| pictures::clear(record, names, &pictures))?;
     let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
         return Ok(());
     };
-    let text = summary(records, &failures, passed, project)?;
+    let text = summary(&failures, sum, names, project)?;
     let shown = std::path::Path::new(&file).display().to_string();
     let mut file = OpenOptions::new()
         .create(true)
@@ -50,30 +75,28 @@ pub(super) fn write(
 }
 
 /// A line for each failure; of too many the last one stands for all that are left.
-fn annotations(failures: &[&Record], passed: bool, project: &Project) -> Vec<String> {
-    let shown =
-        if failures.len() > MOST_ANNOTATIONS { MOST_ANNOTATIONS - 1 } else { failures.len() };
+fn annotations(failures: &[&Record], sum: &Sum, names: &Names, project: &Project) -> Vec<String> {
+    let reasons = sum.reasons();
+    let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty());
+    let shown = if failures.len() > room { room - 1 } else { failures.len() };
     let (shown, rest) = failures.split_at(shown);
     let workspace = workspace(project.root());
     let of = |record: &&Record| {
         let place = place(record, project.root(), &workspace);
-        annotation(place.as_ref(), &subject(record), &message(record))
+        annotation(place.as_ref(), &names.subject(record), &message(record))
     };
     let mut lines: Vec<String> = shown.iter().map(of).collect();
     if !rest.is_empty() {
-        let names: Vec<String> = rest.iter().map(|record| subject(record)).collect();
+        let names: Vec<String> = rest.iter().map(|record| names.subject(record)).collect();
         let title = format!("{} failed", counted(rest.len(), "more check"));
         let message = format!("the log has their messages:\n{}", names.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
-    if failures.is_empty() && !passed {
-        lines.push(annotation(None, "karat", OUTSIDE));
+    if !reasons.is_empty() {
+        lines.push(annotation(None, "karat", &reasons.join("\n")));
     }
     lines
 }
-
-/// A run that failed without a check that did.
-const OUTSIDE: &str = "A test failed outside of Karat's checks, or the run didn't end.";
 
 /// What a failure says. Of a long message the replay command, which is its end, is kept.
 fn message(record: &Record) -> String {
@@ -119,18 +142,13 @@ fn escape_property(text: &str) -> String {
 }
 
 fn summary(
-    records: &[Record],
     failures: &[&Record],
-    passed: bool,
+    sum: &Sum,
+    names: &Names,
     project: &Project,
 ) -> anyhow::Result<String> {
-    let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
     let mut text = String::from("## Karat\n\n");
-    let (checks, failed) = (counted(records.len(), "check"), failures.len());
-    writeln!(text, "{checks}, {failed} failed, {}.\n", counted(known, "known issue"))?;
-    if !passed && failures.is_empty() {
-        writeln!(text, "{OUTSIDE}\n")?;
-    }
+    writeln!(text, "{}.\n", markdown(&sum.line()))?;
     let is_frame = |record: &Record| matches!(record.subject, Subject::Frame { .. });
     let (frames, functions): (Vec<&Record>, Vec<&Record>) =
         failures.iter().partition(|record| is_frame(record));
@@ -144,10 +162,10 @@ fn summary(
             "| {head} | Path | Cases | Failed | Worst | Of bound | Asserted |\n\
              |---|---|--:|--:|---|--:|---|"
         )?;
-        records.iter().try_for_each(|record| rows(record, &mut text))?;
+        records.iter().try_for_each(|record| rows(record, names, &mut text))?;
         text.push('\n');
         for record in records {
-            let section = section(record, project)?;
+            let section = section(record, names, project)?;
             if text.len() + section.len() > LONGEST {
                 dropped += 1;
             } else {
@@ -161,20 +179,20 @@ fn summary(
     Ok(text)
 }
 
-fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
-    let name = cell(&subject(record));
+fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
+    let name = markdown(&names.subject(record));
     if record.paths.is_empty() {
         writeln!(text, "| {name} | - | 0 | - | error | | |")?;
     }
     for path in &record.paths {
-        let (worst, asserted) = (cell(&path.worst), cell(&path.asserted));
-        let (cases, share) = (path.cases, cell(&share(path)));
+        let (worst, asserted) = (markdown(&path.worst), markdown(&path.asserted));
+        let (cases, share) = (path.cases, markdown(&share(path)));
         // Of a sampler whole configurations fail, each of many samples.
         let failures = match path.configurations {
             Some(_) => counted(path.failures, "configuration"),
             None => path.failures.to_string(),
         };
-        let path = cell(&path.adapter.path);
+        let path = markdown(&path.adapter.path);
         writeln!(
             text,
             "| {name} | {path} | {cases} | {failures} | {worst} | {share} | {asserted} |"
@@ -184,16 +202,17 @@ fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
 }
 
 /// A failure's message, folded, and the pictures of a frame in the artefact.
-fn section(record: &Record, project: &Project) -> anyhow::Result<String> {
-    let mut text = format!("<details><summary>{}</summary>\n\n", html(&subject(record)));
+fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<String> {
+    let subject = markdown(&names.subject(record));
+    let mut text = format!("<details><summary>{subject}</summary>\n\n");
     let message = record.message.as_deref().unwrap_or_default();
     let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
     writeln!(text, "<pre>{}</pre>\n", html(&message[..end]))?;
     if let Some(command) = replays(record).first() {
-        writeln!(text, "Replay: <code>{}</code>\n", html(command))?;
+        writeln!(text, "Replay: <code>{}</code>\n", markdown(command))?;
     }
     let output = project.output();
-    let pictures = pictures::write(record, project, &output.join("report"))?;
+    let pictures = pictures::write(record, names, project, &output.join("report"))?;
     if !pictures.is_empty() {
         let name = |(what, file): &(&str, std::path::PathBuf)| {
             let file = file.strip_prefix(&output).unwrap_or(file).display().to_string();
@@ -209,11 +228,6 @@ fn section(record: &Record, project: &Project) -> anyhow::Result<String> {
 /// Text that neither Markdown nor HTML takes for its own.
 fn html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
-/// One cell of a table.
-fn cell(text: &str) -> String {
-    html(text).replace('|', "\\|").replace(['\n', '\r'], " ").replace('`', "'")
 }
 
 #[cfg(test)]
@@ -233,6 +247,5 @@ mod tests {
     fn commands_are_escaped() {
         assert_eq!(escape("100% off\r\nat (1, 2): red"), "100%25 off%0D%0Aat (1, 2): red");
         assert_eq!(escape_property("a::b, 5%"), "a%3A%3Ab%2C 5%25");
-        assert_eq!(cell("a|b\n<img>"), "a\\|b &lt;img&gt;");
     }
 }

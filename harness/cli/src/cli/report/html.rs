@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use karat::hazards::Hazards;
 use karat::output::counted;
-use karat::record::{Errors, PathRecord, Record, Run, Subject, Verdict};
+use karat::record::{Errors, PathRecord, Record, Run, Subject};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};
-use super::{failing, message, replays, subject};
+use super::{Names, Sum, failing, message, replays};
 
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
@@ -30,15 +30,20 @@ pub(super) struct Beside<'p> {
 }
 
 /// The page of a run.
-pub(super) fn page(records: &[Record], run: Option<&Run>, beside: &Beside<'_>) -> String {
+pub(super) fn page(
+    records: &[Record],
+    run: Option<&Run>,
+    sum: &Sum,
+    beside: &Beside<'_>,
+) -> String {
     let Beside { untested, hazards: found, review, matrix } = beside;
     let verdict = match run {
-        _ if records.iter().any(is_failure) => "failed",
-        None => "not ended",
-        Some(run) if run.passed => "passed",
-        Some(_) => "failed",
+        _ if sum.is_good() => "passed",
+        None if !records.iter().any(is_failure) => "not ended",
+        _ => "failed",
     };
-    let rows = &Row::all(records);
+    let names = &Names::of(records);
+    let rows = &Row::all(records, names);
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -49,7 +54,7 @@ pub(super) fn page(records: &[Record], run: Option<&Run>, beside: &Beside<'_>) -
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                (head(records, run, verdict, *matrix))
+                (head(records, (run, sum), verdict, *matrix))
                 main {
                     (failures(rows))
                     (functions(rows))
@@ -65,9 +70,12 @@ pub(super) fn page(records: &[Record], run: Option<&Run>, beside: &Beside<'_>) -
 }
 
 /// The verdict, what ran, and what searches.
-fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&str>) -> Markup {
-    let failed = records.iter().filter(|record| is_failure(record)).count();
-    let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
+fn head(
+    records: &[Record],
+    (run, sum): (Option<&Run>, &Sum),
+    verdict: &str,
+    matrix: Option<&str>,
+) -> Markup {
     let paths = || records.iter().flat_map(|record| &record.paths);
     let cases: u64 = paths().map(|path| path.cases).sum();
     let adapters: BTreeSet<String> = paths().map(|path| path.adapter.to_string()).collect();
@@ -78,9 +86,7 @@ fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&st
         header {
             h1 class=(if verdict == "passed" { "pass" } else { "fail" }) { (verdict) }
             p {
-                (counted(records.len(), "check")) ", " (failed) " failed"
-                @if known > 0 { ", " (known) " known issues" }
-                ", " (counted(cases, "case")) " compared"
+                (sum.line()) ", " (counted(cases, "case")) " compared"
                 @if let Some(started) = started.min() { ", begun " time { (started) } }
             }
             @match run {
@@ -89,9 +95,6 @@ fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&st
                      runs still. Run the tests again."
                 },
                 Some(run) if !run.selected.is_empty() => p { "Only: " (run.selected.join(" ")) },
-                Some(run) if !run.passed && failed == 0 => {
-                    p class="fail" { "A test failed outside of Karat's checks." }
-                }
                 Some(_) => {}
             }
             @for overlay in overlays {
@@ -109,21 +112,24 @@ fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&st
 /// A record with a name that addresses can end with: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
+    /// What it is about, in words.
+    name: String,
     anchor: String,
 }
 
 impl<'r> Row<'r> {
     /// No two have one name: a test may check a function several times.
-    fn all(records: &'r [Record]) -> Vec<Self> {
+    fn all(records: &'r [Record], names: &Names) -> Vec<Self> {
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let row = |record: &'r Record| {
-            let name = format!("{}-{}", subject(record), record.test);
+            let about = names.subject(record);
+            let name = format!("{about}-{}", record.test);
             let plain = |c: char| if c.is_alphanumeric() || ":_-".contains(c) { c } else { '-' };
             let name: String = name.chars().map(plain).collect();
             let count = known.entry(name.clone()).or_default();
             *count += 1;
             let anchor = if *count == 1 { name } else { format!("{name}-{count}") };
-            Self { record, anchor }
+            Self { record, name: about, anchor }
         };
         records.iter().map(row).collect()
     }
@@ -155,7 +161,7 @@ fn failures(rows: &[Row<'_>]) -> Markup {
                 h2 { "What fails" }
                 @for row in rows.iter().filter(|row| row.fails()) {
                     article class="row failing" id=(row.anchor) {
-                        h3 { a href={ "#" (row.anchor) } { (subject(row.record)) } " " small { (row.record.test) } }
+                        h3 { a href={ "#" (row.anchor) } { (row.name) } " " small { (row.record.test) } }
                         @if let Some(message) = message(row.record) { pre { (message) } }
                         (copied(&replays(row.record)))
                         (figures(row.record))
@@ -306,7 +312,9 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
     let frames: Vec<_> = rows
         .iter()
         .filter_map(|row| match &row.record.subject {
-            Subject::Frame { golden, .. } => Some((row, golden)),
+            Subject::Frame { golden, .. } => {
+                Some((row, golden, row.name.strip_prefix("frame ").unwrap_or(golden)))
+            }
             Subject::Function { .. } => None,
         })
         .collect();
@@ -318,12 +326,12 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
                     p class="note" { "Look at them with " code { "karat review" } "." }
                 }
                 table {
-                    @for (row, golden) in frames {
+                    @for (row, golden, name) in frames {
                         tr class=(row.class()) id=[row.id()] data-words=(row.words()) {
                             th scope="row" {
                                 @match review {
-                                    Some(review) => a href={ (review) "#" (golden) } { (golden) },
-                                    None => a href={ "#" (row.anchor) } { (golden) },
+                                    Some(review) => a href={ (review) "#" (golden) } { (name) },
+                                    None => a href={ "#" (row.anchor) } { (name) },
                                 }
                                 div class="place" { (row.record.test) }
                             }

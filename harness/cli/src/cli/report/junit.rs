@@ -1,23 +1,23 @@
 //! JUnit XML: one suite of functions and one of frames, with a case for each check on each path.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
+use karat::output::{name as name_of, one_line, visible};
 use karat::record::{PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
-use super::{Tests, failing, outside, pictures, place, relative, workspace};
+use super::{Names, Sum, failing, pictures, place, relative, workspace};
 use crate::cli::project::Project;
 
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
 /// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
 /// takes the run for a success.
-pub(super) fn text(
-    records: &[Record],
-    Tests { failed: names, passed, .. }: Tests<'_>,
-    project: &Project,
-) -> anyhow::Result<String> {
+pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::Result<String> {
+    let names = Names::of(records);
+    let mut unique = Unique::default();
     let mut report = Report::new("karat");
     let mut functions = TestSuite::new("functions");
     let mut frames = TestSuite::new("frames");
@@ -26,7 +26,8 @@ pub(super) fn text(
             Subject::Function { .. } => &mut functions,
             Subject::Frame { .. } => &mut frames,
         };
-        for case in cases(record, project)? {
+        for mut case in cases(record, &names, project)? {
+            unique.name(&mut case);
             suite.add_test_case(case);
         }
     }
@@ -39,16 +40,16 @@ pub(super) fn text(
     report.timestamp = report.test_suites.iter().filter_map(|suite| suite.timestamp).min();
     report.time =
         report.test_suites.iter().filter_map(|suite| suite.time).reduce(Duration::saturating_add);
-    let failed = records.iter().any(super::tables::is_failure);
-    let mut outside = outside(records, names);
-    if outside.is_empty() && !passed && !failed {
-        outside.push("karat test");
-    }
     let mut rest = TestSuite::new("tests");
-    for name in outside {
+    let outside = "it failed outside of Karat's checks, or didn't end";
+    let tests = sum.outside().iter().map(|name| (name.as_str(), outside));
+    let others = sum.others().iter().map(|why| ("karat test", why.as_str()));
+    for (name, why) in tests.chain(others) {
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-        status.set_message("it failed outside of Karat's checks, or didn't end");
-        rest.add_test_case(TestCase::new(name, status));
+        status.set_message(&*one_line(why));
+        let mut case = TestCase::new(&*name_of(name), status);
+        unique.name(&mut case);
+        rest.add_test_case(case);
     }
     if !rest.test_cases.is_empty() {
         report.add_test_suite(rest);
@@ -56,10 +57,26 @@ pub(super) fn text(
     report.to_string().context("the report isn't XML")
 }
 
+/// Names cases so that no two of one class have one name: readers show the first of such alone, and a test
+/// may check a function several times.
+#[derive(Default)]
+struct Unique(BTreeSet<(String, String)>);
+
+impl Unique {
+    fn name(&mut self, case: &mut TestCase) {
+        let class = case.classname.as_ref().map_or("", XmlString::as_str).to_owned();
+        let own = case.name.as_str().to_owned();
+        let numbered = (2_u64..).map(|number| format!("{own} #{number}"));
+        let mut names = std::iter::once(own.clone()).chain(numbered);
+        let free = names.find(|name| self.0.insert((class.clone(), name.clone())));
+        case.name = XmlString::new(free.unwrap_or(own));
+    }
+}
+
 /// A case for each path. What ran on none is one case.
-fn cases(record: &Record, project: &Project) -> anyhow::Result<Vec<TestCase>> {
+fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Vec<TestCase>> {
     let workspace = workspace(project.root());
-    let attached = attached(record, project, &workspace)?;
+    let attached = attached(record, names, project, &workspace)?;
     let paths: Vec<Option<&PathRecord>> = match record.paths.as_slice() {
         [] => vec![None],
         paths => paths.iter().map(Some).collect(),
@@ -79,8 +96,8 @@ fn cases(record: &Record, project: &Project) -> anyhow::Result<Vec<TestCase>> {
         if kind.is_some()
             && let Some(message) = super::message(record)
         {
-            status.set_message(message.lines().next().unwrap_or_default());
-            status.set_description(message);
+            status.set_message(&*one_line(message.lines().next().unwrap_or_default()));
+            status.set_description(&*visible(&message));
             let replay = path.and_then(|path| replay_on(record, path));
             let replay = replay.or_else(|| super::replays(record).first().copied());
             lines.extend(replay.map(|command| format!("replay: {command}")));
@@ -89,10 +106,10 @@ fn cases(record: &Record, project: &Project) -> anyhow::Result<Vec<TestCase>> {
         }
         // Where two cases have the same name, GitLab shows the first alone.
         let on = path.map(|path| format!(" on {}", path.adapter.path)).unwrap_or_default();
-        let mut case = TestCase::new(format!("{}{on}", super::subject(record)), status);
+        let mut case = TestCase::new(format!("{}{on}", names.subject(record)), status);
         case.set_classname(classname(record));
         if let Some(place) = &place {
-            case.extra.insert(XmlString::new("file"), XmlString::new(place.file.as_str()));
+            case.extra.insert(XmlString::new("file"), XmlString::new(&*one_line(&place.file)));
             case.extra.insert(XmlString::new("line"), XmlString::new(place.line.to_string()));
         }
         if let Some(time) = &record.time {
@@ -103,6 +120,7 @@ fn cases(record: &Record, project: &Project) -> anyhow::Result<Vec<TestCase>> {
                 Duration::try_from_secs_f64(time.seconds).ok().map(|time| time / shares.max(1));
         }
         if !lines.is_empty() {
+            let lines: Vec<_> = lines.iter().map(|line| one_line(line)).collect();
             case.set_system_out(lines.join("\n"));
         }
         case
@@ -143,13 +161,18 @@ fn line(path: &PathRecord) -> String {
 }
 
 /// The pictures of a frame that fails. The frame itself is first, because GitLab shows one.
-fn attached(record: &Record, project: &Project, workspace: &Path) -> anyhow::Result<Vec<String>> {
+fn attached(
+    record: &Record,
+    names: &Names,
+    project: &Project,
+    workspace: &Path,
+) -> anyhow::Result<Vec<String>> {
     let folder = project.output().join("report");
-    pictures::clear(record, &folder)?;
+    pictures::clear(record, names, &folder)?;
     if !super::is_failure(record) {
         return Ok(Vec::new());
     }
-    let mut pictures = pictures::write(record, project, &folder)?;
+    let mut pictures = pictures::write(record, names, project, &folder)?;
     pictures.sort_by_key(|(what, _)| *what != "actual");
     Ok(pictures.iter().map(|(_, file)| relative(file, workspace)).collect())
 }

@@ -1,35 +1,69 @@
 //! One record of several parts of a run.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use karat::output::counted;
 use karat::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
 /// All verdicts of some parts, in an order that doesn't depend on theirs. A check that ran in several of
 /// them has its worst verdict, of those the first. The run has ended if each part has, and passed if each part has.
-pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
+pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
-    let run = run.map(|runs| {
-        let mut selected: Vec<String> = runs.iter().flat_map(|run| run.selected.clone()).collect();
-        selected.sort();
-        selected.dedup();
-        Run { schema: SCHEMA, selected, passed: runs.iter().all(|run| run.passed) }
+    let sorted = |all: Vec<String>| all.into_iter().collect::<BTreeSet<_>>().into_iter().collect();
+    let run = run.map(|runs| Run {
+        schema: SCHEMA,
+        selected: sorted(runs.iter().flat_map(|run| run.selected.clone()).collect()),
+        passed: runs.iter().all(|run| run.passed),
+        failed: sorted(runs.iter().flat_map(|run| run.failed.clone()).collect()),
+        invalid: sorted(runs.iter().flat_map(|run| run.invalid.clone()).collect()),
+        // Each part says it with its name.
+        not_run: 0,
+        stopped: false,
     });
     // In the order in which they were made.
     let (mut records, mut places) = (Vec::<Record>::new(), BTreeMap::<String, usize>::new());
-    for record in parts.into_iter().flat_map(|part| part.records) {
-        let place = *places.entry(key(&record)).or_insert(records.len());
-        match records.get_mut(place) {
-            None => records.push(record),
-            Some(known) if rank(&record) > rank(known) => *known = record,
-            Some(_) => {}
+    for part in parts {
+        // A test may make one check several times: these are several in each part.
+        let mut seen = BTreeMap::<String, usize>::new();
+        for record in &part.records {
+            let key = key(record);
+            let count = seen.entry(key.clone()).or_default();
+            *count += 1;
+            let place = *places.entry(format!("{key} {count}")).or_insert(records.len());
+            match records.get_mut(place) {
+                None => records.push(record.clone()),
+                Some(known) if rank(record) > rank(known) => *known = record.clone(),
+                Some(_) => {}
+            }
         }
     }
     Record::sort(&mut records);
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
+}
+
+/// What each part lacks of what it was to run, in words.
+pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
+    let of = |part: &Recorded| {
+        let (folder, run) = (part.folder.display(), part.run.as_ref()?);
+        let checks = counted(part.records.len(), "check");
+        match (run.not_run, run.stopped) {
+            (0, false) => None,
+            (0, true) => Some(format!(
+                "`{folder}` has {checks}, and may lack more: its runner stopped at a failure (--no-fail-fast)"
+            )),
+            (tests, _) => {
+                let tests = counted(tests, "test");
+                Some(format!(
+                    "`{folder}` has {checks}, and lacks {tests} that didn't run after a failure (--no-fail-fast)"
+                ))
+            }
+        }
+    };
+    parts.iter().filter_map(of).collect()
 }
 
 /// Records of one check on several paths as one record.

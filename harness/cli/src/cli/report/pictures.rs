@@ -7,6 +7,7 @@ use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
+use super::Names;
 use crate::review::Case;
 use anyhow::Context;
 use karat::golden::Pending;
@@ -26,8 +27,9 @@ const NAMES: [&str; 3] = ["golden", "actual", "flip"];
 const COARSE: Duration = Duration::from_secs(1);
 
 /// Removes a frame's pictures of a run before, which nobody may take for those of this one.
-pub(super) fn clear(record: &Record, folder: &Path) -> anyhow::Result<()> {
-    let Subject::Frame { golden: case, .. } = &record.subject else { return Ok(()) };
+pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Result<()> {
+    let Subject::Frame { golden, folder: goldens, .. } = &record.subject else { return Ok(()) };
+    let case = &file_name(golden, goldens, names);
     // A record may come from another machine.
     if !Path::new(case).components().all(|part| matches!(part, Component::Normal(_))) {
         return Ok(());
@@ -44,6 +46,13 @@ pub(super) fn clear(record: &Record, folder: &Path) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// How the files of a frame's pictures begin: with its name, and its crate's where several have it.
+fn file_name(golden: &str, goldens: &str, names: &Names) -> String {
+    let name = names.frame(golden, goldens).replace("::", "/");
+    // A folder that stands for a crate, in a file's name.
+    name.trim_start_matches('/').to_owned()
 }
 
 fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
@@ -85,6 +94,7 @@ fn is_during(written: SystemTime, time: &Time) -> bool {
 /// has none: nobody knows whether a frame that waits is of its run.
 pub(super) fn write(
     record: &Record,
+    names: &Names,
     project: &Project,
     folder: &Path,
 ) -> anyhow::Result<Vec<(&'static str, PathBuf)>> {
@@ -94,6 +104,7 @@ pub(super) fn write(
     if goldens.is_empty() {
         return Ok(Vec::new());
     }
+    let file_name = file_name(case, goldens, names);
     let goldens = Goldens::open(Path::new(goldens));
     // With `CI` set, nothing is written beside the goldens.
     let waiting = [&Goldens::open(&project.output().join("pending")), &goldens];
@@ -105,7 +116,7 @@ pub(super) fn write(
 
     let mut written = Vec::new();
     let mut place = |name| {
-        let file = picture(folder, case, name);
+        let file = picture(folder, &file_name, name);
         written.push((name, file.clone()));
         file
     };

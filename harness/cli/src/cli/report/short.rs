@@ -4,12 +4,12 @@ use std::io::Write;
 use std::path::Path;
 
 use karat::diagnostic::{Diagnostic, shown};
-use karat::output::counted;
+use karat::output::one_line;
 use karat::package::PackageError;
 use karat::record::{PathRecord, Record, Subject};
 use karat::reflect::{Invalid, ReflectError};
 
-use super::{Place, Tests, failing, is_failure, located, place, told_outside};
+use super::{Place, Sum, failing, is_failure, located, place};
 
 /// Something that is wrong, in one line, and where.
 #[derive(Debug, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub(in crate::cli) struct Finding {
 pub(in crate::cli) fn write(
     records: &[Record],
     invalid: &[(String, Invalid)],
-    tests: Tests<'_>,
+    sum: &Sum,
     root: &Path,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
@@ -48,16 +48,9 @@ pub(in crate::cli) fn write(
             lines.push(format!("{}error: {}", place.unwrap_or_default(), first_line(&message)));
         }
     }
-    lines.iter().try_for_each(|line| writeln!(out, "{line}"))?;
-    let (checks, failed) = (counted(records.len(), "check"), failed.len());
-    let invalid = match invalid.len() {
-        0 => "",
-        _ => "; modules aren't valid",
-    };
-    let outside = told_outside(records, tests);
-    let outside = outside.map(|told| format!("; {told}; leave --short out to see it"));
-    let outside = outside.unwrap_or_default();
-    writeln!(out, "{checks}, {failed} failed{invalid}{outside}")
+    lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
+    let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };
+    writeln!(out, "{}{more}", sum.line())
 }
 
 /// What is wrong with a module, with its place.

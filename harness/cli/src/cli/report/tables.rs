@@ -5,10 +5,9 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::output::counted;
 use karat::record::{Grant, PathRecord, Record, Subject, Verdict};
 
-use super::{Tests, told_outside};
+use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 use crate::cli::{replay, terminal};
 
@@ -23,6 +22,7 @@ pub(in crate::cli) fn write(
     all: bool,
     out: &mut dyn Write,
 ) -> anyhow::Result<usize> {
+    let names = &Names::of(records);
     let (passed, others): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record.verdict == Verdict::Pass);
     let rows: usize = passed.iter().map(|record| record.paths.len()).sum();
@@ -30,14 +30,14 @@ pub(in crate::cli) fn write(
         let records: Vec<&Record> = records.iter().collect();
         let functions = write_functions(&records, out)?;
         write_grants(&records, out)?;
-        return Ok(functions + write_frames(&records, out)?);
+        return Ok(functions + write_frames(&records, names, out)?);
     }
     write_folded(&passed, out)?;
     write_grants(&records.iter().collect::<Vec<_>>(), out)?;
     if !others.is_empty() {
         writeln!(out)?;
     }
-    let failed = write_functions(&others, out)? + write_frames(&others, out)?;
+    let failed = write_functions(&others, out)? + write_frames(&others, names, out)?;
     for record in others.iter().filter(|record| is_failure(record)).take(IN_FULL) {
         if let Some(message) = super::message(record) {
             writeln!(out, "\n{}", super::colour::painted(message.trim_end()))?;
@@ -94,23 +94,16 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
 /// The closing lines.
 pub(in crate::cli) fn write_sum(
     records: &[Record],
-    failed: usize,
-    tests: Tests<'_>,
+    sum: &Sum,
     folder: &Path,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let checks = counted(records.len(), "check");
-    let style = if tests.passed && failed == 0 { GOOD } else { BAD };
-    let known = known_issues(records);
-    let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
-    writeln!(
-        out,
-        "\n{style}{checks}, {failed} failed{known}{style:#}, {} compared",
-        counted(cases, "case")
-    )?;
+    writeln!(out)?;
+    sum.write(out)?;
+    let called = Names::of(records);
     let names = replay::names(records);
     for (name, record) in names.iter().take(NAMED) {
-        writeln!(out, "{BAD}karat replay {name}{BAD:#}  {}", super::subject(record))?;
+        writeln!(out, "{BAD}karat replay {name}{BAD:#}  {}", called.subject(record))?;
     }
     if names.len() > NAMED {
         writeln!(out, "and {} more: `karat replay` lists all", names.len() - NAMED)?;
@@ -122,9 +115,6 @@ pub(in crate::cli) fn write_sum(
     let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
     for overlay in overlays {
         writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
-    }
-    if let Some(outside) = told_outside(records, tests) {
-        writeln!(out, "{BAD}{outside}{}{BAD:#}", if tests.told { ", see above" } else { "" })?;
     }
     Ok(())
 }
@@ -138,7 +128,8 @@ const SLOW: f64 = 1.0;
 /// The three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`; `None` where all
 /// are quick.
 fn slowest(records: &[Record]) -> Option<String> {
-    let time = |record: &Record| Some((record.time.as_ref()?.seconds, super::subject(record)));
+    let names = Names::of(records);
+    let time = |record: &Record| Some((record.time.as_ref()?.seconds, names.subject(record)));
     let mut times: Vec<_> =
         records.iter().filter_map(time).filter(|(seconds, _)| *seconds >= SLOW).collect();
     times.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -162,14 +153,6 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
 }
 
-/// How many of the records are of known issues, for the last line.
-fn known_issues(records: &[Record]) -> String {
-    match records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count() {
-        0 => String::new(),
-        count => format!(", {}", counted(count, "known issue")),
-    }
-}
-
 /// One row for each check and path; the number of checks that failed.
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
@@ -189,14 +172,14 @@ fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<u
     Ok(failed)
 }
 
-fn write_frames(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+fn write_frames(records: &[&Record], names: &Names, out: &mut dyn Write) -> anyhow::Result<usize> {
     let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
     let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[2, 5, 4]);
     let mut failed = 0;
     for record in records {
-        let Subject::Frame { golden, .. } = &record.subject else { continue };
+        let Subject::Frame { golden, folder, .. } = &record.subject else { continue };
         failed += usize::from(is_failure(record));
-        add_rows(&mut table, &[golden], record, "matches its golden", None);
+        add_rows(&mut table, &[&names.frame(golden, folder)], record, "matches its golden", None);
     }
     if !table.is_empty() {
         writeln!(out)?;
@@ -318,7 +301,7 @@ fn percentage(ratio: f64) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use karat::path::Adapter;
     use karat::record;
 
@@ -343,7 +326,12 @@ mod tests {
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
     }
 
-    fn record(verdict: Verdict, failures: u64, known_issue: Option<&str>) -> Record {
+    /// A record of a check, with one path.
+    pub(in crate::cli::report) fn record(
+        verdict: Verdict,
+        failures: u64,
+        known_issue: Option<&str>,
+    ) -> Record {
         let adapter = Adapter {
             path: "gl".to_owned(),
             name: "llvmpipe".to_owned(),
@@ -398,7 +386,6 @@ mod tests {
     #[test]
     fn a_known_issue_is_shown_with_its_reason_and_neither_passes_nor_fails() {
         let known = record(Verdict::KnownIssue, 9, Some("mesa#1: mix cancels"));
-        assert_eq!(known_issues(&[known.clone(), known.clone()]), ", 2 known issues");
         let (failed, text) = table(known);
         assert_eq!(failed, 0);
         assert!(text.contains("known issue 7 ulp"), "{text}");
@@ -411,7 +398,6 @@ mod tests {
         let (failed, text) = table(record(Verdict::Fail, 0, Some("mesa#1: mix cancels")));
         assert_eq!(failed, 1);
         assert!(text.contains("UNEXPECTED PASS") && !text.contains(&GOOD.to_string()), "{text}");
-        assert_eq!(known_issues(&[record(Verdict::Pass, 0, None)]), "");
         let (failed, text) = table(record(Verdict::Fail, 3, None));
         assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
     }
@@ -425,7 +411,7 @@ mod tests {
             frame.paths[0] =
                 PathRecord { ratio, worst: "rel 0.5".to_owned(), ..frame.paths[0].clone() };
             let mut out = Vec::new();
-            assert_eq!(write_frames(&[&frame], &mut out).expect("written"), 1);
+            assert_eq!(write_frames(&[&frame], &Names::default(), &mut out).expect("written"), 1);
             String::from_utf8(out).expect("UTF-8")
         };
         for (ratio, told) in [

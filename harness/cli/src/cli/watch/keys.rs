@@ -17,7 +17,7 @@ pub(super) type Waiting = BTreeMap<PathBuf, Vec<String>>;
 /// What waits in the project's goldens and beside the tests in folders of shaders.
 pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>) -> Waiting {
     let mut waiting = Waiting::new();
-    for folder in std::iter::once(project.golden()).chain(shaders) {
+    for folder in project.goldens().into_iter().chain(shaders) {
         for frame in Goldens::open(&folder).pending().frames {
             // Below folders of shaders there may be several of goldens; the rest of the path is the name.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());

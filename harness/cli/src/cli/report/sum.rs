@@ -1,0 +1,211 @@
+//! What a run came to, in one line.
+//!
+//! The line, its colour and the exit code of each command are made of one count, so none of them can
+//! contradict another: "0 failed" stands in a line that is good, and in no other.
+
+use std::io::Write;
+
+use karat::output::{Style, counted, one_line};
+use karat::record::{Record, Run, Verdict};
+
+use super::{is_failure, outside};
+use crate::cli::Ending;
+use crate::cli::table::{BAD, GOOD};
+
+/// The count of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::cli) struct Sum {
+    checks: usize,
+    failed: usize,
+    known: usize,
+    cases: u64,
+    /// Tests that failed although each of their checks passed, by their names.
+    outside: Vec<String>,
+    /// What else is wrong: modules that aren't valid, tests that weren't run.
+    others: Vec<String>,
+}
+
+/// Names that a reason shows.
+const SHOWN: usize = 4;
+
+/// The first of some names.
+fn some(names: &[String]) -> String {
+    let more = if names.len() > SHOWN { ", ..." } else { "" };
+    let names = names.iter().take(SHOWN).map(|name| one_line(name));
+    names.collect::<Vec<_>>().join(", ") + more
+}
+
+impl Sum {
+    /// Of the records of a run, and how it ended: `None` if nothing says that it did.
+    pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
+        let count = |verdict| records.iter().filter(|record| record.verdict == verdict).count();
+        let mut sum = Self {
+            checks: records.len(),
+            failed: records.iter().filter(|record| is_failure(record)).count(),
+            known: count(Verdict::KnownIssue),
+            cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
+            // Of a run that passed it is something else that a test printed.
+            outside: run
+                .filter(|run| !run.passed)
+                .map_or_else(Vec::new, |run| outside(records, &run.failed)),
+            others: Vec::new(),
+        };
+        let Some(run) = run else {
+            return sum.with("the record doesn't say that its run ended".to_owned());
+        };
+        if !run.invalid.is_empty() {
+            let are = if run.invalid.len() == 1 { "isn't" } else { "aren't" };
+            let modules = counted(run.invalid.len(), "module");
+            sum = sum.with(format!("{modules} {are} valid: {}", some(&run.invalid)));
+        }
+        if run.not_run > 0 {
+            let tests = counted(run.not_run, "test");
+            let were = if run.not_run == 1 { "wasn't" } else { "weren't" };
+            sum = sum.with(format!("{tests} {were} run after a failure: run with --no-fail-fast"));
+        } else if run.stopped {
+            let why = "the runner stopped at a failure, and what comes after it may be missing: run with \
+                       --no-fail-fast";
+            sum = sum.with(why.to_owned());
+        }
+        if !run.passed && sum.is_good() {
+            sum = sum.with("a test failed outside of Karat's checks".to_owned());
+        }
+        sum
+    }
+
+    /// With something else that is wrong.
+    pub(in crate::cli) fn with(mut self, reason: String) -> Self {
+        self.others.push(reason);
+        self
+    }
+
+    /// Whether all is as it should be.
+    pub(in crate::cli) fn is_good(&self) -> bool {
+        self.checks > 0 && self.failed == 0 && self.outside.is_empty() && self.others.is_empty()
+    }
+
+    pub(in crate::cli) fn ending(&self) -> Ending {
+        if self.is_good() { Ending::Good } else { Ending::Bad }
+    }
+
+    pub(in crate::cli) fn style(&self) -> Style {
+        if self.is_good() { GOOD } else { BAD }
+    }
+
+    /// Tests that failed outside of Karat's checks.
+    pub(in crate::cli) fn outside(&self) -> &[String] {
+        &self.outside
+    }
+
+    /// What is wrong besides checks and tests that fail.
+    pub(in crate::cli) fn others(&self) -> &[String] {
+        &self.others
+    }
+
+    /// What is wrong besides checks that fail, in words.
+    pub(in crate::cli) fn reasons(&self) -> Vec<String> {
+        let mut all = self.others.clone();
+        if !self.outside.is_empty() {
+            let tests = counted(self.outside.len(), "test");
+            all.push(format!("{tests} failed outside of Karat's checks: {}", some(&self.outside)));
+        }
+        all
+    }
+
+    /// The line, without what was compared.
+    pub(in crate::cli) fn line(&self) -> String {
+        let Self { checks, failed, known, .. } = *self;
+        let mut parts = self.reasons();
+        let known = match known {
+            0 => String::new(),
+            count => format!(", {}", counted(count, "known issue")),
+        };
+        parts.push(match (checks, failed) {
+            (0, _) => "no check ran".to_owned(),
+            (_, 0) if !self.is_good() => {
+                format!("{} passed{known}", counted(checks - self.known, "check"))
+            }
+            _ => format!("{}, {failed} failed{known}", counted(checks, "check")),
+        });
+        parts.join("; ")
+    }
+
+    /// Writes the line, with what was compared.
+    pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let (style, line) = (self.style(), self.line());
+        match self.checks {
+            0 => writeln!(out, "{style}{line}{style:#}"),
+            _ => writeln!(out, "{style}{line}{style:#}, {} compared", counted(self.cases, "case")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tables::tests::record;
+    use super::*;
+
+    fn line(records: &[Record], run: Option<&Run>) -> String {
+        let sum = Sum::of(records, run);
+        let line = sum.line();
+        // A line that is good is the one that says so.
+        assert_eq!(sum.is_good(), line.contains(" 0 failed"), "{line}");
+        assert_eq!(sum.style() == GOOD, sum.is_good(), "{line}");
+        assert_eq!(sum.ending() == Ending::Good, sum.is_good(), "{line}");
+        line
+    }
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_line_contradicts_neither_its_run_nor_itself() {
+        let [pass, known, fail] = [
+            record(Verdict::Pass, 0, None),
+            record(Verdict::KnownIssue, 9, Some("mesa#1")),
+            record(Verdict::Fail, 9, None),
+        ];
+        let good = &[pass.clone(), known.clone()][..];
+        let one = std::slice::from_ref(&fail);
+        let whole = Run::default();
+        assert_eq!(line(good, Some(&whole)), "2 checks, 0 failed, 1 known issue");
+        let red = Run { passed: false, ..Run::default() };
+        let failed = Run { failed: names(&["t"]), ..red.clone() };
+        assert_eq!(line(&[pass.clone(), fail.clone()], Some(&failed)), "2 checks, 1 failed");
+        let invalid = Run { invalid: names(&["a::b"]), ..red.clone() };
+        assert_eq!(
+            line(good, Some(&invalid)),
+            "1 module isn't valid: a::b; 1 check passed, 1 known issue"
+        );
+        assert_eq!(line(one, Some(&invalid)), "1 module isn't valid: a::b; 1 check, 1 failed");
+        let other = Run { failed: names(&["other"]), ..red.clone() };
+        assert_eq!(
+            line(&[], Some(&other)),
+            "1 test failed outside of Karat's checks: other; no check ran"
+        );
+        assert_eq!(
+            line(good, Some(&red)),
+            "a test failed outside of Karat's checks; 1 check passed, 1 known issue"
+        );
+        assert_eq!(line(&[], Some(&whole)), "no check ran");
+        let printed = Run { failed: names(&["printed"]), ..Run::default() };
+        assert_eq!(line(good, Some(&printed)), "2 checks, 0 failed, 1 known issue");
+        let ended = "the record doesn't say that its run ended; 1 check passed, 1 known issue";
+        assert_eq!(line(good, None), ended);
+        let stopped = Run { not_run: 4, failed: names(&["t"]), ..red.clone() };
+        assert_eq!(
+            line(one, Some(&stopped)),
+            "4 tests weren't run after a failure: run with --no-fail-fast; 1 check, 1 failed"
+        );
+        let stopped = Run { stopped: true, ..red };
+        assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
+    }
+
+    #[test]
+    fn many_names_are_cut() {
+        let failed = names(&["a", "b", "c", "d", "e"]);
+        let sum = Sum::of(&[], Some(&Run { failed, passed: false, ..Run::default() }));
+        assert_eq!(sum.reasons(), ["5 tests failed outside of Karat's checks: a, b, c, d, ..."]);
+    }
+}

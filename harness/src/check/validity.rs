@@ -1,0 +1,109 @@
+//! The check that a package is valid as a whole, with what no test calls.
+
+use crate::diagnostic::Diagnostic;
+use crate::package::{Package, PackageError};
+use crate::path::Adapter;
+use crate::record::{PathRecord, Subject, Verdict};
+use crate::reflect::{Invalid, ReflectError, Validated};
+use crate::run::{Concluded, Reporter, or_panic};
+
+/// The check's name in records.
+const CHECK: &str = "is_valid";
+/// Its assertion.
+const ASSERTED: &str = "naga validates each module";
+
+impl Package {
+    /// Validates every module with all of its functions and entry points, including those that no
+    /// test calls. It is a check like others, and recorded. If a module is valid only with features, set
+    /// them with [`validated_with`](Self::validated_with).
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
+    /// ```
+    ///
+    /// # Panics
+    /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
+    #[track_caller]
+    pub fn is_valid(&self) -> Validated {
+        let reporter = Reporter::start();
+        let result = self.try_is_valid();
+        let modules = self.modules().unwrap_or_default();
+        let subject = Subject::Function {
+            package: self.root().display().to_string(),
+            function: self.name(),
+            check: CHECK.to_owned(),
+            assertion: ASSERTED.to_owned(),
+            location: String::new(),
+            domain: String::new(),
+            seed: 0,
+        };
+        let read = modules.iter().filter_map(|module| self.file_of(module));
+        reporter.record(subject, path(&result, modules.len()).into_iter().collect(), read, &result);
+        or_panic(result)
+    }
+}
+
+/// What naga found: each module is a case. `None`: there was nothing to look at.
+fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecord> {
+    let failures = match result {
+        Ok(_) => 0,
+        Err(Invalid::Modules { errors, .. }) => errors.len(),
+        Err(_) => return None,
+    };
+    let count = |number: usize| u64::try_from(number).unwrap_or(u64::MAX);
+    let naga = Adapter {
+        path: "naga".to_owned(),
+        name: "the validator of wgpu".to_owned(),
+        driver: String::new(),
+        software: true,
+    };
+    Some(PathRecord {
+        adapter: naga,
+        cases: count(modules),
+        failures: count(failures),
+        worst: String::new(),
+        ratio: None,
+        asserted: ASSERTED.to_owned(),
+        known_issue: None,
+        granted: None,
+        errors: None,
+        plot: None,
+        histogram: None,
+        configurations: None,
+    })
+}
+
+/// The first place where a package isn't valid.
+fn place(invalid: &Invalid) -> Option<String> {
+    let Invalid::Modules { errors, .. } = invalid else { return None };
+    let diagnostic = |error: &ReflectError| -> Option<String> {
+        let found: &Diagnostic = match error {
+            ReflectError::Package(PackageError::Shader(found))
+            | ReflectError::Invalid(found)
+            | ReflectError::Unprobeable(found) => found,
+            _ => return None,
+        };
+        Some(found.location()?.to_string())
+    };
+    errors.iter().find_map(|(_, error)| diagnostic(error))
+}
+
+impl Concluded for Result<Validated, Invalid> {
+    fn verdict(&self) -> Verdict {
+        match self {
+            Ok(_) => Verdict::Pass,
+            Err(Invalid::Modules { .. }) => Verdict::Fail,
+            Err(_) => Verdict::Error,
+        }
+    }
+
+    fn message(&self) -> Option<String> {
+        self.as_ref().err().map(ToString::to_string)
+    }
+
+    fn location(&self) -> Option<String> {
+        self.as_ref().err().and_then(place)
+    }
+}
