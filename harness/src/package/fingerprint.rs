@@ -186,7 +186,9 @@ impl<'a> Described<'a> {
     /// What a module reads that no other one does: it says what the others read, or shares its name space
     /// with them.
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
-        let defines = !directives::defined(&self.library.read(root)?.text).is_empty();
+        let file = self.library.read(root)?;
+        let defines = !directives::defined(&file.text).is_empty()
+            || !directives::guards(&file.text).is_empty();
         if !defines && self.library.module(root)?.includes.is_empty() {
             return Ok(None);
         }

@@ -18,7 +18,7 @@ use karat::record::{self, Record};
 use karat::reflect::Dependence;
 
 use self::programs::{Programs, TestProgram};
-use super::super::watch::{Request, Said};
+use super::super::watch::{Reads, Request, Said};
 use super::super::{Ending, Outcome};
 use super::latest::Latest;
 use super::serve::{requests, say};
@@ -34,13 +34,19 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
         }
         let done = match tests.answer(&request, out) {
             Ok(error) => {
+                let unknown = tests.programs.have_scripts() || error.is_some();
                 let (tests, idle) = tests.judged(&request.filter);
-                Said::Done { tests, error, idle }
+                // A reference may read any file.
+                let reads = match tests.is_empty() && !unknown {
+                    true => Reads::These(BTreeSet::new()),
+                    false => Reads::Any,
+                };
+                Said::Done { tests, error, idle, invalid: None, reads }
             }
             Err(error) => {
                 // Who watches forgets all verdicts.
                 tests.ran.clear();
-                Said::Done { tests: BTreeSet::new(), error: Some(format!("{error:#}")), idle: 0 }
+                Said::failed(format!("{error:#}"))
             }
         };
         say(&done, out)?;
