@@ -40,6 +40,8 @@ mod report_page;
 mod repository;
 #[path = "cli/runs.rs"]
 mod runs;
+#[path = "cli/search.rs"]
+mod search;
 #[path = "cli/suite.rs"]
 mod suite;
 #[cfg(unix)]
@@ -53,6 +55,9 @@ mod unreferenced;
 mod untold;
 #[path = "cli/watch.rs"]
 mod watch;
+#[cfg(unix)]
+#[path = "cli/watch_edits.rs"]
+mod watch_edits;
 #[path = "cli/watch_screen.rs"]
 mod watch_screen;
 #[cfg(unix)]

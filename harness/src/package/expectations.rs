@@ -518,8 +518,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
                 Kind::Symbol(b',') => arguments.push(String::new()),
                 _ if at > inside.start && is_value(at) && is_value(at - 1) => {
                     let (first, second) = (module.text(at - 1), module.text(at));
-                    let message =
-                        format!("a comma is missing between `{first}` and `{second}`");
+                    let message = format!("a comma is missing between `{first}` and `{second}`");
                     let note = format!("`@{}({first}, {second})`", attribute.name);
                     return Err(error(span(&(at - 1..at + 1)), message, &note));
                 }

@@ -431,6 +431,27 @@ mod tests {
         }
     }
 
+    /// A checkout, or a rename across files, changes several modules at once: none of them keeps what it was.
+    #[test]
+    fn each_module_of_one_burst_is_described_again() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        };
+        let package = Package::open(folder.path()).expect("a folder");
+        let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
+        write("a.wgsl", A);
+        write("b.wgsl", B);
+        let before = package.fingerprints(&names);
+        write("a.wgsl", &A.replace("K = 2.0", "K = 3.0"));
+        write("b.wgsl", &B.replace("return -x", "return -2.0 * x"));
+        // Another test of this process may have taken its place meanwhile, and then nothing is known.
+        let after = package.fingerprints(&names);
+        for name in &names {
+            assert_ne!(before[name], after[name], "{name}");
+        }
+    }
+
     #[test]
     fn what_cannot_be_linked_has_none() {
         let package = Package::from_modules("m", [("a", "fn f() { g(); }\n")]);

@@ -371,8 +371,9 @@ impl Package {
     pub fn places(&self) -> Vec<PathBuf> {
         let Ok(library) = Library::open(self) else { return vec![self.root()] };
         let packages = library.all().into_iter().map(|index| library.package(index));
-        let on_disk =
-            |package: &Rc<Package>| matches!(package.origin, Origin::Folder { .. } | Origin::File { .. });
+        let on_disk = |package: &Rc<Package>| {
+            matches!(package.origin, Origin::Folder { .. } | Origin::File { .. })
+        };
         packages.filter(on_disk).map(|package| package.root()).collect()
     }
 }

@@ -44,7 +44,9 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     for file in meant(&package)? {
         let read = match file.to_string_lossy().ends_with(ENDING) {
             true => declared::read(&file, &root),
-            false => Err(format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file))),
+            false => {
+                Err(format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file)))
+            }
         };
         match read {
             Ok(found) => tests.extend(found),

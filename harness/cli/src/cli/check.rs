@@ -88,10 +88,7 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
 }
 
 /// The packages that aren't valid: as their folders say where they are stated, or else as tests use them.
-pub(super) fn invalid(
-    found: &[Found],
-    uses: &[Package],
-) -> anyhow::Result<Vec<(String, Invalid)>> {
+pub(super) fn invalid(found: &[Found], uses: &[Package]) -> anyhow::Result<Vec<(String, Invalid)>> {
     let mut all = Vec::new();
     for Found { package, stated } in found {
         let invalid = match (package.try_is_valid(), stated) {

@@ -184,7 +184,8 @@ impl Project {
     /// Whether a manifest above a folder says which packages there are.
     pub(super) fn says(&self, folder: &Path) -> bool {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-        let is_above = |above: &Path| above.canonicalize().is_ok_and(|above| folder.starts_with(above));
+        let is_above =
+            |above: &Path| above.canonicalize().is_ok_and(|above| folder.starts_with(above));
         self.settings.iter().any(|(above, said)| said.packages.is_some() && is_above(above))
     }
 
@@ -196,7 +197,8 @@ impl Project {
     /// The folder of goldens: the one that the project or else a member declares, or `golden`, or else the
     /// only one that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
-        let declared = |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
+        let declared =
+            |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
         if let Some(folder) = self.settings.iter().find_map(declared) {
             return folder;
         }

@@ -171,8 +171,7 @@ impl Project {
 
 /// Whether a folder has no module, and nothing that was meant for Karat.
 fn is_empty(package: &Package) -> bool {
-    let is_for_karat =
-        |file: &PathBuf| file.ends_with("karat.toml") || karat_suite::is_meant(file);
+    let is_for_karat = |file: &PathBuf| file.ends_with("karat.toml") || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }

@@ -143,7 +143,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // Where nobody declares packages, tests know theirs: a folder that none of them uses fails none,
     // whatever it is called.
-    let is_used = |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
+    let is_used =
+        |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
     let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
     let invalid = check::invalid(&judged, &check::uses(running.folder())?)?;
     let good = passed && invalid.is_empty();
@@ -160,7 +161,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_untested(&records, packages, &invalid, told)?;
     }
     if asked.is_whole() {
-        for Found { package, .. } in idle.iter().filter(|one| !suites.contains(&one.package.root())) {
+        for Found { package, .. } in idle.iter().filter(|one| !suites.contains(&one.package.root()))
+        {
             let folder = shown(&package.root());
             writeln!(told, "{DIM}no test uses `{folder}`: `karat check` validates it{DIM:#}")?;
         }
@@ -307,11 +309,7 @@ impl<'a> Asked<'a> {
     }
 
     /// The packages that are tested.
-    fn packages(
-        &self,
-        project: &Project,
-        used: &BTreeSet<PathBuf>,
-    ) -> anyhow::Result<Vec<Found>> {
+    fn packages(&self, project: &Project, used: &BTreeSet<PathBuf>) -> anyhow::Result<Vec<Found>> {
         let Some(folder) = &self.folder else {
             return project.search_with(&self.args.package, used);
         };

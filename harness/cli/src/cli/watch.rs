@@ -297,9 +297,8 @@ impl Watch {
                 };
                 // Each path has the same tests.
                 let none = |lane: &Lane| lane.verdicts.count + lane.verdicts.idle == 0;
-                let bad = self.lanes.iter().any(red)
-                    || self.lanes.iter().all(none)
-                    || self.is_unjudged();
+                let bad =
+                    self.lanes.iter().any(red) || self.lanes.iter().all(none) || self.is_unjudged();
                 return Ok(if bad { Ending::Bad } else { Ending::Good });
             }
         }

@@ -216,7 +216,9 @@ fn words(lane: &Lane) -> (karat::output::Style, String) {
     match (busy, broken, failing.len()) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
-        (.., 0) if invalid.is_some() => (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}")),
+        (.., 0) if invalid.is_some() => {
+            (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}"))
+        }
         (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
             true => (BAD, format!("{path}: there are no tests")),
             false => (DIM, format!("{path}: no tests here  {took}")),
@@ -225,10 +227,9 @@ fn words(lane: &Lane) -> (karat::output::Style, String) {
             (good, format!("{path}: {pass}; nothing changed in meaning  {took}"))
         }
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
-        (.., failed) if invalid.is_some() => (
-            BAD,
-            format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"),
-        ),
+        (.., failed) if invalid.is_some() => {
+            (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))
+        }
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }
