@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use karat::Package;
-use karat::diagnostic::{nearest, read_file, shown};
+use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::package::PackageError;
 
 use crate::declared;
@@ -51,6 +51,10 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         match read {
             Ok(found) => tests.extend(found),
             Err(message) => {
+                let message = match message.contains("\n  --> ") || message.contains("\n   --> ") {
+                    true => message,
+                    false => placed(&file, message),
+                };
                 broken.push(Broken { name: file.display().to_string(), message, is_file: true });
             }
         }
@@ -67,6 +71,13 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let folder = folder.to_owned();
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
+}
+
+/// What is wrong with a whole file, at its beginning: editors show what has a place.
+fn placed(file: &Path, message: String) -> String {
+    let source = SourceFile { name: shown(file), text: String::new() };
+    let start = Span { file: Arc::new(source), range: 0..0 };
+    Diagnostic::new(message).at(start, "").to_string()
 }
 
 /// The module's name in a file's: `brdf` of `brdf.test.toml`, and of what its author meant so, such as
