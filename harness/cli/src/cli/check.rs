@@ -1,7 +1,7 @@
 //! `karat check`: validates whole packages, and runs nothing.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
@@ -87,25 +87,42 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// The packages that aren't valid: as their folders say where they are stated, or else as tests use them.
-pub(super) fn invalid(found: &[Found], uses: &[Package]) -> anyhow::Result<Vec<(String, Invalid)>> {
+/// The packages that aren't valid: as their folders say where they are stated, or else as the tests of a run
+/// used them.
+pub(super) fn invalid(found: &[Found], run: &Path) -> anyhow::Result<Vec<(String, Invalid)>> {
     let mut all = Vec::new();
+    let mut known: Option<Vec<Package>> = None;
     for Found { package, stated } in found {
         let invalid = match (package.try_is_valid(), stated) {
             (Ok(_), _) => continue,
             (Err(Invalid::Package(error)), true) => return Err(error.into()),
             (Err(invalid), true) => Some(invalid),
-            (Err(_), false) => as_used(package, uses),
+            (Err(_), false) => {
+                let uses = match &mut known {
+                    Some(uses) => uses,
+                    none => none.insert(uses(run)?),
+                };
+                as_used(package, uses)
+            }
         };
         all.extend(invalid.map(|invalid| (package.name(), invalid)));
     }
     Ok(all)
 }
 
+/// The folders and files of shaders that the tests of a run linked.
+pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let all = Dependence::all(run).with_context(|| unread(run))?;
+    Ok(all.iter().filter_map(|one| Some(one.place()?.to_owned())).collect())
+}
+
+fn unread(run: &Path) -> String {
+    format!("can't read what tests used in `{}`", run.display())
+}
+
 /// The packages as the tests of a run used them.
 pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
-    let all = Dependence::all(run)
-        .with_context(|| format!("can't read what tests used in `{}`", run.display()))?;
+    let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 

@@ -19,10 +19,10 @@ use karat::package::PackageError;
 use karat::record::{Record, Recorded, Subject};
 use karat_suite::{Broken, Suite};
 
+use super::PackageArgs;
 use super::project::Project;
 use super::table::HEAD;
 use super::test::subjects::Subjects;
-use super::{PackageArgs, check};
 
 /// The folder of shaders beside a manifest.
 pub(super) const SHADERS: &str = "shaders";
@@ -118,7 +118,7 @@ impl Project {
 
     /// The packages whose tests left these records, and those that are known without.
     pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
-        let used = self.used_by(records, None)?;
+        let used = self.used_by(records, &[]);
         let found = self.search_with(&PackageArgs::default(), &used)?;
         Ok(found.into_iter().map(|one| one.package).collect())
     }
@@ -135,30 +135,33 @@ impl Project {
 
     /// Folders that tests used when they last ran.
     pub(super) fn recorded(&self) -> BTreeSet<PathBuf> {
-        let mut used = Subjects::read(&self.record()).packages().clone();
+        // Where all packages are stated nothing else is one.
+        if self.says(self.root()) {
+            return BTreeSet::new();
+        }
         let last = Recorded::read(&self.record()).ok().flatten();
-        let records = last.map(|last| last.records).unwrap_or_default();
-        used.extend(self.used_by(&records, None).unwrap_or_default());
+        self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
+    }
+
+    /// Folders and files of the project that earlier runs used, and the tests of one by what they recorded
+    /// and linked.
+    pub(super) fn used_by(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
+        let mut used = Subjects::read(&self.record()).packages().clone();
+        used.extend(self.used_in(records, linked));
         used
     }
 
-    /// Folders and files of the project that the tests of a run used, by what they recorded, and by what
-    /// they linked if the run's folder is known.
-    pub(super) fn used_by(
-        &self,
-        records: &[Record],
-        run: Option<&Path>,
-    ) -> anyhow::Result<BTreeSet<PathBuf>> {
-        let linked = run.map(check::uses).transpose()?.unwrap_or_default();
+    /// Those that the tests of one run used.
+    pub(super) fn used_in(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
         let named = records.iter().filter_map(|record| match &record.subject {
             Subject::Function { package, .. } => Some(PathBuf::from(package)),
             Subject::Frame { .. } => None,
         });
         // A text in memory has no place, and one that is `.` is relative to wherever its tests ran.
-        let all = named.chain(linked.iter().map(Package::root));
+        let all = named.chain(linked.iter().cloned());
         let all = all.filter(|place| !place.as_os_str().is_empty() && place != Path::new("."));
         let all = all.filter_map(|place| self.root().join(place).canonicalize().ok());
-        Ok(all.filter(|place| self.is_own(place)).collect())
+        all.filter(|place| self.is_own(place)).collect()
     }
 
     /// Whether a place is the project's, and not what its runs leave behind.

@@ -100,8 +100,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     // Tests call single functions: whatever else their packages hold must be valid, too.
-    let mut used = project.recorded();
-    used.extend(project.used_by(&record::read(running.folder())?, Some(running.folder()))?);
+    let of_rust = check::linked(running.folder())?;
+    let used = project.used_by(&record::read(running.folder())?, &of_rust);
     let found = asked.packages(&project, &used)?;
     let packages: Vec<Package> = found.iter().map(|one| one.package.clone()).collect();
     let mut suites_passed = true;
@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Err(asked.nothing(&packages).into());
     }
     let records = record::read(running.folder())?;
-    let used = project.used_by(&records, Some(running.folder()))?;
+    let used = project.used_in(&records, &check::linked(running.folder())?);
     subjects.add_packages(used.clone(), asked.is_whole());
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
     // One case run again is no run: the record of all that failed stays.
@@ -146,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_used =
         |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
     let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
-    let invalid = check::invalid(&judged, &check::uses(running.folder())?)?;
+    let invalid = check::invalid(&judged, running.folder())?;
     let good = passed && invalid.is_empty();
     let run =
         Run { schema: record::SCHEMA, selected: asked.selected(project.is_cargo()), passed: good };

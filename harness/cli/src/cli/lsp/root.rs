@@ -53,8 +53,7 @@ impl Root {
 
     /// Finds the packages again, as every command does.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
-        let mut used = self.project.recorded();
-        used.extend(self.project.used_by(&self.records, None)?);
+        let used = self.project.used_by(&self.records, &[]);
         let mut found = self.project.search_with(&PackageArgs::default(), &used)?;
         // One without a module is none, and what else is wrong with it is told when it is validated.
         found.retain(|one| one.package.modules().is_ok());

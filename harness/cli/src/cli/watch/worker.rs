@@ -70,19 +70,14 @@ impl Said {
 }
 
 /// Files that tests read.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Reads {
     /// These, through links.
     These(BTreeSet<PathBuf>),
     /// Any file: of what a program or a test of Rust reads nothing is known before it has.
+    #[default]
     Any,
-}
-
-impl Default for Reads {
-    fn default() -> Self {
-        Self::Any
-    }
 }
 
 pub(in crate::cli) struct Worker {
