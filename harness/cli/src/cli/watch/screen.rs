@@ -28,7 +28,7 @@ const TAIL: u64 = 64 << 10;
 
 pub(super) struct Screen {
     full: bool,
-    /// The last verdict that was printed as a line.
+    /// The last line that was printed, but for messages.
     last: RefCell<String>,
 }
 
@@ -52,7 +52,9 @@ impl Screen {
         if self.full {
             return Ok(());
         }
-        writeln!(out, "{DIM}changed: {}{DIM:#}", changed.join(", "))?;
+        let line = format!("changed: {}", changed.join(", "));
+        writeln!(out, "{DIM}{line}{DIM:#}")?;
+        self.last.replace(line);
         out.flush()
     }
 
@@ -67,6 +69,7 @@ impl Screen {
             return Ok(());
         }
         writeln!(out, "{BAD}FAILED{BAD:#} {name} on {path}\n{}", message.trim_end())?;
+        self.last.replace(format!("FAILED {name} on {path}"));
         out.flush()
     }
 
@@ -82,8 +85,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Whether what was printed has come into a file, as `karat watch | tee log.txt` leads it there. Times
-    /// make each line another.
+    /// Whether what was printed has come into a file, as `karat watch | tee log.txt` leads it there.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
