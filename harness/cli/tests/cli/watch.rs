@@ -364,6 +364,44 @@ fn it_never_wakes_on_its_own_output() {
     }
 }
 
+/// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
+#[test]
+fn an_edit_of_any_file_runs_rust_tests() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    let manifest =
+        "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n";
+    write(path, "Cargo.toml", manifest);
+    write(path, "src/lib.rs", "");
+    let test = "use std::io::Write;\n#[test]\nfn rows() {\n    \
+                let log = std::fs::OpenOptions::new().create(true).append(true).open(\"out.log\");\n    \
+                log.unwrap().write_all(b\"a run\\n\").unwrap();\n    \
+                assert_eq!(std::fs::read_to_string(\"rows.dat\").unwrap(), \"1\");\n}\n";
+    write(path, "tests/own.rs", test);
+    write(path, "rows.dat", "1");
+    write(path, "shaders/calc.wgsl", SHADER);
+    let watch = Watching::at(folder, ".", &[]);
+    watch.until("cpu (Rust): 1 test passes; 1 ran");
+    let runs = || {
+        std::thread::sleep(Duration::from_millis(1500));
+        let log = std::fs::read_to_string(watch.folder().join("out.log"));
+        log.expect("it is written").lines().count()
+    };
+    let first = runs();
+    assert_eq!(runs(), first, "it wakes itself");
+    write(watch.folder(), "rows.dat", "2");
+    watch.until("cpu (Rust): 1 of 1 tests fail; 1 ran");
+    write(watch.folder(), "rows.dat", "1");
+    watch.until("cpu (Rust): 1 test passes; 1 ran");
+    let last = runs();
+    assert_eq!(runs(), last, "it wakes itself");
+    // What no test of Rust links is validated, too.
+    write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
+    watch.until("cpu (shaders): 2 tests pass; 2 ran");
+    write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
+    watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
+}
+
 /// A module that no test links is validated, in a Cargo project as in a folder.
 #[test]
 fn what_no_test_links_is_validated() {
