@@ -135,7 +135,7 @@ struct Reader<'f> {
     /// Those of the text as it is.
     tokens: &'f [Token],
     features: Features,
-    /// What the text defines only where nothing else has.
+    /// Names that the text defines only where nothing else has.
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,

@@ -58,7 +58,7 @@ pub(super) struct Library {
     there: RefCell<BTreeMap<ModulePath, bool>>,
     /// Which folders of modules do.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// What the module defines that is linked, and what it defines only where nothing else has.
+    /// Names that the linked module defines, and those that it defines only where nothing else has.
     defined: RefCell<Features>,
     guards: RefCell<Features>,
     /// Modules by the paths that they give themselves.

@@ -139,7 +139,7 @@ impl Package {
         PRINTED.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Whether modules are what a program prints (`preprocess` in `karat.toml`), which may read any file.
+    /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
     ///
     /// ```
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());

@@ -1,5 +1,5 @@
-//! What lies below a folder: modules, and the files beside them. It is the one walk that there is, so that a
-//! folder which holds modules for one command holds tests and tables for the others.
+//! The walk below a folder: it finds modules, and the files beside them. There is no other walk, so that a folder
+//! that holds modules for one command holds tests and tables for the others.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -73,7 +73,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// What is wrong with a whole file, at its beginning: editors show what has a place.
+/// A message about a whole file, at its beginning: editors show what has a place.
 fn placed(file: &Path, message: String) -> String {
     let source = SourceFile { name: shown(file), text: String::new() };
     let start = Span { file: Arc::new(source), range: 0..0 };
@@ -115,7 +115,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// Whether a file's author meant it to declare tests, by its name or by what it holds.
+/// True if a file's author meant it to declare tests, by its name or by what it holds.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();

@@ -112,8 +112,8 @@ pub struct Broken {
     pub name: String,
     /// What is wrong, with its place.
     pub message: String,
-    /// Whether it is a file that was meant to declare tests, and declares none that can be read. It is wrong
-    /// whatever uses its package; a module may be for others to complete.
+    /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
+    /// uses its package; a module may be for others to complete.
     pub is_file: bool,
 }
 

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::compare::{Change, Compared, PathChange, Request};
-use karat::output::visible;
+use karat::output::{tell, visible};
 
 use super::project::Project;
 use super::search;
@@ -61,8 +61,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         false => write_text(&all, args.all, out)?,
     }
     let broken = search::broken_files(&packages)?;
-    if !args.json {
-        search::write_broken(&broken, out)?;
+    match args.json {
+        // What is read as JSON has no place for it.
+        true => broken.iter().for_each(|broken| tell(&broken.message)),
+        false => search::write_broken(&broken, out)?,
     }
     let good = |one: &Compared| matches!(one.change, Change::Untouched | Change::Same { .. });
     let good = all.iter().all(good) && broken.is_empty();

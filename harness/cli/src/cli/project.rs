@@ -29,7 +29,7 @@ struct Settings {
 }
 
 impl Settings {
-    /// What a manifest says of its workspace, and of its own package.
+    /// Reads what a manifest says of its workspace, and of its own package.
     fn of(folder: &Path, manifest: &toml::Table) -> anyhow::Result<Vec<(PathBuf, Self)>> {
         let said = ["workspace", "package"]
             .iter()
@@ -74,7 +74,7 @@ pub(super) struct Project {
     root: PathBuf,
     /// The folders of a workspace's members.
     members: Vec<PathBuf>,
-    /// What manifests say, each with its folder: the project's own come first.
+    /// Settings of manifests, each with its folder: the project's own come first.
     settings: Vec<(PathBuf, Settings)>,
     /// Whether it is a package or workspace of Cargo's.
     cargo: bool,
@@ -181,7 +181,7 @@ impl Project {
         })
     }
 
-    /// Whether a manifest above a folder says which packages there are.
+    /// True if a manifest above a folder lists the packages there.
     pub(super) fn says(&self, folder: &Path) -> bool {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let is_above =
@@ -189,7 +189,7 @@ impl Project {
         self.settings.iter().any(|(above, said)| said.packages.is_some() && is_above(above))
     }
 
-    /// Whether a manifest says that there is no package.
+    /// True if a manifest lists packages, be it none.
     pub(super) fn declares_none(&self) -> bool {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }

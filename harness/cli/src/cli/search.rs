@@ -1,5 +1,5 @@
-//! What there is to run: the packages of a project, and what was meant as a test in them. Each command that
-//! runs, validates or lists something finds it here.
+//! The search for what is to run: the packages of a project, and the files in them that were meant as tests.
+//! Each command that runs, validates or lists something calls it.
 //!
 //! - A package that is named, by `--package`, `--crate` or a command's folder, is the only one.
 //! - `metadata.karat.packages` of a Cargo.toml says which packages lie in its folder and below: the
@@ -31,7 +31,7 @@ pub(super) const SHADERS: &str = "shaders";
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) package: Package,
-    /// Whether an author says that it is one: otherwise only tests know how it is used.
+    /// True if an author states it: otherwise only tests know how it is used.
     pub(super) stated: bool,
 }
 
@@ -164,7 +164,7 @@ impl Project {
         all.filter(|place| self.is_own(place)).collect()
     }
 
-    /// Whether a place is the project's, and not what its runs leave behind.
+    /// True of a place in the project that isn't what its runs leave behind.
     fn is_own(&self, place: &Path) -> bool {
         let (root, output) = (self.root().canonicalize(), self.output().canonicalize());
         root.is_ok_and(|root| place.starts_with(root))
@@ -172,7 +172,7 @@ impl Project {
     }
 }
 
-/// Whether a folder has no module, and nothing that was meant for Karat.
+/// True of a folder without a module, in which nothing was meant for Karat.
 fn is_empty(package: &Package) -> bool {
     let is_for_karat = |file: &PathBuf| file.ends_with("karat.toml") || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))

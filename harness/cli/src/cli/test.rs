@@ -375,7 +375,7 @@ impl<'a> Asked<'a> {
         let mut folders = Vec::new();
         for Found { package, stated } in found {
             let suite = Suite::of(package.clone())?;
-            // What was meant as a test is one, whoever uses its package.
+            // A file that was meant as a test counts, with or without users of its package.
             let broken = suite.broken.iter().any(|broken| *stated || broken.is_file);
             let has = suite.tests.iter().any(|test| self.wants(test)) || broken;
             if has && !package.root().as_os_str().is_empty() {

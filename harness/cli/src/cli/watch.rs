@@ -65,8 +65,8 @@ impl Source {
         }
     }
 
-    /// What there is to run, and the folder of it all: of a Cargo project its Rust tests, and those in its
-    /// shaders. Where no folder is named it is what `karat test` runs.
+    /// Finds the folder to watch and the tests in it: of a Cargo project its Rust tests, and those in its
+    /// shaders. Where no folder is named they are those that `karat test` runs.
     fn all(named: Option<&Path>) -> anyhow::Result<(PathBuf, Vec<Self>)> {
         let project = match named {
             None => Project::find()?,
@@ -164,11 +164,11 @@ pub(super) struct Lane {
     records: PathBuf,
     worker: Option<Worker>,
     pub(super) verdicts: Verdicts,
-    /// Whether it has all tests of its path.
+    /// True if all tests of its path are here.
     pub(super) alone: bool,
-    /// Whether it validates modules: of several paths the first does.
+    /// True if it validates modules, as the first of several paths does.
     validates: bool,
-    /// What its tests read.
+    /// Files that its tests read.
     reads: Reads,
     /// Whether files changed while it ran.
     again: Option<Asked>,
@@ -313,7 +313,7 @@ impl Watch {
         })
     }
 
-    /// Whether a file that changed may change a verdict.
+    /// True of a file that may change a verdict.
     fn concerns(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let ending = file.extension().unwrap_or_default();
@@ -324,7 +324,7 @@ impl Watch {
             // A manifest, or what was or is meant to declare tests.
             || name.contains("toml")
             || karat_suite::is_meant(file);
-        // Of what is gone nobody knows whether it was a folder.
+        // What is gone may have been a folder.
         let is_folder = file.is_dir() || (ending.is_empty() && !file.exists());
         let reads = |lane: &Lane| match &lane.reads {
             Reads::Any => true,

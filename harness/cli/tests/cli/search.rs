@@ -1,4 +1,4 @@
-//! What there is to run: every command finds the same packages, and the same tests in them.
+//! The search for what is to run: every command finds the same packages, and the same tests in them.
 
 use super::report::function;
 use super::*;
@@ -132,6 +132,20 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     let filtered = output(command(path, &["test", "nothing"]).env("CARGO", "true"));
     assert_ne!(filtered.code, Some(0), "{filtered:?}");
     assert!(run(path, &["list"]).good().contains("a::half"));
+}
+
+/// A folder `shaders` that nothing names, uses or tests fails no run, under watch neither; `karat check` looks
+/// at it.
+#[test]
+fn a_folder_that_no_test_uses_fails_no_run() {
+    let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)];
+    let folder =
+        with("crates/engine/shaders", &manifests, &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+    write(folder.path(), "shaders/template.wgsl", "fn f() -> f32 { return {{ value }}; }\n");
+    let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
+    assert!(ran.contains("no test uses `shaders`: `karat check` validates it"), "{ran}");
+    run(folder.path(), &["watch", "--once", "--paths", "cpu"]).good();
+    assert_eq!(run(folder.path(), &["check"]).code, Some(1));
 }
 
 /// A folder that holds a module which is run holds tests, too, whatever it is called.

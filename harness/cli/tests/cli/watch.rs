@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub(crate) struct Watching {
     child: Child,
     lines: Receiver<String>,
-    /// What is watched, if it lives as long as this.
+    /// The folder that is watched, if it lives as long as this.
     folder: Option<TempDir>,
 }
 
@@ -251,7 +251,8 @@ fn an_edit_of_what_expands_modules_counts() {
     watch.until("cpu: 1 test passes; nothing changed in meaning");
 }
 
-/// What a test reads is known by its name, whatever that ends with, and so are packages outside of the folder.
+/// Files that tests read are known by their names, whatever these end with, and so are packages outside of
+/// the folder.
 #[test]
 fn an_edit_of_any_file_that_is_read_counts() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -319,7 +320,7 @@ fn an_edit_of_any_file_that_is_read_counts() {
 #[cfg(unix)]
 #[test]
 fn it_never_wakes_on_its_own_output() {
-    // Of what a program prints of modules nobody knows what it reads: any file counts.
+    // A program that prints modules may read any file, so that each counts.
     for (manifest, end) in [
         ("", "> log.txt 2>&1"),
         ("", "2>&1 | tee log.txt"),

@@ -32,7 +32,7 @@ pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
 
-/// What a text defines only where nothing else has, as an include guard does: a `#define` of a name under
+/// Names that a text defines only where nothing else has, as an include guard does: a `#define` of a name under
 /// `#ifndef` of the same name. Its own condition is asked before it is defined.
 pub(in crate::package) fn guards(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| *is_guard).filter_map(valued).collect()

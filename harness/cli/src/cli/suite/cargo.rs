@@ -100,7 +100,7 @@ struct Tests {
     written: Written,
 }
 
-/// What tests write while they run, of which no test need run again. A file that changes in one run may be
+/// Files that tests write while they run: they make no test run again. A file that changes in one run may be
 /// its author's doing; one that does in each is theirs.
 #[derive(Default)]
 struct Written {
@@ -111,7 +111,7 @@ struct Written {
 }
 
 impl Written {
-    /// Whether a file that was last changed at this time is the tests' own.
+    /// True if a file that was last changed at this time is the tests' own.
     fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
         let ran = self.ran.as_ref();
         match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {
@@ -297,7 +297,7 @@ mod tests {
         assert!(!written.has(log, at(12)) && !written.has(data, at(12)), "an author may save then");
         written.ran = run(20);
         assert!(written.has(log, at(22)), "it is written in each run");
-        assert!(!written.has(data, at(30)), "nobody ran");
+        assert!(!written.has(data, at(30)), "no test ran");
         written.ran = run(40);
         assert!(written.has(log, at(42)) && !written.has(data, at(42)));
         assert!(!written.has(log, None), "it is gone");

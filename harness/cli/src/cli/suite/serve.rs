@@ -34,7 +34,10 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                 let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);
                 latest.write(&request.report.unwrap_or_default(), is_there)
             }
-            Ok(suite) => {
+            Ok(mut suite) => {
+                if !whole.is_judged(&suite) {
+                    suite.broken.retain(|broken| broken.is_file);
+                }
                 let mut said =
                     answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?;
                 if let Said::Done { error, invalid, .. } = &mut said
@@ -143,16 +146,23 @@ impl Whole {
         Ok(Self { project, found })
     }
 
+    /// False of a folder that no author states and no test uses: its modules fail no run.
+    fn is_judged(&self, suite: &Suite) -> bool {
+        let is_used =
+            || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));
+        self.found.stated || !suite.tests.is_empty() || is_used()
+    }
+
     /// The modules that aren't valid, but for what has been told.
     fn invalid(&self, suite: &Suite, told: &str) -> Option<String> {
         let Found { package, stated } = &self.found;
         let mut invalid = package.try_is_valid().err()?;
+        if !self.is_judged(suite) {
+            return None;
+        }
         if !stated {
-            // A folder that no test uses fails none.
-            let is_used = !suite.tests.is_empty()
-                || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));
-            let uses = is_used.then(|| check::recorded_uses(&self.project).unwrap_or_default());
-            invalid = check::as_used(package, &uses?)?;
+            let uses = check::recorded_uses(&self.project).unwrap_or_default();
+            invalid = check::as_used(package, &uses)?;
         }
         let Invalid::Modules { errors, .. } = invalid else { return Some(invalid.to_string()) };
         let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();

@@ -172,7 +172,7 @@ impl Seen {
     }
 }
 
-/// Whether this process prints into a file.
+/// True of a file that this process prints into.
 fn is_output(path: &Path) -> bool {
     static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
     let outputs = OUTPUTS

@@ -85,7 +85,7 @@ impl Screen {
         out.flush()
     }
 
-    /// Whether what was printed has come into a file, as `karat watch | tee log.txt` leads it there.
+    /// True of a file into which the last line came, as by `karat watch | tee log.txt`.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {

@@ -27,7 +27,7 @@ pub(in crate::cli) struct Request {
     /// Files that changed, with their folders from the root.
     #[serde(default)]
     pub(in crate::cli) changed: Vec<PathBuf>,
-    /// Whether all modules are validated, and not only what tests link.
+    /// Validate all modules, and not only what tests link.
     #[serde(default)]
     pub(in crate::cli) validate: bool,
     /// Run nothing, and write the record of each test's last run into this file.
@@ -51,7 +51,7 @@ pub(in crate::cli) enum Said {
         /// Which modules aren't valid, whether or not a test links them.
         #[serde(default)]
         invalid: Option<String>,
-        /// What an edit may concern besides modules and declared tests.
+        /// Files that matter besides modules and declared tests.
         #[serde(default)]
         reads: Reads,
     },
