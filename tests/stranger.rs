@@ -345,9 +345,9 @@ impl Drop for Watching {
 #[track_caller]
 fn edits_are_followed(karat: &FilePath, project: &Project) {
     let watching = Watching::start(karat, project);
-    watching.until("cpu: 2 tests pass; 2 ran");
+    watching.until("cpu (Rust): 2 tests pass; 2 ran");
     project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
-    let red = watching.until("cpu: 1 of 2 tests fail; 1 ran");
+    let red = watching.until("cpu (Rust): 1 of 2 tests fail; 1 ran");
     for part in [
         "changed: shaders/brdf.wgsl",
         "FAILED brdf::lambert",
@@ -357,24 +357,24 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
         assert!(red.contains(part), "no `{part}` in {red}");
     }
     project.write("shaders/brdf.wgsl", BRDF);
-    watching.until("cpu: 2 tests pass; 1 ran");
+    watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("shaders/brdf.wgsl", &format!("// a comment\n{BRDF}"));
-    watching.until("cpu: 2 tests pass; nothing changed in meaning");
+    watching.until("cpu (Rust): 2 tests pass; nothing changed in meaning");
     // What a function calls concerns it: one of the two calls `pow5`.
     project.write("shaders/math.wgsl", &MATH.replace("x2 * x2 * x", "x2 * x * x2"));
-    watching.until("cpu: 2 tests pass; 1 ran");
+    watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn lambert() -> "));
-    let broken = watching.until("cpu: no verdict");
+    let broken = watching.until("cpu (Rust): no verdict");
     assert!(watching.until("--> tests/brdf.rs:").contains("error: "), "{broken}");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn diffuse()"));
-    watching.until("cpu: 2 tests pass; 2 ran");
+    watching.until("cpu (Rust): 2 tests pass; 2 ran");
     // A frame isn't judged on this path, and what fails without a check fails.
     let more = "#[test]\nfn drawn() {\n    let goldens = karat::goldens!(\"golden\");\n    \
                 SHADERS.frame(\"brdf\", 8, 8).fragment(\"fs\").matches(&goldens, \"drawn\");\n}\n\
                 #[test]\nfn panics() {\n    panic!(\"before its check\");\n}\n\
                 #[test]\nfn silent() {}\n";
     project.write("tests/brdf.rs", &format!("{TESTS}{more}"));
-    let red = watching.until("cpu: 1 of 4 tests fail; 5 ran");
+    let red = watching.until("cpu (Rust): 1 of 4 tests fail; 5 ran");
     assert!(red.contains("1 isn't judged here: a frame needs a driver"), "{red}");
 }
 

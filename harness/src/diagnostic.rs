@@ -325,8 +325,28 @@ impl FileRead {
     /// ```
     #[must_use]
     pub fn now(file: &Path) -> Self {
-        std::fs::read(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
+        read_file(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
     }
+}
+
+/// The bytes of a file that an author wrote. A pipe, a socket or a device is none: reading it may never end.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let file = folder.path().join("brdf.csv");
+/// std::fs::write(&file, "x,result")?;
+/// assert_eq!(karat::diagnostic::read_file(&file)?, b"x,result");
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
+/// # Errors
+/// If it isn't there, isn't a file, or can't be read.
+pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
+    let kind = std::fs::metadata(file)?;
+    if kind.is_file() || kind.is_dir() {
+        return std::fs::read(file);
+    }
+    Err(std::io::Error::other("it is a pipe, a socket or a device, and no file"))
 }
 
 /// A path as people read it best: absolute without `..`, or relative to the working directory. The

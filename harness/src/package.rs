@@ -447,8 +447,7 @@ impl Package {
         let mut modules = match &self.origin {
             Origin::Crate { .. } => return self.found()?.modules(),
             Origin::Folder { .. } | Origin::Found(_) => {
-                let mut found = Vec::new();
-                scan::scan(&self.root(), "", &mut BTreeSet::new(), &mut found)?;
+                let found = scan::Contents::of(&self.root())?.modules;
                 if found.is_empty() {
                     return Err(PackageError::Empty(shown(&self.root())));
                 }
@@ -464,6 +463,44 @@ impl Package {
             return Err(self.twice("modules", &pair[0]));
         }
         Ok(modules)
+    }
+
+    /// The files beside the modules, sorted: declared tests, tables, images. Hidden ones and what Cargo
+    /// builds are left out, and each folder is entered once. Of a package of one file they are those in its
+    /// folder; text in memory has none.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// std::fs::write(folder.path().join("brdf.wgsl"), "fn f() {}")?;
+    /// std::fs::write(folder.path().join("brdf.test.toml"), "")?;
+    /// let beside = Package::open(folder.path())?.files_beside()?;
+    /// assert_eq!(beside, [folder.path().join("brdf.test.toml")]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If a folder can't be read, or holds what can't be a module.
+    pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
+        let root = self.root();
+        let mut files = match &self.origin {
+            Origin::Crate { .. } => return self.found()?.files_beside(),
+            Origin::Folder { .. } | Origin::Found(_) => scan::Contents::of(&root)?.others,
+            Origin::File { .. } => {
+                let folder = root.parent().filter(|folder| !folder.as_os_str().is_empty());
+                let folder = folder.unwrap_or(Path::new("."));
+                let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+                let all = std::fs::read_dir(folder).map_err(unreadable)?;
+                let all = all.map(|entry| Ok(entry.map_err(unreadable)?.path()));
+                let mut all = all.collect::<Result<Vec<_>, PackageError>>()?;
+                all.retain(|file| *file != root && !file.is_dir());
+                all
+            }
+            Origin::Memory { .. } => Vec::new(),
+        };
+        files.sort();
+        Ok(files)
     }
 
     fn twice(&self, what: &str, name: &str) -> PackageError {

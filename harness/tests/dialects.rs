@@ -407,6 +407,41 @@ fn each_name_of_a_condition_is_asked_about() {
     }
 }
 
+/// An include guard asks about a name before it defines it: what is inside is the module.
+#[test]
+fn an_include_guard_is_read() {
+    let guard = |text: &str| format!("#ifndef G\n#define G\n{text}#endif\n");
+    let twice = "fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
+    let package =
+        Package::from_modules("m", [("a", guard(twice)), ("b", "fn ok() {}\n".to_owned())]);
+    package.function("a::twice").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    let wrong = Package::from_modules("m", [("a", guard(&twice.replace("2.0", "nonsense")))]);
+    let invalid = wrong.try_is_valid().expect_err("an unknown name").to_string();
+    assert!(invalid.contains("<a>:3:34"), "{invalid}");
+    // Who sets the name leaves the text out, and is told so.
+    let left_out = error(&package.feature("G", true), "a::twice");
+    assert!(left_out.contains("is declared under `#ifndef G`"), "{left_out}");
+    // So are tests.
+    let test = "import karat::expect_near;\n@test fn t() { expect_near(twice(1.0), 2.0, 0.0); }\n";
+    let test = Package::from_source("m", guard(&format!("{test}{twice}")));
+    assert_eq!(test.try_is_valid().expect("valid").tests, 1);
+    // A default that others may set, here and in modules that are imported.
+    let default = "#ifndef N\n#define N 3\n#endif\nfn f() -> i32 { return #{N}; }\n";
+    assert!(f(&one(default)).contains("return 3;"));
+    assert!(f(&one(default).feature("N", 4)).contains("return 4;"));
+    let part = "#define_import_path part\n#ifdef N\nfn g() -> i32 { return #{N}; }\n#endif\n";
+    let user = default.replace("return #{N}", "return part::g()");
+    let both =
+        Package::from_modules("m", [("part", part), ("user", &format!("#import part\n{user}"))]);
+    assert!(linked(&both, "user::f").contains("return 3;"));
+    // Two files that guard one name guard it for themselves, and one that is included may.
+    let files = [
+        ("part", guard(twice)),
+        ("user", guard("#include \"part.wgsl\"\nfn f(x: f32) -> f32 { return twice(x); }\n")),
+    ];
+    linked(&Package::from_modules("m", files), "user::f");
+}
+
 /// A slip in a feature would leave the shader as it is.
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {

@@ -389,3 +389,41 @@ fn a_folder_declares_its_dependencies() {
         told(part);
     }
 }
+
+/// A folder of tests alone, whose functions lie in packages that it depends on, is valid.
+#[test]
+fn a_package_of_tests_alone_is_valid() {
+    let half = Package::from_source("half", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    let text = "import half::half;\nimport karat::expect_near;\n\
+                @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
+    let tests = Package::from_source("tests", text).depends_on("half", &half);
+    let valid = tests.try_is_valid().expect("it is valid");
+    assert_eq!((valid.functions, valid.tests), (0, 1));
+    assert_eq!(valid.to_string(), "1 module, 0 functions, 0 entry points, 1 test");
+    let nothing = Package::from_source("m", "const A = 1;").try_is_valid();
+    assert!(nothing.expect_err("nothing").to_string().contains("no entry point and no test"));
+}
+
+/// Modules have the names of their places, and what a link leads to again has no other one.
+#[cfg(unix)]
+#[test]
+fn links_lead_to_each_folder_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    std::fs::create_dir_all(path.join("z/inner")).expect("a folder");
+    let outer = tempfile::tempdir().expect("a temporary folder");
+    for file in [path.join("z/m.wgsl"), path.join("z/inner/n.wgsl"), outer.path().join("o.wgsl")] {
+        std::fs::write(file, "fn f() {}").expect("written");
+    }
+    std::fs::write(path.join("z/rows.csv"), "x").expect("written");
+    let link = |to: &Path, name: &str| {
+        std::os::unix::fs::symlink(to, path.join(name)).expect("a link");
+    };
+    link(path, "again");
+    link(&path.join("z"), "a");
+    link(&path.join("z"), "z/inner/up");
+    link(outer.path(), "other");
+    let package = Package::open(path).expect("a package");
+    assert_eq!(package.modules().expect("modules"), ["other::o", "z::inner::n", "z::m"]);
+    assert_eq!(package.files_beside().expect("files"), [path.join("z/rows.csv")]);
+}

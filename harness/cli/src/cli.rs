@@ -28,6 +28,7 @@ mod render;
 mod replay;
 mod report;
 mod review;
+mod search;
 mod show;
 mod suite;
 mod table;
@@ -298,7 +299,8 @@ enum Command {
 #[derive(clap::Args, Default)]
 struct PackageArgs {
     /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
-    /// `shaders`, else, where there is no Cargo.toml, the working directory]
+    /// `shaders` beside one and the folders that recorded tests used; without a Cargo.toml `shaders`, or
+    /// else the working directory]
     #[arg(long, value_name = "DIR")]
     package: Option<PathBuf>,
     /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version

@@ -44,6 +44,8 @@ mod report_page;
 mod repository;
 #[path = "cli/runs.rs"]
 mod runs;
+#[path = "cli/search.rs"]
+mod search;
 #[path = "cli/suite.rs"]
 mod suite;
 #[cfg(unix)]
@@ -57,6 +59,9 @@ mod unreferenced;
 mod untold;
 #[path = "cli/watch.rs"]
 mod watch;
+#[cfg(unix)]
+#[path = "cli/watch_edits.rs"]
+mod watch_edits;
 #[path = "cli/watch_screen.rs"]
 mod watch_screen;
 #[cfg(unix)]
@@ -284,9 +289,9 @@ fn a_table_of_cases_round_trips_bit_by_bit() {
         f32::INFINITY,
         f32::NEG_INFINITY,
     ];
-    let mut text = "# one case a row\nx\n".to_owned();
+    let mut text = "# one case a row\n\n# in any order\nx\n".to_owned();
     text.extend(inputs.iter().map(|x| format!("{x:e}\n")));
-    text.push_str("\n# not a number:\nNaN");
+    text.push_str("\nNaN");
     write(project.path(), "in.csv", &text);
     let table = ["call", "calc::same", "--cases", "in.csv", "--out", "out.csv"];
     assert_eq!(karat(project.path(), &table).good(), "");
@@ -317,7 +322,7 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
     for text in [
         "1,2,3,10\n4,5,6,0.5\n",
         "a.x,a.y,a.z,b\n1,2,3,10\n4,5,6,0.5\n",
-        "# swapped\r\nb, a.z, a.x, a.y\r\n10, 3, 1, 2\r\n# again\r\n0.5, 6, 4, 5\r\n",
+        "# swapped\r\nb, a.z, a.x, a.y\r\n10, 3, 1, 2\r\n\r\n0.5, 6, 4, 5\r\n",
     ] {
         write(project.path(), "in.csv", text);
         let table = ["call", "calc::add", "--cases", "in.csv", "--path", &path];
@@ -334,8 +339,11 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
     let project = project();
     for (text, message) in [
         ("x\n1\n2,3\n4\n", "`in.csv` line 3 has 2 columns, a case has 1: x"),
-        ("# why\r\n\r\nx\r\n# why\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
-        ("x\n1\n# why\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
+        ("# why\r\n\r\nx\r\n\r\ntwo", "`in.csv` line 5, column `x`: `two`"),
+        ("x\n1\n\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
+        ("x\n1\n\n#2\n", "`in.csv` line 4 begins with `#`, and comments stand above the head"),
+        ("1\n#2\n3\n", "`in.csv` line 2 begins with `#`"),
+        ("note,x\n#ff8000,1\n", "`in.csv` line 2 begins with `#`"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
         ("value\n1\n", "`in.csv` has no column `x`; it has value"),

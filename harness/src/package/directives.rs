@@ -6,7 +6,8 @@
 //! lost.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`,
-//!   `#ifndef`, `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`.
+//!   `#ifndef`, `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard is read
+//!   as in C, where `naga_oil` leaves an empty module.
 //! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade
 //!   (`#include "quaternion.inc.wgsl"`): what a file includes shares one name space with it.
 
@@ -24,7 +25,7 @@ use super::feature::Features;
 use super::lexer::{Kind, Token, lex};
 
 use ahead::without_comment;
-pub(super) use ahead::{asked, defined, path};
+pub(super) use ahead::{asked, defined, guards, path};
 use foreign::{template, unknown};
 pub(super) use include::{Include, without_extension};
 
@@ -108,6 +109,7 @@ pub(super) fn read(
         file,
         tokens: &tokens,
         features: features.clone(),
+        guards: guards(text),
         bytes: text.clone().into_bytes(),
         open: Vec::new(),
         done: 0,
@@ -133,6 +135,8 @@ struct Reader<'f> {
     /// Those of the text as it is.
     tokens: &'f [Token],
     features: Features,
+    /// Names that the text defines only where nothing else has.
+    guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
     /// Up to here all is read.
@@ -272,9 +276,12 @@ impl Reader<'_> {
             }
             _ if !self.is_live() => return Ok(()),
             "define" => {
-                // Its value is known already: see `defined`.
-                let (_, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-                self.parsed(value.trim(), &whole)?;
+                // Its value is known already, unless it guards: see `defined`.
+                let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                let value = self.parsed(value.trim(), &whole)?;
+                if self.guards.contains_key(name) {
+                    self.features.entry(name.to_owned()).or_insert(value);
+                }
                 if self.found.path.is_some() {
                     let message = "a module that others import can't `#define`: only the one that is \
                                    linked may";

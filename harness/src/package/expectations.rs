@@ -512,13 +512,25 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
             (attribute.tokens.start + 3).min(attribute.tokens.end)..attribute.tokens.end - 1;
         // A sign belongs to the number behind it.
         let mut arguments = vec![String::new()];
-        for at in inside {
+        let is_value = |at: usize| !matches!(module.tokens[at].kind, Kind::Symbol(_));
+        for at in inside.clone() {
             match module.tokens[at].kind {
                 Kind::Symbol(b',') => arguments.push(String::new()),
+                _ if at > inside.start && is_value(at) && is_value(at - 1) => {
+                    let (first, second) = (module.text(at - 1), module.text(at));
+                    let message = format!("a comma is missing between `{first}` and `{second}`");
+                    let note = format!("`@{}({first}, {second})`", attribute.name);
+                    return Err(error(span(&(at - 1..at + 1)), message, &note));
+                }
                 _ => arguments.last_mut().expect("one at least").push_str(module.text(at)),
             }
         }
-        arguments.retain(|argument| !argument.is_empty());
+        // One comma may stand behind the last.
+        arguments.pop_if(|last| last.is_empty());
+        if arguments.iter().any(String::is_empty) {
+            let message = format!("`@{}` has a comma too many", attribute.name);
+            return Err(error(span(&attribute.tokens), message, "a value stands before each"));
+        }
         match (&*attribute.name, attribute.parameter) {
             ("cases", None) => {
                 let [count] = &*arguments else {

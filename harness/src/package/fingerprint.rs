@@ -186,7 +186,9 @@ impl<'a> Described<'a> {
     /// What a module reads that no other one does: it says what the others read, or shares its name space
     /// with them.
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
-        let defines = !directives::defined(&self.library.read(root)?.text).is_empty();
+        let file = self.library.read(root)?;
+        let defines = !directives::defined(&file.text).is_empty()
+            || !directives::guards(&file.text).is_empty();
         if !defines && self.library.module(root)?.includes.is_empty() {
             return Ok(None);
         }
@@ -425,6 +427,28 @@ mod tests {
             write(name, &text);
             let now = found();
             assert_eq!([0, 1].map(|at| now[at] != before[at]), changes, "{what}: {now:?}");
+            before = now;
+        }
+    }
+
+    /// A checkout, or a rename across files, changes several modules at once: none of them keeps what it was.
+    #[test]
+    fn each_module_of_one_burst_is_described_again() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        };
+        let package = Package::open(folder.path()).expect("a folder");
+        let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
+        let mut before = BTreeMap::new();
+        // Another test of this process may take what is known meanwhile, but not each time.
+        for round in 0..16 {
+            write("a.wgsl", &A.replace("K = 2.0", &format!("K = {round}.5")));
+            write("b.wgsl", &B.replace("return -x", &format!("return -{round}.5 * x")));
+            let now = package.fingerprints(&names);
+            for name in &names {
+                assert!(now.contains_key(name) && before.get(name) != now.get(name), "{name}");
+            }
             before = now;
         }
     }

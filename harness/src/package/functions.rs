@@ -92,6 +92,12 @@ impl Package {
         all
     }
 
+    /// How many functions with `@test` a module has; none if it can't be parsed.
+    pub(crate) fn tests_of(&self, module: &str) -> usize {
+        let tests = |module: Arc<Module>| module.declarations.iter().filter(|one| one.test).count();
+        self.parsed(module).map_or(0, tests)
+    }
+
     /// One module without what its conditions leave out.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));

@@ -19,7 +19,7 @@ use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, nearest, shown, text_hash};
+use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown, text_hash};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
@@ -58,8 +58,9 @@ pub(super) struct Library {
     there: RefCell<BTreeMap<ModulePath, bool>>,
     /// Which folders of modules do.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// What the module defines that is linked.
+    /// Names that the linked module defines, and those that it defines only where nothing else has.
     defined: RefCell<Features>,
+    guards: RefCell<Features>,
     /// Modules by the paths that they give themselves.
     composed: OnceCell<BTreeMap<String, Vec<ModulePath>>>,
 }
@@ -80,6 +81,7 @@ impl Library {
             there: RefCell::default(),
             folders: RefCell::default(),
             defined: RefCell::default(),
+            guards: RefCell::default(),
             composed: OnceCell::new(),
         };
         library.manifest(0)?;
@@ -141,6 +143,7 @@ impl Library {
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
+        *self.guards.borrow_mut() = directives::guards(&file.text);
         Ok(file)
     }
 
@@ -149,7 +152,15 @@ impl Library {
         if let Some(module) = self.modules.borrow().get(path) {
             return Ok(Arc::clone(module));
         }
-        let module = parsed(&self.read(path)?, self.features(path.package))?;
+        let file = self.read(path)?;
+        // A file that guards a name itself asks before it is defined.
+        let own = directives::guards(&file.text);
+        let mut features = self.guarded(path.package);
+        if !own.is_empty() {
+            let elsewhere = self.features(path.package);
+            features.retain(|name, _| !own.contains_key(name) || elsewhere.contains_key(name));
+        }
+        let module = parsed(&file, features)?;
         self.modules.borrow_mut().insert(path.clone(), Arc::clone(&module));
         Ok(module)
     }
@@ -296,7 +307,7 @@ impl Library {
 
     /// The values of features, as Bevy's shaders import them.
     fn constants(&self) -> Package {
-        let features = self.features(0);
+        let features = self.guarded(0);
         let values = features.iter().filter_map(|(name, value)| match value {
             Feature::Number(value) => Some(format!("const {name} = {value};\n")),
             Feature::Flag(_) => None,
@@ -333,6 +344,37 @@ impl Library {
         let set = set.map(|(name, value)| (name.clone(), *value));
         let defined = self.defined.borrow().clone();
         declared.into_iter().flatten().chain(set).chain(defined).collect()
+    }
+
+    /// [`features`](Self::features), and what the module that is linked defines where nothing else has.
+    fn guarded(&self, package: usize) -> Features {
+        let mut features = self.features(package);
+        for (name, value) in &*self.guards.borrow() {
+            features.entry(name.clone()).or_insert(*value);
+        }
+        features
+    }
+}
+
+impl Package {
+    /// The folders and files of this package and of all that its modules can import from. Crates, whose
+    /// files don't change, and text in memory have none.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::open("examples/shaders")?;
+    /// assert_eq!(package.places(), [package.root()]);
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    #[must_use]
+    pub fn places(&self) -> Vec<PathBuf> {
+        let Ok(library) = Library::open(self) else { return vec![self.root()] };
+        let packages = library.all().into_iter().map(|index| library.package(index));
+        let on_disk = |package: &Rc<Package>| {
+            matches!(package.origin, Origin::Folder { .. } | Origin::File { .. })
+        };
+        packages.filter(on_disk).map(|package| package.root()).collect()
     }
 }
 
@@ -478,7 +520,7 @@ impl Package {
 
 pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let file = shown(path);
-    let bytes = std::fs::read(path)
+    let bytes = read_file(path)
         .map_err(|source| PackageError::Unreadable { file: file.clone(), source })?;
     match String::from_utf8(bytes) {
         Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),

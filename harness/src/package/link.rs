@@ -26,11 +26,15 @@ impl Package {
         set: &Features,
         texts: [String; N],
     ) -> [Self; N] {
-        let defines = directives::defined(text).into_iter().map(|(name, value)| match value {
+        let define = |(name, value): &(String, Feature)| match value {
             Feature::Flag(true) => format!("#define {name}\n"),
             value => format!("#define {name} {value}\n"),
-        });
-        let defines: String = defines.collect();
+        };
+        let mut defines: String =
+            directives::defined(text).into_iter().map(|one| define(&one)).collect();
+        for one in directives::guards(text) {
+            defines += &format!("#ifndef {}\n{}#endif\n", one.0, define(&one));
+        }
         texts.map(|text| {
             let modules = [(module, defines.clone() + &text)];
             let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
@@ -114,14 +118,12 @@ impl Package {
         let path = author_path("", &ModulePath::root(module), item);
         let mut known = Vec::new();
         let mut condition = None;
-        if let (Ok(modules), Ok(library)) = (self.modules(), Library::open(self)) {
-            for name in modules {
-                let Ok(parsed) = library.module(&ModulePath::root(&name)) else { continue };
-                known.extend(functions_of(&name, &parsed).into_iter().map(|item| item.name));
-                if name == module {
-                    let inactive = parsed.inactive.iter().find(|inactive| inactive.name == item);
-                    condition = inactive.map(|inactive| inactive.condition.clone());
-                }
+        for name in self.modules().unwrap_or_default() {
+            let Ok(parsed) = self.parsed(&name) else { continue };
+            known.extend(functions_of(&name, &parsed).into_iter().map(|item| item.name));
+            if name == module {
+                let inactive = parsed.inactive.iter().find(|inactive| inactive.name == item);
+                condition = inactive.map(|inactive| inactive.condition.clone());
             }
         }
         if let Some(condition) = condition {

@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use super::feature::{Feature, Features};
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, shown};
+use crate::diagnostic::{FileRead, SourceFile, read_file, shown};
 use crate::settings;
 
 /// The file's name.
@@ -159,6 +159,16 @@ impl Package {
     pub fn forget_printed() {
         PRINTED.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
+
+    /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
+    ///
+    /// ```
+    /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
+    /// ```
+    #[must_use]
+    pub fn is_printed(&self) -> bool {
+        Manifest::of(self).is_ok_and(|manifest| manifest.expands())
+    }
 }
 
 /// What a program may print of one module: far more than any has.
@@ -176,8 +186,8 @@ impl Manifest {
             _ => return Ok(Self::default()),
         };
         let error = |reason: String| PackageError::Manifest { file: shown(&file), reason };
-        let text = match std::fs::read_to_string(&file) {
-            Ok(text) => text,
+        let text = match read_file(&file) {
+            Ok(bytes) => String::from_utf8(bytes).map_err(|other| error(other.to_string()))?,
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };

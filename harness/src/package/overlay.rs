@@ -204,3 +204,33 @@ impl Package {
         files.collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each file of an overlay stands in for its module, and no other one.
+    #[test]
+    fn an_overlay_replaces_each_module_that_it_has() {
+        let (tree, over) = (tempfile::tempdir(), tempfile::tempdir());
+        let (tree, over) = (tree.expect("a folder"), over.expect("a folder"));
+        let names = ["a.wgsl", "b.wgsl", "sub/c.wgsl"];
+        for folder in [tree.path(), over.path()] {
+            std::fs::create_dir(folder.join("sub")).expect("a folder");
+        }
+        std::fs::write(tree.path().join("kept.wgsl"), "fn k() {}").expect("written");
+        for name in names {
+            std::fs::write(tree.path().join(name), "fn f() -> u32 { return 1u; }")
+                .expect("written");
+            std::fs::write(over.path().join(name), "fn f() -> u32 { return 2u; }")
+                .expect("written");
+        }
+        let package = Package::open(tree.path()).expect("a package");
+        let overlay = Overlay::of_folder(&package, over.path()).expect("it replaces modules");
+        let read = |name: &str| overlay.read(&overlay.file(tree.path().join(name)));
+        for name in names {
+            assert!(read(name).expect("it is there").text.contains("2u"), "{name}");
+        }
+        assert_eq!(overlay.file(tree.path().join("kept.wgsl")), tree.path().join("kept.wgsl"));
+    }
+}

@@ -1,7 +1,7 @@
 //! A package as another process can open it.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +55,14 @@ impl Package {
 }
 
 impl Portable {
+    /// The folder or file; `None` of a crate, and of text in memory.
+    pub(crate) fn place(&self) -> Option<&Path> {
+        match &self.from {
+            From::Folder(path) | From::File { path, .. } => Some(path),
+            From::Memory { .. } | From::Crate { .. } => None,
+        }
+    }
+
     pub(crate) fn package(&self) -> Package {
         let text = |path: &PathBuf| Cow::Owned(path.to_string_lossy().into_owned());
         let origin = match &self.from {

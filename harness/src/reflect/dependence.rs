@@ -122,6 +122,28 @@ impl Dependence {
         self.package.as_ref().map(Portable::package)
     }
 
+    /// The folder or file of the package that the program was linked from; `None` of a crate, and of text in
+    /// memory.
+    ///
+    /// ```
+    /// # let folder = tempfile::tempdir()?;
+    /// # let record = folder.path();
+    /// # let line = serde_json::json!({
+    /// #     "test": "halves",
+    /// #     "package": { "from": { "Folder": "/project/shaders" }, "dependencies": [], "features": [] },
+    /// #     "wanted": { "Function": "half" }, "of": "Text", "essence": "",
+    /// # });
+    /// # std::fs::write(record.join("1.programs"), line.to_string())?;
+    /// use karat::reflect::Dependence;
+    ///
+    /// assert_eq!(Dependence::all(record)?[0].place(), Some("/project/shaders".as_ref()));
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
+    #[must_use]
+    pub fn place(&self) -> Option<&Path> {
+        self.package.as_ref().and_then(Portable::place)
+    }
+
     /// Whether the program is still the same, but for comments and blanks. It is linked again if a file
     /// has changed.
     ///

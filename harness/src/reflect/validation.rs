@@ -23,13 +23,19 @@ pub struct Validated {
     pub functions: usize,
     /// Entry points.
     pub entry_points: usize,
+    /// Functions with `@test`. They are found, and validated when they run.
+    pub tests: usize,
 }
 
 impl fmt::Display for Validated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { modules, functions, entry_points } = self;
+        let Self { modules, functions, entry_points, tests } = self;
         let (modules, functions) = (counted(*modules, "module"), counted(*functions, "function"));
-        write!(f, "{modules}, {functions}, {}", counted(*entry_points, "entry point"))
+        write!(f, "{modules}, {functions}, {}", counted(*entry_points, "entry point"))?;
+        match tests {
+            0 => Ok(()),
+            tests => write!(f, ", {}", counted(*tests, "test")),
+        }
     }
 }
 
@@ -53,7 +59,7 @@ pub enum Invalid {
         errors: Vec<(String, ReflectError)>,
     },
     /// There is nothing that could be run.
-    #[error("package `{package}` declares no function and no entry point")]
+    #[error("package `{package}` declares no function, no entry point and no test")]
     Nothing {
         /// The package.
         package: String,
@@ -83,7 +89,8 @@ impl Package {
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;
-        let mut found = Validated { modules: modules.len(), functions: 0, entry_points: 0 };
+        let mut found =
+            Validated { modules: modules.len(), functions: 0, entry_points: 0, tests: 0 };
         let mut errors = Vec::new();
         for module in &modules {
             match Program::of_module(&self.for_validating(module), module) {
@@ -93,6 +100,7 @@ impl Package {
                     let functions = linked.functions.iter().filter_map(|(_, f)| f.name.as_deref());
                     found.functions += functions.filter(|name| own(name)).count();
                     found.entry_points += linked.entry_points.len();
+                    found.tests += self.for_validating(module).tests_of(module);
                 }
                 Err(error) => errors.push((module.clone(), error)),
             }
@@ -101,7 +109,7 @@ impl Package {
             let package = self.name();
             return Err(Invalid::Modules { package, modules: modules.len(), errors });
         }
-        if found.functions + found.entry_points == 0 {
+        if found.functions + found.entry_points + found.tests == 0 {
             return Err(Invalid::Nothing { package: self.name() });
         }
         Ok(found)

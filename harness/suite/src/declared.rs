@@ -48,7 +48,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, shown};
+use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
@@ -401,7 +401,8 @@ fn with_nearest(message: &str) -> String {
 /// Reads a file of declared tests. `root` is the package.
 pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     let name = shown(file);
-    let text = std::fs::read_to_string(file).map_err(|error| format!("`{name}`: {error}"))?;
+    let bytes = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
+    let text = String::from_utf8(bytes).map_err(|error| format!("can't read `{name}`: {error}"))?;
     let source = Arc::new(SourceFile { name, text });
     let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let parsed: File = toml::from_str(&source.text).map_err(|error| {

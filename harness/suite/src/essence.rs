@@ -1,8 +1,9 @@
 //! What a test is made of: while that is the same, so is its verdict.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use karat::diagnostic::read_file;
 use karat::reflect::Program;
 use toml::Value;
 
@@ -40,6 +41,30 @@ impl Suite {
         }
     }
 
+    /// The files beside the modules that the tests read: tables, goldens, images and values.
+    #[must_use]
+    pub fn reads(&self) -> BTreeSet<PathBuf> {
+        let mut all = BTreeSet::new();
+        for test in &self.tests {
+            match &test.kind {
+                Kind::Wgsl(_) => {}
+                Kind::Function(assertion) => {
+                    if let What::Table(file) = &assertion.what {
+                        all.insert(assertion.folder.join(file));
+                    }
+                    all.extend(assertion.golden_file());
+                    named(assertion.test.with.values(), &assertion.folder, &mut all);
+                }
+                Kind::Frame(frame) => {
+                    let golden = frame.golden_file();
+                    all.extend([golden.with_extension("toml"), golden]);
+                    named(frame.with.values(), &frame.folder, &mut all);
+                }
+            }
+        }
+        all
+    }
+
     /// What a function of a declared test is made of, with all that it uses.
     fn fingerprint(&self, function: &str) -> Option<&str> {
         let all = self.fingerprints.get_or_init(|| {
@@ -59,18 +84,44 @@ impl Suite {
 
 /// What stands in a file, as long as it is there.
 fn content(file: &Path) -> Option<String> {
-    let bytes = std::fs::read(file).ok()?;
+    let bytes = read_file(file).ok()?;
     Some(blake3::hash(&bytes).to_hex().to_string())
+}
+
+/// The files that values may name, which are bound.
+fn named<'v>(
+    with: impl IntoIterator<Item = &'v Value>,
+    folder: &Path,
+    all: &mut BTreeSet<PathBuf>,
+) {
+    for value in with {
+        match value {
+            Value::String(name) => drop(all.insert(folder.join(name_and_space(name).0))),
+            Value::Array(list) => named(list, folder, all),
+            Value::Table(table) => {
+                let values: Vec<&Value> = table.values().collect();
+                named(values, folder, all);
+            }
+            _ => {}
+        }
+    }
 }
 
 /// What stands in the images and the files of values that are bound, by themselves or in lists.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {
-            Value::String(name) if name.contains('.') => {
-                all + &content(&folder.join(name_and_space(name).0))?
-            }
+            // An image's name may have no ending, and other words are no files.
+            Value::String(name) => match content(&folder.join(name_and_space(name).0)) {
+                Some(content) => all + &content,
+                None if name.contains('.') => return None,
+                None => all,
+            },
             Value::Array(list) => all + &files(list.iter(), folder)?,
+            Value::Table(table) => {
+                let values: Vec<&Value> = table.values().collect();
+                all + &files(values.into_iter(), folder)?
+            }
             _ => all,
         })
     })

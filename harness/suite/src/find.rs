@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use karat::Package;
-use karat::diagnostic::{nearest, shown};
+use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::output::name;
 use karat::package::PackageError;
 
@@ -19,14 +19,6 @@ pub enum FindError {
     /// The package can't be read.
     #[error("{0}")]
     Package(PackageError),
-    /// A folder can't be read.
-    #[error("can't read `{}`: {reason}", folder.display())]
-    Folder {
-        /// The folder.
-        folder: PathBuf,
-        /// Why.
-        reason: std::io::Error,
-    },
 }
 
 /// How the files of declared tests end.
@@ -46,24 +38,26 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
             })),
             Err(error) => {
                 let name = if module.is_empty() { package.name() } else { module.clone() };
-                broken.push(Broken { name, message: error.to_string() });
+                broken.push(Broken { name, message: error.to_string(), is_file: false });
             }
         }
     }
-    let mut files = Vec::new();
-    let folder = if root.is_file() { root.parent().unwrap_or(Path::new("")) } else { &root };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    sidecars(folder, &root, &mut files)?;
-    for file in files {
-        if !file.to_string_lossy().ends_with(ENDING) {
-            let message =
-                format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file));
-            broken.push(Broken { name: file.display().to_string(), message });
-            continue;
-        }
-        match declared::read(&file, &root) {
+    for file in meant(&package)? {
+        let read = match file.to_string_lossy().ends_with(ENDING) {
+            true => declared::read(&file, &root),
+            false => {
+                Err(format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file)))
+            }
+        };
+        match read {
             Ok(found) => tests.extend(found),
-            Err(message) => broken.push(Broken { name: file.display().to_string(), message }),
+            Err(message) => {
+                let message = match message.contains("\n  --> ") || message.contains("\n   --> ") {
+                    true => message,
+                    false => placed(&file, message),
+                };
+                broken.push(Broken { name: file.display().to_string(), message, is_file: true });
+            }
         }
     }
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
@@ -79,8 +73,17 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
             test.name = format!("{}#{count}", test.name);
         }
     }
+    let folder = if root.is_file() { root.parent().unwrap_or(Path::new("")) } else { &root };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let folder = folder.to_owned();
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
+}
+
+/// A message about a whole file, at its beginning: editors show what has a place.
+fn placed(file: &Path, message: String) -> String {
+    let source = SourceFile { name: shown(file), text: String::new() };
+    let start = Span { file: Arc::new(source), range: 0..0 };
+    Diagnostic::new(message).at(start, "").to_string()
 }
 
 /// The module's name in a file's: `brdf` of `brdf.test.toml`, and of what its author meant so, such as
@@ -109,7 +112,8 @@ fn declares(file: &Path, name: &str) -> bool {
     if is_other || !lower.contains(".toml") {
         return false;
     }
-    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let text = read_file(file).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
     let has = |head: &str, key: &str| {
         text.lines().any(|line| line.trim() == head)
             && text.lines().any(|line| line.trim_start().starts_with(key))
@@ -117,35 +121,26 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// The files of declared tests in a folder and below, or those of one module.
-fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), FindError> {
-    let failed = |reason| FindError::Folder { folder: folder.to_owned(), reason };
-    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
-        .map_err(failed)?
-        .map(|entry| Ok(entry.map_err(failed)?.path()))
-        .collect::<Result<_, FindError>>()?;
-    entries.sort();
-    for path in entries {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if path.is_dir() {
-            // What tools keep, and what they build.
-            if !root.is_file()
-                && !name.starts_with('.')
-                && name != "target"
-                && name != "node_modules"
-            {
-                sidecars(&path, root, files)?;
-            }
-        } else if let Some(stem) = stem_of(&name) {
-            let own = root.file_stem().unwrap_or_default().to_string_lossy();
-            if !root.is_file() || own == stem {
-                files.push(path);
-            }
-        } else if !root.is_file() && declares(&path, &name) {
-            files.push(path);
+/// True if a file's author meant it to declare tests, by its name or by what it holds.
+#[must_use]
+pub fn is_meant(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    stem_of(&name).is_some() || declares(file, &name)
+}
+
+/// The files of a package, or of its one module, that were meant to declare tests.
+fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
+    let root = package.root();
+    let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());
+    let mut files = package.files_beside().map_err(FindError::Package)?;
+    files.retain(|file| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        match &own {
+            Some(own) => stem_of(&name).is_some_and(|stem| own == stem),
+            None => is_meant(file),
         }
-    }
-    Ok(())
+    });
+    Ok(files)
 }
 
 #[cfg(test)]

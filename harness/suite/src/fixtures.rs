@@ -16,6 +16,7 @@
 use std::path::Path;
 
 use glam::{IVec4, UVec4};
+use karat::diagnostic::read_file;
 use karat::fixture::{Buffer, Compare, Fixture};
 use karat::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 use karat::value::Shape;
@@ -138,9 +139,15 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
         return Err("depths and integers aren't colours: leave `srgb` out".to_owned());
     }
     let read = if data || space == Some("linear") { Image::read_stored } else { Image::read };
+    let unread = |error: std::io::Error| format!("can't read `{}`: {error}", path.display());
+    let bytes = match read_file(&path) {
+        // What is missing is told as of every image.
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        read => read.map_err(unread)?,
+    };
     let mut image = read(&path).map_err(|error| error.to_string())?;
     if matches!(texels, Texels::Sint | Texels::Uint) {
-        let most = largest_sample(&path);
+        let most = largest_sample(&bytes);
         for value in image.pixels_mut().iter_mut().flatten() {
             *value = (*value * most).round();
         }
@@ -149,8 +156,7 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
 }
 
 /// The largest value that a PNG's samples can have; 1 of other images.
-fn largest_sample(path: &Path) -> f32 {
-    let bytes = std::fs::read(path).unwrap_or_default();
+fn largest_sample(bytes: &[u8]) -> f32 {
     match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
         (true, Some(16)) => 65535.0,
         // Fewer bits are widened when they are read.
@@ -346,11 +352,14 @@ fn buffer(
     if let Value::String(name) = value {
         let file = folder.join(name);
         let unread = |error: std::io::Error| format!("can't read `{}`: {error}", file.display());
-        let read = || std::fs::read_to_string(&file).map_err(unread);
+        let read = || {
+            let text = String::from_utf8(read_file(&file).map_err(unread)?);
+            text.map_err(|error| format!("can't read `{}`: {error}", file.display()))
+        };
         let inside = |error: &dyn std::fmt::Display| format!("`{}`: {error}", file.display());
         let value = match file.extension().and_then(|extension| extension.to_str()) {
             Some("bin") => {
-                let bytes = std::fs::read(&file).map_err(unread)?;
+                let bytes = read_file(&file).map_err(unread)?;
                 if !bytes.len().is_multiple_of(4) {
                     let length = bytes.len();
                     let reason =

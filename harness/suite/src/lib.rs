@@ -23,6 +23,7 @@ mod find;
 mod fixtures;
 mod json;
 mod numbers;
+mod rows;
 mod run;
 mod table;
 mod tolerances;
@@ -35,10 +36,11 @@ use karat::Package;
 use karat::check::WgslTest;
 use karat::diagnostic::Span;
 
-pub use find::FindError;
+pub use find::{FindError, is_meant};
 pub use fixtures::fixture;
 pub use json::{json, lanes_of_json};
 pub use numbers::{Wanted, expected, hexadecimal};
+pub use rows::{begins_with_mark, head_of};
 pub use run::Groups;
 pub use tolerances::tolerance;
 
@@ -110,6 +112,9 @@ pub struct Broken {
     pub name: String,
     /// What is wrong, with its place.
     pub message: String,
+    /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
+    /// uses its package; a module may be for others to complete.
+    pub is_file: bool,
 }
 
 impl Suite {

@@ -86,8 +86,8 @@ impl Suite {
             }
         }
         let named = |(name, message, more): (String, String, usize)| match more {
-            0 => Broken { name, message },
-            more => Broken { name: format!("{name} and {more} more"), message },
+            0 => Broken { name, message, is_file: false },
+            more => Broken { name: format!("{name} and {more} more"), message, is_file: false },
         };
         (sound, broken.into_iter().map(named).collect())
     }

@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::diagnostic::{nearest, shown};
+use karat::diagnostic::{nearest, read_file, shown};
 use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
 use crate::numbers::{self, Wanted};
+use crate::rows::{MARKED, begins_with_mark, head_of};
 
 /// Arguments with what is expected of them.
 #[derive(Debug)]
@@ -29,7 +30,7 @@ pub(crate) fn read(
     compared: Wanted,
 ) -> Result<Table, String> {
     let name = file.display();
-    let text = std::fs::read(file).map_err(|error| format!("`{name}`: {error}"))?;
+    let text = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
     let mut reader = reader(&text);
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?.clone();
     let argument = |(name, shape): &(String, Shape)| columns(name, shape);
@@ -71,12 +72,17 @@ pub(crate) fn read(
     let results = results.iter().map(place).collect::<Result<Vec<_>, String>>()?;
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
     for record in reader.records() {
-        let record = record.map_err(|error| {
-            let line = line_of(&text, error.position());
-            format!("`{name}`: {error}\n   --> {}:{line}:1", shown(file))
-        })?;
-        let line = line_of(&text, record.position());
+        let position = match &record {
+            Ok(record) => record.position(),
+            Err(error) => error.position(),
+        };
+        let begins = begins(&text, position);
+        let line = line_of(&text, begins);
         let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
+        if begins_with_mark(&text, begins) {
+            return Err(at(format!("`{name}`: {MARKED}")));
+        }
+        let record = record.map_err(|error| at(format!("`{name}`: {error}")))?;
         let wrong = |column: usize, what: &str| {
             let cell = record.get(column).unwrap_or_default();
             let column = head.get(column).unwrap_or_default();
@@ -125,26 +131,27 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
 
 /// The line of a row, from 0, of a table that can be [`read`].
 pub(crate) fn line(file: &Path, row: u64) -> Option<usize> {
-    let text = std::fs::read(file).ok()?;
+    let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
-    Some(line_of(&text, record.position()))
+    Some(line_of(&text, begins(&text, record.position())))
 }
 
-/// The line of a record, which begins where the one before it ends: blank lines and comments are skipped.
-fn line_of(text: &[u8], position: Option<&csv::Position>) -> usize {
-    let begins = position.map_or(0, csv::Position::byte);
-    let (before, rest) = text.split_at(usize::try_from(begins).unwrap_or(0).min(text.len()));
-    let idle = |line: &&[u8]| line.trim_ascii().is_empty() || line.starts_with(b"#");
-    let skipped = rest.split(|byte| *byte == b'\n').take_while(idle).count();
-    1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped
+/// Where a reader stood in the text before a record.
+fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
+    let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
+    (head_of(text) + below).min(text.len())
 }
 
+/// The line of a record, which begins where the one before it ends: blank lines are skipped.
+fn line_of(text: &[u8], begins: usize) -> usize {
+    let (before, rest) = text.split_at(begins);
+    let skipped = rest.split(|byte| *byte == b'\n').take_while(|line| line.trim_ascii().is_empty());
+    1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
+}
+
+/// A reader of what stands below the comments. A golden has its facts there.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
-    csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        // A golden has its facts there.
-        .comment(Some(b'#'))
-        .from_reader(text)
+    csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
 }
 
 fn type_name(scalar: Scalar) -> String {
@@ -212,6 +219,10 @@ mod tests {
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),
             ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),
+            ("# a\na,v.x,v.y,result\n1,2,3,4\n\n#2,2,3,4\n", "this row begins with `#`"),
+            ("# a\na,v.x,v.y,result\n1,2,3,4\n\n#2,2,3,4\n", "t.csv:5:1"),
+            ("note,a,v.x,v.y,result\n1,1,2,3,4\n#ff8000,1,2,3,5\n", "quote its first cell"),
+            ("a,v.x,v.y,result\n1,2,3,4\n# why\n", "t.csv:3:1"),
         ] {
             let error = of(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

@@ -1,14 +1,16 @@
 //! `karat check`: validates whole packages, and runs nothing.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
 use karat::output::name;
+use karat::record::Recorded;
 use karat::reflect::{Dependence, Invalid};
 
 use super::project::Project;
+use super::search::{self, Found};
 use super::table::{GOOD, HEAD};
 use super::{Ending, Outcome, PackageArgs};
 
@@ -19,9 +21,24 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let packages = Project::find()?.packages(&args.package)?;
-    anyhow::ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
-    Ok(if validate(&packages, true, out)? { Ending::Good } else { Ending::Bad })
+    let project = Project::find()?;
+    let found = project.found(&args.package)?;
+    let uses = match found.iter().all(|one| one.stated) {
+        true => Vec::new(),
+        false => recorded_uses(&project)?,
+    };
+    let valid = validate_found(&found, &uses, true, out)?;
+    let broken = search::broken_files(found.iter().map(|one| &one.package))?;
+    search::write_broken(&broken, out)?;
+    Ok(if valid && broken.is_empty() { Ending::Good } else { Ending::Bad })
+}
+
+/// The packages as the tests of the last run used them; none if there was no run.
+pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
+    match Recorded::read(&project.record())? {
+        Some(last) => uses(&last.folder),
+        None => Ok(Vec::new()),
+    }
 }
 
 /// Validates packages and prints each module that isn't valid; whether all are. With `all` valid
@@ -31,18 +48,35 @@ pub(super) fn validate(
     all: bool,
     out: &mut dyn Write,
 ) -> anyhow::Result<bool> {
+    let found: Vec<Found> = packages.iter().cloned().map(Found::stated).collect();
+    validate_found(&found, &[], all, out)
+}
+
+/// [`validate`], by what tests use where no author states a package.
+fn validate_found(
+    found: &[Found],
+    uses: &[Package],
+    all: bool,
+    out: &mut dyn Write,
+) -> anyhow::Result<bool> {
     let mut valid = true;
-    for package in packages {
+    for Found { package, stated } in found {
         match package.try_is_valid() {
             Ok(found) if all => {
                 writeln!(out, "{GOOD}{}: valid{GOOD:#} ({found})", package.name())?;
             }
             Ok(_) => {}
             Err(Invalid::Package(error)) => return Err(error.into()),
-            Err(invalid) => {
-                valid = false;
-                write(&[(package.name(), invalid)], out)?;
-            }
+            Err(invalid) => match if *stated { Some(invalid) } else { as_used(package, uses) } {
+                Some(invalid) => {
+                    valid = false;
+                    write(&[(package.name(), invalid)], out)?;
+                }
+                None if all => {
+                    writeln!(out, "{GOOD}{}: valid{GOOD:#} as tests use it", package.name())?;
+                }
+                None => {}
+            },
         }
     }
     Ok(valid)
@@ -68,34 +102,42 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
     names
 }
 
-/// The packages that aren't valid.
-pub(super) fn invalid(packages: &[Package]) -> anyhow::Result<Vec<(String, Invalid)>> {
+/// The packages that aren't valid: as their folders say where they are stated, or else as the tests of a run
+/// used them.
+pub(super) fn invalid(found: &[Found], run: &Path) -> anyhow::Result<Vec<(String, Invalid)>> {
     let mut all = Vec::new();
-    for package in packages {
-        match package.try_is_valid() {
-            Ok(_) => {}
-            Err(Invalid::Package(error)) => return Err(error.into()),
-            Err(invalid) => all.push((package.name(), invalid)),
-        }
+    let mut known: Option<Vec<Package>> = None;
+    for Found { package, stated } in found {
+        let invalid = match (package.try_is_valid(), stated) {
+            (Ok(_), _) => continue,
+            (Err(Invalid::Package(error)), true) => return Err(error.into()),
+            (Err(invalid), true) => Some(invalid),
+            (Err(_), false) => {
+                let uses = match &mut known {
+                    Some(uses) => uses,
+                    none => none.insert(uses(run)?),
+                };
+                as_used(package, uses)
+            }
+        };
+        all.extend(invalid.map(|invalid| (package.name(), invalid)));
     }
     Ok(all)
 }
 
-/// Those that aren't valid of packages that nobody declares and that tests used.
-pub(super) fn invalid_as_used(
-    packages: &[Package],
-    run: &Path,
-) -> anyhow::Result<Vec<(String, Invalid)>> {
-    let uses = uses(run)?;
-    let found =
-        packages.iter().filter_map(|package| Some((package.name(), as_used(package, &uses)?)));
-    Ok(found.collect())
+/// The folders and files of shaders that the tests of a run linked.
+pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let all = Dependence::all(run).with_context(|| unread(run))?;
+    Ok(all.iter().filter_map(|one| Some(one.place()?.to_owned())).collect())
+}
+
+fn unread(run: &Path) -> String {
+    format!("can't read what tests used in `{}`", run.display())
 }
 
 /// The packages as the tests of a run used them.
 pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
-    let all = Dependence::all(run)
-        .with_context(|| format!("can't read what tests used in `{}`", run.display()))?;
+    let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 

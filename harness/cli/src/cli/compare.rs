@@ -7,9 +7,10 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::compare::{Change, Compared, PathChange, Request};
-use karat::output::{counted, visible};
+use karat::output::{counted, tell, visible};
 
 use super::project::Project;
+use super::search;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, write_json};
 
@@ -59,10 +60,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         true => write_json(&all, out)?,
         false => write_text(&all, args.all, out)?,
     }
+    let broken = search::broken_files(&packages)?;
+    match args.json {
+        // What is read as JSON has no place for it.
+        true => broken.iter().for_each(|broken| tell(&broken.message)),
+        false => search::write_broken(&broken, out)?,
+    }
     let good = |one: &Compared| {
         one.interface.is_empty() && matches!(one.change, Change::Untouched | Change::Same { .. })
     };
-    Ok(if all.iter().all(good) { Ending::Good } else { Ending::Bad })
+    let good = all.iter().all(good) && broken.is_empty();
+    Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 /// The shaders of a folder or file as they were at a revision, written into another folder.

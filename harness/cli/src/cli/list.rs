@@ -7,10 +7,11 @@ use karat::Package;
 use karat::package::{FunctionItem, PackageError};
 use karat::record::{self, Subject};
 use karat::reflect::{Program, ReflectError};
-use karat_suite::{Suite, Test};
+use karat_suite::{Broken, Suite, Test};
 use serde::Serialize;
 
 use super::project::Project;
+use super::search;
 use super::table::{BAD, DIM, GOOD, Table};
 use super::{Ending, Outcome, PackageArgs, write_json};
 
@@ -44,7 +45,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let ran = tested_functions(&project)?;
     let mut entries = Vec::new();
     let mut valid = true;
-    for package in project.packages(&args.package)? {
+    let packages = project.packages(&args.package)?;
+    let no_tests = search::broken_files(&packages)?;
+    for package in packages {
         let tested = with_called(&package, &ran);
         for module in package.modules()? {
             // A module that isn't valid hides no other.
@@ -70,8 +73,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
-    let verdict = if valid { Ending::Good } else { Ending::Bad };
+    let good = valid && no_tests.is_empty();
+    let verdict = if good { Ending::Good } else { Ending::Bad };
     if args.json {
+        entries.extend(no_tests.into_iter().map(no_test));
         write_json(&entries, out)?;
         return Ok(verdict);
     }
@@ -89,7 +94,21 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;
     }
+    search::write_broken(&no_tests, out)?;
     Ok(verdict)
+}
+
+/// A file that was meant to declare tests.
+fn no_test(Broken { name, message, .. }: Broken) -> Entry {
+    Entry {
+        package: String::new(),
+        location: name.clone(),
+        function: name,
+        signature: None,
+        doc: String::new(),
+        tested: false,
+        error: Some(message),
+    }
 }
 
 /// The functions that a probe could call: all but entry points, of the modules that can be read.

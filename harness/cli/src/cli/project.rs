@@ -6,10 +6,12 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
-use karat::record::{Record, Recorded, Subject};
+use karat::record::{Recorded, Subject};
 use serde::Deserialize;
 
-use super::PackageArgs;
+use super::search::SHADERS;
+
+mod members;
 
 /// The `metadata.karat` table of a Cargo.toml.
 #[derive(Debug, Default, Deserialize)]
@@ -24,6 +26,22 @@ struct Settings {
     golden: Option<PathBuf>,
     /// Name of the cargo binary that is the project's gallery.
     gallery: Option<String>,
+}
+
+impl Settings {
+    /// Reads what a manifest says of its workspace, and of its own package.
+    fn of(folder: &Path, manifest: &toml::Table) -> anyhow::Result<Vec<(PathBuf, Self)>> {
+        let said = ["workspace", "package"]
+            .iter()
+            .filter_map(|section| manifest.get(*section)?.get("metadata")?.get("karat").cloned());
+        let settings = said.map(|said| {
+            let settings = said.try_into().with_context(|| {
+                format!("`metadata.karat` in `{}`", folder.join("Cargo.toml").display())
+            })?;
+            Ok((folder.to_owned(), settings))
+        });
+        settings.collect()
+    }
 }
 
 /// How far below the working directory a folder without Cargo is looked for that was tested.
@@ -62,7 +80,10 @@ fn settings_of_member(folder: &Path) -> anyhow::Result<Settings> {
 #[derive(Debug)]
 pub(super) struct Project {
     root: PathBuf,
-    settings: Settings,
+    /// The folders of a workspace's members.
+    members: Vec<PathBuf>,
+    /// Settings of manifests, each with its folder: the project's own come first.
+    settings: Vec<(PathBuf, Settings)>,
     /// Whether it is a package or workspace of Cargo's.
     cargo: bool,
 }
@@ -82,13 +103,13 @@ impl Project {
         if own.cargo {
             return Ok(own);
         }
-        let plain = |root| Self { root, settings: Settings::default(), cargo: false };
+        let plain = Self::plain;
         let mut tested = Vec::new();
         // What lies below a person's folder, or the whole disk, is no project of its own.
         let is_home = std::env::home_dir().is_some_and(|home| home == folder);
         let depth = if is_home || folder.parent().is_none() { 0 } else { DEPTH };
         tested_below(folder, depth, &mut tested);
-        let shaders = folder.join("shaders");
+        let shaders = folder.join(SHADERS);
         let last = tested.into_iter().max_by_key(|(ran, _)| *ran).map(|(_, root)| plain(root));
         Ok(last.unwrap_or_else(|| if shaders.is_dir() { plain(shaders) } else { own }))
     }
@@ -110,18 +131,19 @@ impl Project {
             }
         }
         let Some((root, table)) = nearest else {
-            return Ok(Self { root: here.to_owned(), settings: Settings::default(), cargo: false });
+            return Ok(Self::plain(here.to_owned()));
         };
-        let settings = ["workspace", "package"]
-            .iter()
-            .find_map(|section| table.get(*section)?.get("metadata")?.get("karat").cloned());
-        let settings = match settings {
-            Some(settings) => settings
-                .try_into()
-                .with_context(|| format!("`metadata.karat` in `{}`", root.display()))?,
-            None => Settings::default(),
-        };
-        Ok(Self { root, settings, cargo: true })
+        let mut settings = Settings::of(&root, &table)?;
+        let mut members = Vec::new();
+        for (folder, table) in members::of(&root, &table)? {
+            settings.extend(Settings::of(&folder, &table)?);
+            members.push(folder);
+        }
+        Ok(Self { root, members, settings, cargo: true })
+    }
+
+    fn plain(root: PathBuf) -> Self {
+        Self { root, members: Vec::new(), settings: Vec::new(), cargo: false }
     }
 
     /// Whether Cargo knows it.
@@ -134,116 +156,59 @@ impl Project {
         &self.root
     }
 
-    /// The shader packages: the one given, or the project's.
-    pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
-        let packages = self.opened(args)?;
-        Ok(packages.into_iter().map(|package| args.featured(package)).collect())
-    }
-
-    fn opened(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
-        if let Some(name) = &args.krate {
-            return Ok(vec![Package::open_crate(&self.root, name, args.root.as_deref())?]);
-        }
-        let folders = match (&args.package, &self.settings.packages) {
-            (Some(folder), _) => vec![folder.clone()],
-            (None, Some(folders)) => folders.iter().map(|folder| self.root.join(folder)).collect(),
-            (None, None) => {
-                let shaders = self.root.join("shaders");
-                // A folder of shaders in which there is no Cargo project.
-                vec![if self.cargo || shaders.exists() { shaders } else { self.root.clone() }]
-            }
-        };
-        let open = |folder: &PathBuf| {
-            Package::open(folder).context("name the shader folder with --package DIR")
-        };
-        let packages: Vec<Package> = folders.iter().map(open).collect::<Result<_, _>>()?;
-        Ok(self.with_features(packages))
-    }
-
-    /// The packages, whose modules are validated with the features that the project sets for them.
-    fn with_features(&self, mut packages: Vec<Package>) -> Vec<Package> {
-        for (module, features) in &self.settings.features {
-            let features: Vec<&str> = features.iter().map(String::as_str).collect();
-            let has =
-                |package: &Package| package.modules().is_ok_and(|modules| modules.contains(module));
-            // What no package has is reported when the first one is validated.
-            let index = packages.iter().position(has).unwrap_or(0);
-            if let Some(package) = packages.get_mut(index) {
-                *package = package.clone().validated_with(module, &features);
+    /// The packages, whose modules are validated with the features that manifests set for those below.
+    pub(super) fn with_features(&self, mut packages: Vec<Package>) -> Vec<Package> {
+        for (above, settings) in &self.settings {
+            let is_below = |package: &Package| package.root().starts_with(above);
+            for (module, features) in &settings.features {
+                let features: Vec<&str> = features.iter().map(String::as_str).collect();
+                let has = |package: &Package| {
+                    package.modules().is_ok_and(|modules| modules.contains(module))
+                };
+                // What no package has is reported when the first one is validated.
+                let own = packages.iter().position(|package| is_below(package) && has(package));
+                let other = || packages.iter().position(has);
+                let index = own.or_else(other).unwrap_or(0);
+                if let Some(package) = packages.get_mut(index) {
+                    *package = package.clone().validated_with(module, &features);
+                }
             }
         }
         packages
     }
 
-    /// Whether somebody says which the packages are: otherwise they are what a folder is called.
-    pub(super) fn declares(&self, args: &PackageArgs) -> bool {
-        args.package.is_some() || args.krate.is_some() || self.settings.packages.is_some()
+    /// The folder of each manifest: the project's, and those of its members.
+    pub(super) fn manifests(&self) -> impl Iterator<Item = &Path> {
+        std::iter::once(&*self.root).chain(self.members.iter().map(PathBuf::as_path))
     }
 
-    /// [`packages`](Self::packages). Where nothing is declared a folder `shaders` is one if it can be,
-    /// and there may be none, as in a project whose tests hold their shaders.
-    pub(super) fn packages_if_any(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
-        if self.declares(args) {
-            return self.packages(args);
-        }
-        match self.root.join("shaders").exists() {
-            true => Ok(self.packages(args).unwrap_or_default()),
-            false => Ok(Vec::new()),
-        }
+    /// The packages that manifests declare.
+    pub(super) fn declared(&self) -> impl Iterator<Item = PathBuf> {
+        self.settings.iter().flat_map(|(folder, settings)| {
+            settings.packages.iter().flatten().map(|package| folder.join(package))
+        })
     }
 
-    /// The packages that were tested: those that are declared, or else those that tests used and the
-    /// folder `shaders`.
-    pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
-        let args = PackageArgs::default();
-        let mut packages = self.packages_if_any(&args)?;
-        if self.declares(&args) {
-            return Ok(packages);
-        }
-        let place = |package: &Package| package.root().canonicalize().ok();
-        let known: Vec<_> = packages.iter().map(place).collect();
-        packages.extend(self.used(records)?.into_iter().filter(|new| !known.contains(&place(new))));
-        Ok(packages)
+    /// True if a manifest above a folder lists the packages there.
+    pub(super) fn says(&self, folder: &Path) -> bool {
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let is_above =
+            |above: &Path| above.canonicalize().is_ok_and(|above| folder.starts_with(above));
+        self.settings.iter().any(|(above, said)| said.packages.is_some() && is_above(above))
     }
 
-    /// The packages of the project whose functions tests called, as their folders are opened.
-    pub(super) fn used(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
-        let place = |folder: &Path| folder.canonicalize().ok();
-        let (root, output) = (place(&self.root), place(&self.output()));
-        let mut folders = Vec::new();
-        for record in records {
-            let Subject::Function { package, .. } = &record.subject else { continue };
-            // Relative to wherever a folder's tests were run from: that isn't known here.
-            if matches!(&**package, "" | ".") {
-                continue;
-            }
-            let Some(folder) = place(&self.root.join(package)) else { continue };
-            let own = root.as_ref().is_some_and(|root| folder.starts_with(root))
-                && output.as_ref().is_none_or(|output| !folder.starts_with(output));
-            if own && !folders.contains(&folder) {
-                folders.push(folder);
-            }
-        }
-        let packages: Vec<_> =
-            folders.iter().filter_map(|folder| Package::open(folder).ok()).collect();
-        Ok(self.with_features(packages))
+    /// True if a manifest lists packages, be it none.
+    pub(super) fn declares_none(&self) -> bool {
+        self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
-    /// The package that holds a function; the first one if none does, for its error message.
-    pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
-        let mut packages = self.packages(args)?;
-        let holds = |package: &Package| {
-            package.functions().is_ok_and(|known| known.iter().any(|item| item.name == path))
-        };
-        let index = packages.iter().position(holds).unwrap_or(0);
-        anyhow::ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
-        Ok(packages.swap_remove(index))
-    }
-
-    /// The folder of goldens: the declared one, or `golden`, or else the only one that the last run used.
+    /// The folder of goldens: the one that the project or else a member declares, or `golden`, or else the
+    /// only one that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
-        if let Some(folder) = &self.settings.golden {
-            return self.root.join(folder);
+        let declared =
+            |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
+        if let Some(folder) = self.settings.iter().find_map(declared) {
+            return folder;
         }
         let folder = self.root.join("golden");
         match &mut self.used_goldens()[..] {
@@ -300,7 +265,7 @@ impl Project {
 
     /// The cargo binary that is the project's gallery, if one is declared.
     pub(super) fn gallery(&self) -> Option<&str> {
-        self.settings.gallery.as_deref()
+        self.settings.iter().find_map(|(_, said)| said.gallery.as_deref())
     }
 
     /// The folder of records, which has one of each run.

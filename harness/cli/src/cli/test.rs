@@ -1,9 +1,9 @@
 //! `karat test`: runs the tests and prints what their records hold.
 
 mod progress;
-mod subjects;
+pub(super) mod subjects;
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};
@@ -21,6 +21,7 @@ use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, Sum, colour, is_failure, short, tables, untested};
+use super::search::{self, Found};
 use super::table::{BAD, DIM, HEAD, KNOWN};
 use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
@@ -100,10 +101,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     // Tests call single functions: whatever else their packages hold must be valid, too.
-    let packages = asked.packages(&project)?;
+    let of_rust = check::linked(running.folder())?;
+    let used = project.used_by(&record::read(running.folder())?, &of_rust);
+    let found = asked.packages(&project, &used)?;
+    let packages: Vec<Package> = found.iter().map(|one| one.package.clone()).collect();
     let mut suites_passed = true;
-    for folder in asked.suites(&project, &packages)? {
-        suites_passed &= asked.run_suite(&folder, running.folder(), &mut progress, told)?;
+    let suites = asked.suites(&found)?;
+    for folder in &suites {
+        suites_passed &= asked.run_suite(folder, running.folder(), &mut progress, told)?;
         ran = true;
     }
     passed &= suites_passed;
@@ -120,6 +125,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Err(asked.nothing(&packages).into());
     }
     let records = record::read(running.folder())?;
+    let used = project.used_in(&records, &check::linked(running.folder())?);
+    subjects.add_packages(used.clone(), asked.is_whole());
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
     // One case run again is no run: the record of all that failed stays.
     let is_replay = std::env::var_os("KARAT_CASE").is_some_and(|case| !case.is_empty());
@@ -137,12 +144,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // Where nobody declares packages, tests know theirs: a folder that none of them uses fails none,
     // whatever it is called.
-    let declared = asked.declares(&project);
-    let invalid = if declared {
-        check::invalid(&packages)?
-    } else {
-        check::invalid_as_used(&project.used(&records)?, running.folder())?
-    };
+    let is_used =
+        |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
+    let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
+    let invalid = check::invalid(&judged, running.folder())?;
     let run = Run {
         selected: asked.selected(project.is_cargo()),
         passed: passed && invalid.is_empty(),
@@ -159,8 +164,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
-        let tested = if declared { packages } else { project.tested(&records)? };
-        write_untested(&records, tested, &invalid, told)?;
+        write_untested(&records, packages, &invalid, told)?;
+    }
+    if asked.is_whole() {
+        for Found { package, .. } in idle.iter().filter(|one| !suites.contains(&one.package.root()))
+        {
+            let folder = shown(&package.root());
+            writeln!(told, "{DIM}no test uses `{folder}`: `karat check` validates it{DIM:#}")?;
+        }
     }
     check::write(&invalid, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
@@ -303,18 +314,12 @@ impl<'a> Asked<'a> {
     }
 
     /// The packages that are tested.
-    fn packages(&self, project: &Project) -> anyhow::Result<Vec<Package>> {
-        match &self.folder {
-            Some(folder) => Ok(vec![self.args.package.featured(Package::open(folder)?)]),
-            None if project.is_cargo() => project.packages_if_any(&self.args.package),
-            // A folder of shaders, or one that has such a folder.
-            None => match project.packages_if_any(&self.args.package)? {
-                none if none.is_empty() => {
-                    Ok(vec![self.args.package.featured(Package::open(shown(project.root()))?)])
-                }
-                some => Ok(some),
-            },
-        }
+    fn packages(&self, project: &Project, used: &BTreeSet<PathBuf>) -> anyhow::Result<Vec<Found>> {
+        let Some(folder) = &self.folder else {
+            return project.search_with(&self.args.package, used);
+        };
+        let package = Package::open(search::stands_for(folder)?)?;
+        Ok(vec![Found::stated(self.args.package.featured(package))])
     }
 
     /// Says which tests aren't run because the folder `shaders` alone is tested.
@@ -322,14 +327,25 @@ impl<'a> Asked<'a> {
         if self.folder.is_some() || project.is_cargo() || !Path::new("shaders").is_dir() {
             return Ok(());
         }
-        let inside = |test: &&Test| Path::new(&test.span.file.name).starts_with("shaders");
-        let beside = Suite::open(Path::new("."))?.tests.iter().filter(|test| !inside(test)).count();
+        let (mut beside, mut places) = (0, Vec::new());
+        for package in search::outside(Path::new("."))? {
+            let place = shown(&package.root());
+            let suite = Suite::of(package)?;
+            let count = suite.tests.len() + suite.broken.len();
+            beside += count;
+            places.extend((count > 0).then_some(place));
+        }
         if beside > 0 {
             let tests = counted(beside, "test");
-            writeln!(
-                out,
-                "{KNOWN}not run: {tests} outside of `shaders`; `karat test .` runs all{KNOWN:#}"
-            )?;
+            // A folder with a karat.toml is a package by itself, and no part of another.
+            let how = match search::SHADERS {
+                shaders if Path::new(shaders).join("karat.toml").is_file() => {
+                    let places: Vec<&str> = places.iter().map(String::as_str).collect();
+                    format!("name them, {}", some(&places))
+                }
+                _ => "`karat test .` runs all".to_owned(),
+            };
+            writeln!(out, "{KNOWN}not run: {tests} outside of `shaders`; {how}{KNOWN:#}")?;
         }
         Ok(())
     }
@@ -355,21 +371,17 @@ impl<'a> Asked<'a> {
         Ok(())
     }
 
-    /// Whether somebody says which the packages are.
-    fn declares(&self, project: &Project) -> bool {
-        self.folder.is_some() || !project.is_cargo() || project.declares(&self.args.package)
-    }
-
     /// The folders of packages that have tests of their own.
-    fn suites(&self, project: &Project, packages: &[Package]) -> anyhow::Result<Vec<PathBuf>> {
+    fn suites(&self, found: &[Found]) -> anyhow::Result<Vec<PathBuf>> {
         // Of Cargo's tests some are named, and these are none of them.
         if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
             return Ok(Vec::new());
         }
         let mut folders = Vec::new();
-        for package in packages {
+        for Found { package, stated } in found {
             let suite = Suite::of(package.clone())?;
-            let broken = self.declares(project) && !suite.broken.is_empty();
+            // A file that was meant as a test counts, with or without users of its package.
+            let broken = suite.broken.iter().any(|broken| *stated || broken.is_file);
             let has = suite.tests.iter().any(|test| self.wants(test)) || broken;
             if has && !package.root().as_os_str().is_empty() {
                 folders.push(package.root());

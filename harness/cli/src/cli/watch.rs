@@ -19,12 +19,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use crossterm::event::{Event as Typed, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use karat_suite::Suite;
+use karat::Package;
 
 use super::project::Project;
-use super::{Ending, Outcome, PackageArgs};
+use super::search::{Found, stands_for};
+use super::{Ending, Outcome, PackageArgs, resolved};
 use screen::Screen;
-pub(super) use worker::{Request, Said, Worker};
+pub(super) use worker::{Reads, Request, Said, Worker};
 
 /// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
 const DEADLINE: &str = "10";
@@ -64,22 +65,33 @@ impl Source {
         }
     }
 
-    /// All of a folder: of a Cargo project its Rust tests, and those in its shaders.
-    fn all(folder: &Path) -> anyhow::Result<Vec<Self>> {
-        if !folder.join("Cargo.toml").is_file() {
-            return Ok(vec![Self::Shaders(folder.to_owned())]);
-        }
-        let project = Project::around(folder)?;
-        let packages = project.packages_if_any(&PackageArgs::default())?;
-        let mut all = vec![Self::Cargo(project.root().to_owned())];
-        for package in packages {
-            let root = package.root();
-            let suite = Suite::of(package)?;
-            if !suite.tests.is_empty() || !suite.broken.is_empty() {
-                all.push(Self::Shaders(root));
+    /// Finds the folder to watch and the tests in it: of a Cargo project its Rust tests, and those in its
+    /// shaders. Where no folder is named they are those that `karat test` runs.
+    fn all(named: Option<&Path>) -> anyhow::Result<(PathBuf, Vec<Self>)> {
+        let project = match named {
+            None => Project::find()?,
+            Some(folder) => {
+                anyhow::ensure!(
+                    folder.exists(),
+                    "there is no folder or file `{}`",
+                    folder.display()
+                );
+                // Where it is now: the working directory may be moved, and another folder take its place.
+                let whole = folder.canonicalize()?;
+                if !whole.join("Cargo.toml").is_file() {
+                    let shaders = if whole.is_dir() { stands_for(&whole)? } else { whole.clone() };
+                    return Ok((whole, vec![Self::Shaders(shaders)]));
+                }
+                Project::around(&whole)?
             }
+        };
+        let mut all = Vec::new();
+        if project.is_cargo() {
+            all.push(Self::Cargo(project.root().to_owned()));
         }
-        Ok(all)
+        let found = project.search(&PackageArgs::default())?;
+        all.extend(found.iter().filter_map(Found::place).map(Self::Shaders));
+        Ok((project.root().canonicalize()?, all))
     }
 }
 
@@ -138,6 +150,8 @@ pub(super) struct Verdicts {
     pub(super) idle: usize,
     /// Why there is no verdict.
     pub(super) broken: Option<String>,
+    /// Which modules aren't valid.
+    pub(super) invalid: Option<String>,
 }
 
 /// One path with its process.
@@ -150,6 +164,12 @@ pub(super) struct Lane {
     records: PathBuf,
     worker: Option<Worker>,
     pub(super) verdicts: Verdicts,
+    /// True if all tests of its path are here.
+    pub(super) alone: bool,
+    /// True if it validates modules, as the first of several paths does.
+    validates: bool,
+    /// Files that its tests read.
+    reads: Reads,
     /// Whether files changed while it ran.
     again: Option<Asked>,
     began: Instant,
@@ -169,20 +189,19 @@ impl Asked {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let folder = args.folder.clone().unwrap_or_else(|| PathBuf::from("."));
-    anyhow::ensure!(folder.exists(), "there is no folder or file `{}`", folder.display());
     // A variable that is set to nothing counts as not set.
     let names = if args.paths.trim().is_empty() { PATHS } else { &args.paths };
     let names = karat::path::named("--paths", names)?;
-    // Where it is now: the working directory may be moved, and another folder take its place.
-    let whole = folder.canonicalize()?;
-    let sources = Source::all(&whole)?;
+    let (whole, sources) = Source::all(args.folder.as_deref())?;
     let (sender, events) = channel();
-    let told = sender.clone();
-    let watching = files::watch(&whole, move |files| told.send(Event::Files(files)).is_ok())?;
+    let watching = outermost(&whole, &sources).into_iter().map(|folder| {
+        let told = sender.clone();
+        files::watch(&folder, move |files| told.send(Event::Files(files)).is_ok())
+    });
+    let watching = watching.collect::<anyhow::Result<Vec<_>>>()?;
     let records = tempfile::tempdir().context("records can't be kept")?;
     let mut lanes = Vec::new();
-    for path in &names {
+    for (at, path) in names.iter().enumerate() {
         for source in &sources {
             let of = match source {
                 _ if sources.len() == 1 => String::new(),
@@ -191,7 +210,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                     format!(" ({})", shown(shaders, &whole))
                 }
             };
-            let lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
+            let mut lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
+            (lane.alone, lane.validates) = (sources.len() == 1, at == 0);
             lanes.push(lane);
         }
     }
@@ -248,7 +268,11 @@ impl Watch {
         loop {
             let event = events.recv().context("nobody watches any more")?;
             match event {
-                Event::Files(files) => {
+                Event::Files(mut files) => {
+                    files.retain(|file| self.concerns(file) && !self.screen.is_printed_in(file));
+                    if files.is_empty() {
+                        continue;
+                    }
                     self.changed = files.iter().map(|file| shown(file, &self.folder)).collect();
                     self.screen.say_changed(&self.changed, out)?;
                     for index in 0..self.lanes.len() {
@@ -268,10 +292,13 @@ impl Watch {
             self.screen.draw(&self.view(), out)?;
             if once && self.lanes.iter().all(|lane| !lane.verdicts.busy) {
                 let red = |lane: &Lane| {
-                    let Verdicts { broken, failing, count, idle, .. } = &lane.verdicts;
-                    broken.is_some() || !failing.is_empty() || count + idle == 0
+                    let Verdicts { broken, failing, invalid, .. } = &lane.verdicts;
+                    broken.is_some() || invalid.is_some() || !failing.is_empty()
                 };
-                let bad = self.lanes.iter().any(red) || self.is_unjudged();
+                // Each path has the same tests.
+                let none = |lane: &Lane| lane.verdicts.count + lane.verdicts.idle == 0;
+                let bad =
+                    self.lanes.iter().any(red) || self.lanes.iter().all(none) || self.is_unjudged();
                 return Ok(if bad { Ending::Bad } else { Ending::Good });
             }
         }
@@ -284,6 +311,26 @@ impl Watch {
             let mut same = self.lanes.iter().filter(|other| of(other) == of(lane));
             same.all(|other| other.verdicts.idle > 0)
         })
+    }
+
+    /// True of a file that may change a verdict.
+    fn concerns(&self, file: &Path) -> bool {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let ending = file.extension().unwrap_or_default();
+        let is_cargo = |lane: &Lane| matches!(lane.source, Source::Cargo(_));
+        let is_source = ["wgsl", "wesl"].iter().any(|known| ending == *known)
+            || (["rs", "lock"].iter().any(|known| ending == *known)
+                && self.lanes.iter().any(is_cargo))
+            // A manifest, or what was or is meant to declare tests.
+            || name.contains("toml")
+            || karat_suite::is_meant(file);
+        // What is gone may have been a folder.
+        let is_folder = file.is_dir() || (ending.is_empty() && !file.exists());
+        let reads = |lane: &Lane| match &lane.reads {
+            Reads::Any => true,
+            Reads::These(files) => files.contains(&resolved(file)),
+        };
+        is_source || is_folder || self.lanes.iter().any(reads)
     }
 
     fn view(&self) -> screen::View<'_> {
@@ -317,6 +364,7 @@ impl Watch {
             all: asked.all,
             first: lane.verdicts.failing.keys().cloned().collect(),
             changed: asked.changed,
+            validate: lane.validates,
             report: None,
         };
         if let Some(worker) = &mut lane.worker
@@ -342,8 +390,10 @@ impl Watch {
                 }
                 return Ok(());
             }
-            Said::Done { tests, error, idle } => {
+            Said::Done { tests, error, idle, invalid, reads } => {
                 lane.verdicts.idle = idle;
+                lane.verdicts.invalid = invalid;
+                lane.reads = reads;
                 lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();
                 lane.verdicts.count = tests.len();
@@ -472,6 +522,9 @@ impl Lane {
             records: records.join(index.to_string()),
             worker: None,
             verdicts: Verdicts::default(),
+            alone: true,
+            validates: false,
+            reads: Reads::Any,
             again: None,
             began: Instant::now(),
         }
@@ -487,6 +540,24 @@ impl Lane {
     fn report(&self) -> PathBuf {
         self.records.with_extension("jsonl")
     }
+}
+
+/// The folder of all, and those outside of it that its packages import from.
+fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
+    let mut folders = vec![whole.to_owned()];
+    let shaders = sources.iter().filter_map(|source| match source {
+        Source::Shaders(folder) => Package::open(folder).ok(),
+        Source::Cargo(_) => None,
+    });
+    let places = shaders.flat_map(|package| package.places());
+    let mut places: Vec<PathBuf> = places.filter_map(|place| place.canonicalize().ok()).collect();
+    places.sort();
+    for place in places {
+        if !folders.iter().any(|folder| place.starts_with(folder)) {
+            folders.push(place);
+        }
+    }
+    folders
 }
 
 /// A file as seen from the folder that is watched.

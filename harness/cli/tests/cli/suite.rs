@@ -328,6 +328,21 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         ("t.wgsl", "@tset fn t() {}\n", "tset"),
         (
             "t.wgsl",
+            "import karat::expect_true;\n@test fn t(@over(0 1) x: f32) { expect_true(x >= 0.0); }\n",
+            "a comma is missing between `0` and `1`",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n@test fn t(@over(0,, 1) x: f32) { expect_true(x >= 0.0); }\n",
+            "has a comma too many",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n@test @cases(10 00) fn t(x: f32) { expect_true(true); }\n",
+            "a comma is missing between `10` and `00`",
+        ),
+        (
+            "t.wgsl",
             "import karat::expect_in_range_vec3;\n\
              @test fn t() { expect_in_range_vec3(vec3f(0.0, 1.0, 1.5), 0.0, 1.0); }\n",
             "saw (0, 1, 1.5), expected 0 to 1",

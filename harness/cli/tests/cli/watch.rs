@@ -5,6 +5,9 @@ use std::process::Child;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use karat::Image;
+use karat::image::Precision;
+
 use super::*;
 
 const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
@@ -16,10 +19,11 @@ const TESTS: &str = "import package::calc::half;\nimport karat::{expect_near, ex
 /// Far more than anything here takes, on a machine that is busy with other tests.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-struct Watching {
+pub(crate) struct Watching {
     child: Child,
     lines: Receiver<String>,
-    folder: TempDir,
+    /// The folder that is watched, if it lives as long as this.
+    folder: Option<TempDir>,
 }
 
 impl Watching {
@@ -33,9 +37,17 @@ impl Watching {
 
     /// Watches from a folder of the project.
     fn at(folder: TempDir, here: &str, arguments: &[&str]) -> Self {
+        let mut watching = Self::of(&folder.path().join(here), arguments, |_| {});
+        watching.folder = Some(folder);
+        watching
+    }
+
+    /// Watches in a folder, by a command that may be changed before.
+    pub(crate) fn of(here: &FilePath, arguments: &[&str], more: impl Fn(&mut Command)) -> Self {
         let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
-        let mut command = command(&folder.path().join(here), &arguments);
+        let mut command = command(here, &arguments);
         command.env("KARAT_DEADLINE", "1").stdin(Stdio::null()).stdout(Stdio::piped());
+        more(&mut command);
         let mut child = command.spawn().expect("it starts");
         let out = child.stdout.take().expect("it is piped");
         let (sender, lines) = channel();
@@ -46,27 +58,37 @@ impl Watching {
                 }
             }
         });
-        Self { child, lines, folder }
+        Self { child, lines, folder: None }
+    }
+
+    fn folder(&self) -> &FilePath {
+        self.folder.as_ref().expect("it is its own").path()
     }
 
     /// Waits for a line, and returns all up to it.
     #[track_caller]
-    fn until(&self, part: &str) -> String {
+    pub(crate) fn until(&self, part: &str) -> String {
+        self.until_any(part, &[""])
+    }
+
+    /// Waits for a line that has one of several words behind a part.
+    #[track_caller]
+    pub(crate) fn until_any(&self, part: &str, words: &[&str]) -> String {
         let (began, mut all) = (Instant::now(), String::new());
         while let Some(left) = PATIENCE.checked_sub(began.elapsed()) {
             let Ok(line) = self.lines.recv_timeout(left) else { break };
             all += &line;
             all.push('\n');
-            if line.contains(part) {
+            if line.contains(part) && words.iter().any(|word| line.contains(word)) {
                 return all;
             }
         }
-        panic!("no `{part}` in:\n{all}");
+        panic!("no `{part}` with one of {words:?} in:\n{all}");
     }
 
     fn edit(&self, file: &str, text: &str) {
         // As editors do: a new file takes the place of the old one.
-        let shaders = self.folder.path().join("shaders");
+        let shaders = self.folder().join("shaders");
         write(&shaders, "saved.tmp", text);
         std::fs::rename(shaders.join("saved.tmp"), shaders.join(file)).expect("renamed");
     }
@@ -125,8 +147,8 @@ fn verdicts_follow_edits() {
     );
     watch.until("cpu: 1 of 3 tests fail; 1 ran");
     // A folder of modules comes, and goes.
-    let shaders = watch.folder.path().join("shaders");
-    let away = watch.folder.path().join("more");
+    let shaders = watch.folder().join("shaders");
+    let away = watch.folder().join("more");
     std::fs::remove_file(shaders.join("over_test.wgsl")).expect("removed");
     watch.until("cpu: 2 tests pass");
     write(
@@ -150,7 +172,7 @@ fn verdicts_follow_edits() {
     watch.edit("calc_test.wgsl", &TESTS.replace("@test fn other", "@test fn third"));
     watch.until("cpu: 2 tests pass; 1 ran");
     // The folder goes and comes back.
-    let (here, there) = (watch.folder.path().join("shaders"), watch.folder.path().join("away"));
+    let (here, there) = (watch.folder().join("shaders"), watch.folder().join("away"));
     std::fs::rename(&here, &there).expect("renamed");
     watch.until("cpu: no verdict");
     std::fs::rename(&there, &here).expect("renamed");
@@ -168,10 +190,10 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     let watch = Watching::at(folder, "shaders", &["."]);
     watch.until("cpu: 2 tests pass; 2 ran");
     // As `git checkout` of another branch may: there is no moment without a folder.
-    let other = watch.folder.path().join("other");
+    let other = watch.folder().join("other");
     write(&other, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
     write(&other, "calc_test.wgsl", TESTS);
-    std::fs::rename(&shaders, watch.folder.path().join("away")).expect("renamed");
+    std::fs::rename(&shaders, watch.folder().join("away")).expect("renamed");
     std::fs::rename(&other, &shaders).expect("renamed");
     watch.until("cpu: 1 of 2 tests fail");
     watch.edit("calc.wgsl", SHADER);
@@ -227,6 +249,177 @@ fn an_edit_of_what_expands_modules_counts() {
     watch.until("cpu: 1 test passes; 1 ran");
     watch.edit("expand.sh", &format!("{script}echo 'const OTHER = 1;'\n"));
     watch.until("cpu: 1 test passes; nothing changed in meaning");
+}
+
+/// Files that tests read are known by their names, whatever these end with, and so are packages outside of
+/// the folder.
+#[test]
+fn an_edit_of_any_file_that_is_read_counts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "noise/value.wgsl", "fn quarter(x: f32) -> f32 { return 0.25 * x; }\n");
+    write(path, "shaders/karat.toml", "[dependencies]\nnoise = { path = \"../noise\" }\n");
+    let own = "import noise::value::quarter;\n\
+               @group(0) @binding(0) var image: texture_2d<f32>;\n\
+               @group(0) @binding(1) var<uniform> gain: f32;\n\
+               fn half(x: f32) -> f32 { return 2.0 * quarter(x); }\n\
+               fn red(x: f32) -> f32 { return gain * x * textureLoad(image, vec2u(), 0).x; }\n";
+    write(path, "shaders/calc.wgsl", own);
+    let tables = ["rows.tsv", "ROWS.CSV", "rows.dat", "rows"];
+    let table = |name: &str| {
+        format!(
+            "[[test]]\nname = \"{name}\"\nfunction = \"half\"\ntable = \"{name}\"\ntolerance = \"exact\"\n"
+        )
+    };
+    let declared: String = tables.iter().map(|name| table(name)).collect();
+    let bound = "[[test]]\nfunction = \"red\"\nover = { x = 1 }\nequals = 2\ntolerance = \"exact\"\n\
+                 with = { image = \"white\", gain = \"gain.json\" }\n";
+    write(path, "shaders/calc.test.toml", &(declared + bound));
+    const ROWS: &str = "x,result\n2,1\n";
+    for name in tables {
+        write(path, &format!("shaders/{name}"), ROWS);
+    }
+    let place = path.to_owned();
+    let image = |value: f32| {
+        let image = Image::new(1, 1, vec![[value, value, value, 1.0]]);
+        image.write_exr(&place.join("image.exr"), Precision::Float, None).expect("written");
+        std::fs::read(place.join("image.exr")).expect("it is there")
+    };
+    let (white, grey) = (image(1.0), image(0.5));
+    std::fs::write(path.join("shaders/white"), &white).expect("written");
+    write(path, "shaders/gain.json", "2");
+    let watch = Watching::at(folder, ".", &["shaders"]);
+    watch.until("cpu: 5 tests pass; 5 ran");
+    for name in tables {
+        watch.edit(name, "x,result\n2,2\n");
+        let red = watch.until("cpu: 1 of 5 tests fail; 1 ran");
+        assert!(red.contains(&format!("changed: {name}")), "{red}");
+        watch.edit(name, ROWS);
+        watch.until("cpu: 5 tests pass; 1 ran");
+    }
+    let shaders = watch.folder().join("shaders");
+    std::fs::write(shaders.join("white"), &grey).expect("written");
+    watch.until("cpu: 1 of 5 tests fail; 1 ran");
+    std::fs::write(shaders.join("white"), &white).expect("written");
+    watch.until("cpu: 5 tests pass; 1 ran");
+    watch.edit("gain.json", "3");
+    watch.until("cpu: 1 of 5 tests fail; 1 ran");
+    watch.edit("gain.json", "2");
+    watch.until("cpu: 5 tests pass; 1 ran");
+    let noise = watch.folder().join("noise");
+    write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.5 * x; }\n");
+    watch.until("cpu: 4 of 5 tests fail; 4 ran");
+    // What no test reads is neither told nor run.
+    write(&shaders, "notes.md", "a note");
+    write(&noise, "value.wgsl", "fn quarter(x: f32) -> f32 { return 0.25 * x; }\n");
+    let told = watch.until("cpu: 5 tests pass; 4 ran");
+    assert!(!told.contains("notes.md"), "{told}");
+}
+
+/// Output that lands in the folder that is watched wakes it no more than once.
+#[cfg(unix)]
+#[test]
+fn it_never_wakes_on_its_own_output() {
+    // A program that prints modules may read any file, so that each counts.
+    for (manifest, end) in [
+        ("", "> log.txt 2>&1"),
+        ("", "2>&1 | tee log.txt"),
+        ("preprocess = [\"/bin/cat\"]\n", "> log.txt 2>&1"),
+        ("preprocess = [\"/bin/cat\"]\n", "| tee log.txt"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path();
+        write(path, "calc.wgsl", SHADER);
+        write(path, "calc_test.wgsl", TESTS);
+        write(path, "karat.toml", manifest);
+        let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
+        let mut shell = Command::new("/bin/sh");
+        // Its own group: all that it starts ends with it.
+        shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
+        shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_DEADLINE", "1");
+        shell.stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = std::os::unix::process::CommandExt::process_group(&mut shell, 0)
+            .spawn()
+            .expect("it starts");
+        let log = || std::fs::read_to_string(path.join("log.txt")).unwrap_or_default();
+        let wait = |part: &str, count: usize| {
+            let began = Instant::now();
+            while log().matches(part).count() < count {
+                assert!(began.elapsed() < PATIENCE, "no `{part}` in {}", log());
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        };
+        wait("2 tests pass", 1);
+        // An edit wakes it, and what it prints then doesn't.
+        std::thread::sleep(Duration::from_millis(700));
+        write(path, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
+        wait("1 of 2 tests fail", 1);
+        std::thread::sleep(Duration::from_millis(1500));
+        let told = log();
+        drop(Command::new("kill").args(["--", &format!("-{}", child.id())]).status());
+        drop(child.kill());
+        drop(child.wait());
+        assert_eq!(told.matches("changed: calc.wgsl").count(), 1, "{manifest}{end}: {told}");
+        assert!(told.matches("changed: log.txt").count() <= 1, "{manifest}{end}: {told}");
+        assert!(told.matches("cpu: ").count() <= 3, "{manifest}{end}: {told}");
+    }
+}
+
+/// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
+#[test]
+fn an_edit_of_any_file_runs_rust_tests() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    let manifest =
+        "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n";
+    write(path, "Cargo.toml", manifest);
+    write(path, "src/lib.rs", "");
+    let test = "use std::io::Write;\n#[test]\nfn rows() {\n    \
+                let log = std::fs::OpenOptions::new().create(true).append(true).open(\"out.log\");\n    \
+                log.unwrap().write_all(b\"a run\\n\").unwrap();\n    \
+                assert_eq!(std::fs::read_to_string(\"rows.dat\").unwrap(), \"1\");\n}\n";
+    write(path, "tests/own.rs", test);
+    write(path, "rows.dat", "1");
+    write(path, "shaders/calc.wgsl", SHADER);
+    let watch = Watching::at(folder, ".", &[]);
+    watch.until("cpu (Rust): 1 test passes; 1 ran");
+    let runs = || {
+        std::thread::sleep(Duration::from_millis(1500));
+        let log = std::fs::read_to_string(watch.folder().join("out.log"));
+        log.expect("it is written").lines().count()
+    };
+    let first = runs();
+    assert_eq!(runs(), first, "it wakes itself");
+    write(watch.folder(), "rows.dat", "2");
+    watch.until("cpu (Rust): 1 of 1 tests fail; 1 ran");
+    write(watch.folder(), "rows.dat", "1");
+    watch.until("cpu (Rust): 1 test passes; 1 ran");
+    let last = runs();
+    assert_eq!(runs(), last, "it wakes itself");
+    // What no test of Rust links is validated, too.
+    write(watch.folder(), "shaders/calc_test.wgsl", TESTS);
+    watch.until("cpu (shaders): 2 tests pass; 2 ran");
+    write(watch.folder(), "shaders/more.wgsl", "fn more() -> f32 { return nonsense; }\n");
+    watch.until("cpu (shaders): not valid; 2 tests pass; 0 ran");
+}
+
+/// A module that no test links is validated, in a Cargo project as in a folder.
+#[test]
+fn what_no_test_links_is_validated() {
+    let watch = Watching::start();
+    watch.until("cpu: 2 tests pass; 2 ran");
+    watch.edit("more.wgsl", "fn more() -> f32 { return nonsense; }\n");
+    let red = watch.until("cpu: not valid; 2 tests pass; 0 ran");
+    let told = watch.until("more.wgsl:1:27");
+    assert!(red.contains("changed: more.wgsl"), "{red}{told}");
+    watch.edit("more.wgsl", "fn more() -> f32 { return 1.0; }\n");
+    watch.until("cpu: 2 tests pass; nothing changed in meaning");
+    let once = |paths: &str| {
+        karat(watch.folder(), &["watch", "shaders", "--lines", "--once", "--paths", paths])
+    };
+    once("cpu").good();
+    write(&watch.folder().join("shaders"), "more.wgsl", "fn more() -> f32 { return true; }\n");
+    assert_eq!(once("cpu").code, Some(1));
 }
 
 #[cfg(unix)]

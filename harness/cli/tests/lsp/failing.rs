@@ -42,6 +42,25 @@ fn tests_without_rust_run_after_each_save() {
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
+/// A file that was meant to declare tests and declares none is told at its place, whatever is wrong with it.
+#[test]
+fn what_looks_like_a_test_and_is_none_is_told() {
+    let folder = folder();
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, CALC);
+    for (file, text, part) in [
+        ("shaders/other.tests.toml", DECLARED.to_owned(), "declared tests are in `*.test.toml`"),
+        ("shaders/more.test.toml", "garbage".to_owned(), "expected `=`"),
+        ("shaders/more.test.toml", DECLARED.replace("function", "functionn"), "functionn"),
+    ] {
+        write(folder.path(), file, &text);
+        let shown = editor.wait(file, |all| all.len() == 1);
+        assert!(told(&shown[0]).2.contains(part), "{shown:?}");
+        std::fs::remove_file(folder.path().join(file)).expect("it is there");
+        editor.wait(file, <[_]>::is_empty);
+    }
+}
+
 /// A test that an edit doesn't concern has the verdict that it had, at its new place.
 #[test]
 fn an_edit_elsewhere_leaves_verdicts_true() {

@@ -27,13 +27,42 @@ pub(in crate::package) fn path(text: &str) -> Option<String> {
 }
 
 /// What a text defines, wherever in it: `naga_oil` reads that first, and in the module that is linked
-/// alone. Values that can't be read are an error when the module is.
+/// alone. Values that can't be read are an error when the module is. [Guards](guards) are no part of it.
 pub(in crate::package) fn defined(text: &str) -> Features {
-    let pair = |(_, rest): (&str, &str)| {
-        let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-        Some((name.to_owned(), value_of(value.trim())?))
-    };
-    lines(text).filter(|(word, _)| *word == "define").filter_map(pair).collect()
+    defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
+}
+
+/// Names that a text defines only where nothing else has, as an include guard does: a `#define` of a name under
+/// `#ifndef` of the same name. Its own condition is asked before it is defined.
+pub(in crate::package) fn guards(text: &str) -> Features {
+    defines(text).filter(|(_, _, is_guard)| *is_guard).filter_map(valued).collect()
+}
+
+fn valued((name, value, _): (&str, &str, bool)) -> Option<(String, Feature)> {
+    Some((name.to_owned(), value_of(value)?))
+}
+
+/// Each `#define` of a text: its name, its value, and whether it guards.
+fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
+    // Of each condition around a line the name that must not be defined there, if it asks for that.
+    let mut open: Vec<Option<&str>> = Vec::new();
+    lines(text).filter_map(move |(word, rest)| {
+        match word {
+            "ifndef" => open.push(Some(rest)),
+            "ifdef" | "if" => open.push(None),
+            "else" => {
+                open.pop();
+                open.push(rest.strip_prefix("ifndef").map(str::trim));
+            }
+            "endif" => drop(open.pop()),
+            "define" => {
+                let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                return Some((name, value.trim(), open.contains(&Some(name))));
+            }
+            _ => {}
+        }
+        None
+    })
 }
 
 /// A value as a directive has it; none: on.

@@ -6,6 +6,7 @@ use super::{Library, ModulePath};
 use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::package::PackageError;
 use crate::package::directives::{self, Include};
+use crate::package::feature::Feature;
 
 impl Library {
     /// The modules that share a name space with this one, as it includes them, and they others.
@@ -48,7 +49,11 @@ impl Library {
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 };
                 let text = &self.module(&included)?.file.text;
-                if included != *root && !directives::defined(text).is_empty() {
+                // A guard is about its own file; with a value, others may ask for that.
+                let guards = directives::guards(text);
+                let is_asked = guards.values().any(|value| matches!(value, Feature::Number(_)));
+                let defines = is_asked || !directives::defined(text).is_empty();
+                if included != *root && defines {
                     let message = "this file has a `#define`, which is read in the module alone that is \
                                    linked: move it there";
                     let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");

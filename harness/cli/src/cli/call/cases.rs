@@ -14,7 +14,7 @@ use karat::probe::{ProbeError, Probed};
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
-use karat_suite::Wanted;
+use karat_suite::{Wanted, begins_with_mark, head_of};
 
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
@@ -335,8 +335,7 @@ pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<V
         .has_headers(false)
         .flexible(true)
         .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
+        .from_reader(&text.as_bytes()[head_of(text.as_bytes())..]);
     let head = reader.records().next().transpose()?.unwrap_or_default();
     let of = |(name, _): &(String, Shape)| {
         head.iter().any(|column| column.starts_with(&format!("{name}.value")))
@@ -354,12 +353,12 @@ fn read(
     let expect = expect.map(|(name, _)| *name);
     let shown = input.display();
     let text = text(input)?;
+    let above = head_of(text.as_bytes());
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true) // each row is compared with the signature, not with the row above it
         .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
+        .from_reader(&text.as_bytes()[above..]);
     let lanes = function.result.lane_names().into_iter();
     let expected: Vec<String> =
         expect.map_or_else(Vec::new, |name| lanes.map(|lane| format!("{name}{lane}")).collect());
@@ -373,8 +372,14 @@ fn read(
     let mut table = Table::default();
     for (index, record) in reader.records().enumerate() {
         let record = record.with_context(|| format!("in `{shown}`"))?;
-        let start = record.position().map_or(0, |position| position.byte() as usize);
+        let start = above + record.position().map_or(0, |position| position.byte() as usize);
         let line = || line(&text, start);
+        ensure!(
+            !begins_with_mark(text.as_bytes(), start),
+            "`{shown}` line {} begins with `#`, and comments stand above the head: remove it, or quote its \
+             first cell",
+            line()
+        );
         if index == 0 && record.iter().any(is_name) {
             places = Places::of_head(&record, columns, &expected, &shown)?;
             let others = places.others.iter().map(|(name, _)| (name.clone(), Vec::new()));
@@ -448,13 +453,13 @@ fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }
 
-/// The line of a record, from 1. A record's position is where its reader stood before it: comments
-/// and empty lines may follow.
+/// The line of a record, from 1. A record's position is where its reader stood before it: empty lines may
+/// follow.
 fn line(text: &str, start: usize) -> usize {
     let rest = text.get(start..).unwrap_or_default();
     let skipped = rest
         .split_inclusive('\n')
-        .take_while(|line| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty());
+        .take_while(|line| line.trim_end_matches(['\r', '\n']).is_empty());
     let start = start + skipped.map(str::len).sum::<usize>();
     text.get(..start).unwrap_or_default().matches('\n').count() + 1
 }

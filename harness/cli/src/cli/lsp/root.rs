@@ -17,6 +17,8 @@ use super::place::resolved;
 pub(super) struct Root {
     pub(super) project: Project,
     pub(super) packages: Vec<Package>,
+    /// Those of them that only tests know.
+    unstated: Vec<PathBuf>,
     /// The packages as tests used them: with features and dependencies that no folder says.
     uses: Vec<Package>,
     /// What runs found, of each test the latest.
@@ -42,24 +44,22 @@ pub(super) struct Verdicts {
 impl Root {
     pub(super) fn open(folder: &Path) -> anyhow::Result<Self> {
         let project = Project::opened_at(folder)?;
-        let (packages, uses, records, last) = Default::default();
-        let mut root = Self { project, packages, uses, records, last, whole: false, stamp: None };
+        let (packages, unstated, uses, records, last) = Default::default();
+        let mut root =
+            Self { project, packages, unstated, uses, records, last, whole: false, stamp: None };
         root.find_packages()?;
         Ok(root)
     }
 
-    /// Finds the packages again: those that are declared, the folder `shaders`, those that tests used,
-    /// and where there is no Cargo project, the folder itself.
+    /// Finds the packages again, as every command does.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
-        let found = match self.project.is_cargo() {
-            true => self.project.tested(&self.records)?,
-            false => match self.project.packages_if_any(&PackageArgs::default())? {
-                none if none.is_empty() => Package::open(self.project.root()).into_iter().collect(),
-                some => some,
-            },
-        };
+        let used = self.project.used_by(&self.records, &[]);
+        let mut found = self.project.search_with(&PackageArgs::default(), &used)?;
         // One without a module is none, and what else is wrong with it is told when it is validated.
-        self.packages = found.into_iter().filter(|package| package.modules().is_ok()).collect();
+        found.retain(|one| one.package.modules().is_ok());
+        let unstated = found.iter().filter(|one| !one.stated);
+        self.unstated = unstated.map(|one| one.package.root()).collect();
+        self.packages = found.into_iter().map(|one| one.package).collect();
         Ok(())
     }
 
@@ -111,13 +111,12 @@ impl Root {
 
     /// What is wrong with the modules, as they are in the editor.
     pub(super) fn invalid(&self, documents: &Documents) -> Vec<Invalid> {
-        let declared = !self.project.is_cargo() || self.project.declares(&PackageArgs::default());
-        let uses: Vec<Package> = match declared {
-            true => Vec::new(),
-            false => self.uses.iter().map(|used| documents.applied(used)).collect(),
-        };
-        let packages = self.packages.iter().map(|package| documents.applied(package));
-        packages.filter_map(|package| check::as_used(&package, &uses)).collect()
+        let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
+        let packages = self.packages.iter().filter_map(|package| {
+            let of_tests = self.unstated.contains(&package.root());
+            check::as_used(&documents.applied(package), if of_tests { &uses } else { &[] })
+        });
+        packages.collect()
     }
 
     /// What the runs say of the files as they are.

@@ -10,7 +10,9 @@ mod programs;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use karat::Package;
 use karat::diagnostic::FileRead;
@@ -18,7 +20,7 @@ use karat::record::{self, Record};
 use karat::reflect::Dependence;
 
 use self::programs::{Programs, TestProgram};
-use super::super::watch::{Request, Said};
+use super::super::watch::{Reads, Request, Said};
 use super::super::{Ending, Outcome};
 use super::latest::Latest;
 use super::serve::{requests, say};
@@ -34,13 +36,19 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
         }
         let done = match tests.answer(&request, out) {
             Ok(error) => {
+                let unknown = tests.programs.have_scripts() || error.is_some();
                 let (tests, idle) = tests.judged(&request.filter);
-                Said::Done { tests, error, idle }
+                // A reference may read any file.
+                let reads = match tests.is_empty() && !unknown {
+                    true => Reads::These(BTreeSet::new()),
+                    false => Reads::Any,
+                };
+                Said::Done { tests, error, idle, invalid: None, reads }
             }
             Err(error) => {
                 // Who watches forgets all verdicts.
                 tests.ran.clear();
-                Said::Done { tests: BTreeSet::new(), error: Some(format!("{error:#}")), idle: 0 }
+                Said::failed(format!("{error:#}"))
             }
         };
         say(&done, out)?;
@@ -89,6 +97,31 @@ struct Tests {
     latest: Latest,
     /// Files that changed and that no test is known to read, as they were then.
     unread: HashMap<PathBuf, FileRead>,
+    written: Written,
+}
+
+/// Files that tests write while they run: they make no test run again. A file that changes in one run may be
+/// its author's doing; one that does in each is theirs.
+#[derive(Default)]
+struct Written {
+    /// When tests last ran.
+    ran: Option<RangeInclusive<SystemTime>>,
+    /// Files that changed then.
+    files: HashSet<PathBuf>,
+}
+
+impl Written {
+    /// True if a file that was last changed at this time is the tests' own.
+    fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
+        let ran = self.ran.as_ref();
+        match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {
+            true => !self.files.insert(file.to_owned()),
+            false => {
+                self.files.remove(file);
+                false
+            }
+        }
+    }
 }
 
 impl Tests {
@@ -122,8 +155,13 @@ impl Tests {
         // What failed is of interest before all else.
         let failed = |name: &String| request.first.contains(name);
         let (first, rest): (Vec<String>, Vec<String>) = concerned.into_iter().partition(failed);
+        let began = SystemTime::now();
+        let runs = !first.is_empty() || !rest.is_empty();
         for names in [first, rest] {
             self.run(&names, out)?;
+        }
+        if runs {
+            self.written.ran = Some(began..=SystemTime::now());
         }
         // A build script may have read what was edited, and only Cargo knows.
         if self.programs.have_scripts() && !changed.is_empty() {
@@ -148,10 +186,14 @@ impl Tests {
         // that write a file of the same bytes again don't run for ever.
         let unread = changed.iter().filter(|file| !self.programs.builds(file) && !reads(file));
         let unread: Vec<FileRead> = unread.map(|file| FileRead::now(file)).collect();
-        let all = unread.into_iter().any(|now| {
+        let all = unread.into_iter().fold(false, |all, now| {
             let is_shader = is_shader(&now.file);
+            let changed = now.file.metadata().and_then(|file| file.modified()).ok();
+            let is_own = !is_shader && self.written.has(&now.file, changed);
             let before = self.unread.insert(now.file.clone(), now.clone());
-            !now.hash.is_empty() && before.is_none_or(|before| !is_shader && before != now)
+            let is_there = !now.hash.is_empty();
+            let is_new = before.is_none_or(|before| !is_shader && before != now);
+            all || (is_there && is_new && !is_own)
         });
         if all || request.all {
             return names;
@@ -238,4 +280,26 @@ fn made(folder: &Path, records: &[Record]) -> HashMap<String, Made> {
         all.entry(record.test.clone()).or_default().read.extend(record.read.iter().cloned());
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn what_each_run_writes_is_its_own() {
+        let at = |second: u64| Some(SystemTime::UNIX_EPOCH + Duration::from_secs(second));
+        let run = |from: u64| Some(at(from).expect("a time")..=at(from + 5).expect("a time"));
+        let mut written = Written { ran: run(10), ..Written::default() };
+        let (log, data) = (Path::new("out.log"), Path::new("rows.dat"));
+        assert!(!written.has(log, at(12)) && !written.has(data, at(12)), "an author may save then");
+        written.ran = run(20);
+        assert!(written.has(log, at(22)), "it is written in each run");
+        assert!(!written.has(data, at(30)), "no test ran");
+        written.ran = run(40);
+        assert!(written.has(log, at(42)) && !written.has(data, at(42)));
+        assert!(!written.has(log, None), "it is gone");
+    }
 }

@@ -7,11 +7,13 @@ use std::sync::mpsc::{Receiver, channel};
 
 use karat::Package;
 use karat::record::FileRead;
-use karat::reflect::Dependence;
+use karat::reflect::{Dependence, Invalid};
 use karat_suite::{Suite, Test};
 
-use super::super::watch::{Request, Said};
-use super::super::{Ending, Outcome};
+use super::super::project::Project;
+use super::super::search::Found;
+use super::super::watch::{Reads, Request, Said};
+use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
@@ -21,6 +23,7 @@ type Known = HashMap<String, Option<String>>;
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     std::panic::set_hook(Box::new(|_| {}));
     Dependence::unwanted();
+    let whole = Whole::of(folder)?;
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
         Package::forget_printed();
@@ -31,10 +34,22 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                 let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);
                 latest.write(&request.report.unwrap_or_default(), is_there)
             }
-            Ok(suite) => answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?,
+            Ok(mut suite) => {
+                if !whole.is_judged(&suite) {
+                    suite.broken.retain(|broken| broken.is_file);
+                }
+                let mut said =
+                    answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?;
+                if let Said::Done { error, invalid, .. } = &mut said
+                    && request.validate
+                {
+                    *invalid = whole.invalid(&suite, error.as_deref().unwrap_or_default());
+                }
+                said
+            }
             Err(error) => {
                 known.clear();
-                Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()), idle: 0 }
+                Said::failed(error.to_string())
             }
         };
         say(&done, out)?;
@@ -101,7 +116,60 @@ fn answer(
     let error = suite.broken.iter().chain(&unsound).map(|broken| broken.message.as_str());
     let error = error.collect::<Vec<_>>().join("\n");
     let error = Some(error).filter(|error| !error.is_empty());
-    Ok(Said::Done { tests: all, error, idle: idle.len() })
+    let reads = match suite.package.is_printed() {
+        true => Reads::Any,
+        false => Reads::These(suite.reads().iter().map(|file| resolved(file)).collect()),
+    };
+    Ok(Said::Done { tests: all, error, idle: idle.len(), invalid: None, reads })
+}
+
+/// The whole package, as its project knows it: what no test links must be valid, too, as for `karat test`.
+struct Whole {
+    project: Project,
+    found: Found,
+}
+
+impl Whole {
+    fn of(folder: &Path) -> anyhow::Result<Self> {
+        let place = folder.canonicalize()?;
+        let around = if place.is_file() { place.parent().unwrap_or(&place) } else { &place };
+        let project = Project::around(around)?;
+        let known = match project.is_cargo() {
+            true => project.search(&PackageArgs::default())?,
+            false => Vec::new(),
+        };
+        let known = known.into_iter().find(|one| one.place().as_ref() == Some(&place));
+        let found = match known {
+            Some(found) => found,
+            None => Found::stated(Package::open(&place)?),
+        };
+        Ok(Self { project, found })
+    }
+
+    /// False of a folder that no author states and no test uses: its modules fail no run.
+    fn is_judged(&self, suite: &Suite) -> bool {
+        let is_used =
+            || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));
+        self.found.stated || !suite.tests.is_empty() || is_used()
+    }
+
+    /// The modules that aren't valid, but for what has been told.
+    fn invalid(&self, suite: &Suite, told: &str) -> Option<String> {
+        let Found { package, stated } = &self.found;
+        let mut invalid = package.try_is_valid().err()?;
+        if !self.is_judged(suite) {
+            return None;
+        }
+        if !stated {
+            let uses = check::recorded_uses(&self.project).unwrap_or_default();
+            invalid = check::as_used(package, &uses)?;
+        }
+        let Invalid::Modules { errors, .. } = invalid else { return Some(invalid.to_string()) };
+        let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
+        texts.retain(|text| !told.contains(text.trim()));
+        texts.dedup();
+        (!texts.is_empty()).then(|| texts.join("\n"))
+    }
 }
 
 pub(super) fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {

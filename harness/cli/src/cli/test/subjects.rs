@@ -2,20 +2,23 @@
 //! the record of a run that had a filter has only some of them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use karat::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
 /// Of each test what it checked when it last ran. A file that is missing or can't be read knows nothing.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Subjects {
+pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
     /// How many tests the last run had that left none out.
     count: Option<u64>,
     /// Tests that failed in the last run, whether or not a check of theirs has a record.
     #[serde(default)]
     failed: Vec<String>,
+    /// Folders and files of shaders that tests used.
+    #[serde(default)]
+    packages: BTreeSet<PathBuf>,
 }
 
 /// The file beside the record of the last run.
@@ -23,7 +26,7 @@ const FILE: &str = "subjects.json";
 
 impl Subjects {
     /// What earlier runs have told, whose last record is in this folder.
-    pub(super) fn read(record: &Path) -> Self {
+    pub(in crate::cli) fn read(record: &Path) -> Self {
         let text = std::fs::read_to_string(record.with_file_name(FILE)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
@@ -36,6 +39,19 @@ impl Subjects {
     /// Tests that failed in the last run.
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
+    }
+
+    /// Folders and files of shaders that tests used.
+    pub(in crate::cli) fn packages(&self) -> &BTreeSet<PathBuf> {
+        &self.packages
+    }
+
+    /// Adds the packages that a run used, which are all if it left nothing out.
+    pub(super) fn add_packages(&mut self, used: BTreeSet<PathBuf>, whole: bool) {
+        if whole {
+            self.packages.clear();
+        }
+        self.packages.extend(used);
     }
 
     /// Adds what a run has told. After one that left nothing out, which had `whole` tests, the others are gone.

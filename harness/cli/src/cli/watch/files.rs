@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -23,12 +24,6 @@ const LONGEST: Duration = Duration::from_millis(100);
 
 /// How often it is looked whether the folder is still the same one.
 const MISSING: Duration = Duration::from_millis(200);
-
-/// Files whose changes concern tests.
-const ENDINGS: [&str; 24] = [
-    "wgsl", "wesl", "toml", "csv", "exr", "png", "rs", "lock", "json", "ron", "npy", "hdr", "glsl",
-    "txt", "py", "sh", "js", "lua", "pl", "rb", "bin", "ktx2", "yaml", "yml",
-];
 
 /// Watches while it lives.
 pub(in crate::cli) struct Watching {
@@ -98,7 +93,7 @@ fn follow(
         {
             wait = take(change);
         }
-        let Seen { mut files, folders } = seen;
+        let Seen { mut files, folders, .. } = seen;
         // What was written into a new folder before it was watched.
         if look_again.as_ref().is_some_and(|(at, _)| at.elapsed() >= MISSING)
             && let Some((_, seen)) = look_again.take()
@@ -132,6 +127,8 @@ fn is_whole(kind: &EventKind) -> bool {
 #[derive(Default)]
 struct Seen {
     files: BTreeSet<PathBuf>,
+    /// Those of them that weren't there before.
+    created: BTreeSet<PathBuf>,
     /// Folders that came or went, in which more may have happened than was seen.
     folders: BTreeSet<PathBuf>,
 }
@@ -146,7 +143,7 @@ impl Seen {
             {
                 self.folders.remove(from);
                 // Editors write beside a file, and give what they wrote its name.
-                if !is_known(from) {
+                if self.created.remove(from) {
                     self.files.remove(from);
                 }
             }
@@ -165,25 +162,33 @@ impl Seen {
             if folder && created {
                 self.folders.insert(path.clone());
             }
-            if is_known(&path) || (folder && created) {
+            if matches!(kind, EventKind::Create(_)) {
+                self.created.insert(path.clone());
+            }
+            if (!folder || created) && !is_output(&path) {
                 self.files.insert(path);
             }
         }
     }
 }
 
-/// Whether changes of a file concern tests.
-fn is_known(file: &Path) -> bool {
-    let ending = file.extension().unwrap_or_default();
-    ENDINGS.iter().any(|known| ending == *known)
+/// True of a file that this process prints into.
+fn is_output(path: &Path) -> bool {
+    static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
+    let outputs = OUTPUTS
+        .get_or_init(|| [Handle::stdout(), Handle::stderr()].into_iter().flatten().collect());
+    // To ask a pipe which one it is would wait for who writes into it.
+    let own = path.is_file().then(|| Handle::from_path(path).ok()).flatten();
+    own.is_some_and(|own| outputs.contains(&own))
 }
 
 /// Whether a path below the root is what tools keep, what they build, or what waits to be accepted.
 fn is_ours(path: &Path, root: &Path) -> bool {
     let below = path.strip_prefix(root).unwrap_or(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    // An editor's lock, `.#brdf.wgsl`, and what a system keeps beside files.
-    if name.starts_with('.') {
+    // An editor's lock, `.#brdf.wgsl`, its copies, `brdf.wgsl~` and `#brdf.wgsl#`, and what a system keeps
+    // beside files.
+    if name.starts_with(['.', '#']) || name.ends_with('~') {
         return true;
     }
     let mut at = root.to_owned();
@@ -191,7 +196,7 @@ fn is_ours(path: &Path, root: &Path) -> bool {
         // A module may lie in a folder of this name, where Cargo builds nothing.
         let built = part == "target" && at.join("Cargo.toml").is_file();
         at.push(part);
-        built || part == ".karat" || part == ".git"
+        built || at.join("CACHEDIR.TAG").is_file() || part == ".karat" || part == ".git"
     });
     // Vim writes and removes a file named by a number before it saves.
     kept || name.contains(".new.") || name.bytes().all(|byte| byte.is_ascii_digit())
@@ -241,6 +246,8 @@ mod tests {
         let root = folder.path().join("target").join("x.new.1");
         std::fs::create_dir_all(root.join("cargo")).expect("a folder");
         std::fs::write(root.join("cargo").join("Cargo.toml"), "").expect("a file");
+        std::fs::create_dir(root.join("built")).expect("a folder");
+        std::fs::write(root.join("built").join("CACHEDIR.TAG"), "").expect("a file");
         for (path, ours) in [
             ("lib.wgsl", false),
             ("target/lib.wgsl", false),
@@ -252,6 +259,11 @@ mod tests {
             ("4913", true),
             (".#lib.wgsl", true),
             ("lib2", false),
+            ("rows", false),
+            ("rows.dat", false),
+            ("lib.wgsl~", true),
+            ("#lib.wgsl#", true),
+            ("built/debug/deps/a", true),
         ] {
             assert_eq!(is_ours(&root.join(path), &root), ours, "{path}");
         }

@@ -1,6 +1,8 @@
 //! What is shown: a screen on a terminal, lines elsewhere.
 
-use std::io::Write;
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crossterm::{cursor, execute, terminal};
@@ -21,20 +23,25 @@ pub(super) struct View<'v> {
     pub(super) lanes: &'v [Lane],
 }
 
+/// Bytes at a file's end, among which what was printed last is looked for.
+const TAIL: u64 = 64 << 10;
+
 pub(super) struct Screen {
     full: bool,
+    /// The last line that was printed, but for messages.
+    last: RefCell<String>,
 }
 
 impl Screen {
     pub(super) fn lines() -> Self {
-        Self { full: false }
+        Self { full: false, last: RefCell::default() }
     }
 
     /// Takes the terminal, until it is dropped.
     pub(super) fn full() -> std::io::Result<Self> {
         terminal::enable_raw_mode()?;
         execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
-        Ok(Self { full: true })
+        Ok(Self { full: true, last: RefCell::default() })
     }
 
     pub(super) fn say_changed(
@@ -45,7 +52,9 @@ impl Screen {
         if self.full {
             return Ok(());
         }
-        writeln!(out, "{DIM}changed: {}{DIM:#}", changed.join(", "))?;
+        let line = format!("changed: {}", changed.join(", "));
+        writeln!(out, "{DIM}{line}{DIM:#}")?;
+        self.last.replace(line);
         out.flush()
     }
 
@@ -60,6 +69,7 @@ impl Screen {
             return Ok(());
         }
         writeln!(out, "{BAD}FAILED{BAD:#} {name} on {path}\n{}", message.trim_end())?;
+        self.last.replace(format!("FAILED {name} on {path}"));
         out.flush()
     }
 
@@ -67,11 +77,29 @@ impl Screen {
         if self.full {
             return Ok(());
         }
+        self.last.replace(words(lane).1);
         writeln!(out, "{}", summary(lane))?;
-        if let Some(why) = &lane.verdicts.broken {
+        for why in lane.verdicts.broken.iter().chain(&lane.verdicts.invalid) {
             writeln!(out, "{}", why.trim_end())?;
         }
         out.flush()
+    }
+
+    /// True of a file into which the last line came, as by `karat watch | tee log.txt`.
+    pub(super) fn is_printed_in(&self, file: &Path) -> bool {
+        let last = self.last.borrow();
+        let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
+            return false;
+        };
+        let read = || -> std::io::Result<Vec<u8>> {
+            let mut end = File::open(file)?;
+            end.seek(SeekFrom::Start(length.len().saturating_sub(TAIL)))?;
+            let mut bytes = Vec::new();
+            end.take(TAIL).read_to_end(&mut bytes)?;
+            Ok(bytes)
+        };
+        let has = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).contains(&**last);
+        !last.is_empty() && read().is_ok_and(has)
     }
 
     /// Draws the screen.
@@ -106,7 +134,8 @@ impl Screen {
         }
         lines.push(String::new());
         let worst = view.lanes.iter().find_map(|lane| {
-            let broken = lane.verdicts.broken.as_ref().map(|why| (lane.name.clone(), why.clone()));
+            let broken = lane.verdicts.broken.as_ref().or(lane.verdicts.invalid.as_ref());
+            let broken = broken.map(|why| (lane.name.clone(), why.clone()));
             broken.or_else(|| {
                 let (name, message) = lane.verdicts.failing.first_key_value()?;
                 Some((format!("{name} on {}", lane.name), message.clone()))
@@ -177,7 +206,7 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
 }
 
 fn words(lane: &Lane) -> (karat::output::Style, String) {
-    let Verdicts { failing, count, ran, took, busy, idle, broken } = &lane.verdicts;
+    let Verdicts { failing, count, ran, took, busy, idle, broken, invalid } = &lane.verdicts;
     let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
     let (took, good) = match idle {
         0 => (took, GOOD),
@@ -189,11 +218,20 @@ fn words(lane: &Lane) -> (karat::output::Style, String) {
     match (busy, broken, failing.len()) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
-        (.., 0) if *count == 0 && *idle == 0 => (BAD, format!("{path}: there are no tests")),
+        (.., 0) if invalid.is_some() => {
+            (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}"))
+        }
+        (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
+            true => (BAD, format!("{path}: there are no tests")),
+            false => (DIM, format!("{path}: no tests here  {took}")),
+        },
         (.., 0) if *ran == 0 => {
             (good, format!("{path}: {pass}; nothing changed in meaning  {took}"))
         }
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
+        (.., failed) if invalid.is_some() => {
+            (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))
+        }
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }

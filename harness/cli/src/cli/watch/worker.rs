@@ -27,6 +27,9 @@ pub(in crate::cli) struct Request {
     /// Files that changed, with their folders from the root.
     #[serde(default)]
     pub(in crate::cli) changed: Vec<PathBuf>,
+    /// Validate all modules, and not only what tests link.
+    #[serde(default)]
+    pub(in crate::cli) validate: bool,
     /// Run nothing, and write the record of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
@@ -45,11 +48,36 @@ pub(in crate::cli) enum Said {
         error: Option<String>,
         #[serde(default)]
         idle: usize,
+        /// Which modules aren't valid, whether or not a test links them.
+        #[serde(default)]
+        invalid: Option<String>,
+        /// Files that matter besides modules and declared tests.
+        #[serde(default)]
+        reads: Reads,
     },
     /// The records were written, or weren't.
     Reported { error: Option<String> },
     /// The process ended.
     Ended { why: String },
+}
+
+impl Said {
+    /// That no test can be found.
+    pub(in crate::cli) fn failed(why: String) -> Self {
+        let (tests, error) = (BTreeSet::new(), Some(why));
+        Self::Done { tests, error, idle: 0, invalid: None, reads: Reads::Any }
+    }
+}
+
+/// Files that tests read.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::cli) enum Reads {
+    /// These, through links.
+    These(BTreeSet<PathBuf>),
+    /// Any file: of what a program or a test of Rust reads nothing is known before it has.
+    #[default]
+    Any,
 }
 
 pub(in crate::cli) struct Worker {

@@ -1,0 +1,94 @@
+//! The members of a Cargo workspace, by their manifests: Cargo isn't asked, which may not be there.
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+use anyhow::Context;
+use toml::{Table, Value};
+
+/// Tables of dependencies, also of one platform.
+const DEPENDENCIES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
+
+/// The folders of a workspace's members below its root, each with its manifest: those that it lists, and
+/// those that it or one of them depends on by a path.
+pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathBuf, Table>> {
+    let mut found = BTreeMap::new();
+    let Some(workspace) = manifest.get("workspace") else { return Ok(found) };
+    let words = |key: &str| {
+        let list = workspace.get(key).and_then(Value::as_array).into_iter().flatten();
+        list.filter_map(Value::as_str).map(|word| clean(&root.join(word))).collect::<Vec<_>>()
+    };
+    let excluded = words("exclude");
+    let mut queue = paths(root, manifest);
+    for pattern in words("members") {
+        let listed = glob::glob(&pattern.to_string_lossy());
+        let listed = listed.with_context(|| format!("a member of `{}`", root.display()))?;
+        queue.extend(listed.filter_map(Result::ok));
+    }
+    while let Some(folder) = queue.pop() {
+        let is_out = excluded.iter().any(|excluded| folder.starts_with(excluded));
+        let is_known = folder == root || found.contains_key(&folder);
+        if is_out || is_known || !folder.starts_with(root) {
+            continue;
+        }
+        let file = folder.join("Cargo.toml");
+        let Ok(text) = std::fs::read_to_string(&file) else { continue };
+        let table: Table = text.parse().with_context(|| format!("in `{}`", file.display()))?;
+        queue.extend(paths(&folder, &table));
+        found.insert(folder, table);
+    }
+    Ok(found)
+}
+
+/// The folders that a manifest depends on by a path.
+fn paths(folder: &Path, manifest: &Table) -> Vec<PathBuf> {
+    let shared = manifest.get("workspace").and_then(Value::as_table);
+    let platforms = manifest.get("target").and_then(Value::as_table).into_iter();
+    let platforms = platforms.flat_map(Table::values).filter_map(Value::as_table);
+    let tables = platforms.chain(shared).chain([manifest]);
+    let tables = tables.flat_map(|table| DEPENDENCIES.iter().filter_map(|name| table.get(*name)));
+    let all = tables.filter_map(Value::as_table).flat_map(Table::values);
+    let all = all.filter_map(|dependency| dependency.get("path")?.as_str());
+    all.map(|path| clean(&folder.join(path))).collect()
+}
+
+/// A path without `.` and `..`, as members are compared by their names.
+fn clean(path: &Path) -> PathBuf {
+    let mut clean = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir => drop(clean.pop()),
+            part => clean.push(part),
+        }
+    }
+    clean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn members_are_listed_or_depended_on() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        let write = |member: &str, text: &str| {
+            let folder = root.join(member);
+            std::fs::create_dir_all(&folder).expect("a folder");
+            std::fs::write(folder.join("Cargo.toml"), text).expect("a file");
+        };
+        write("crates/a", "[target.'cfg(unix)'.dependencies]\nfar = { path = \"../../far\" }");
+        write("crates/b", "[dev-dependencies]\nb = { path = \"../b\" }\nout = { path = \"/\" }");
+        write("crates/old", "");
+        write("far", "[dependencies]\n");
+        write("alone", "");
+        let text = "[workspace]\nmembers = [\"crates/*\", \"./gone\"]\nexclude = [\"crates/old\"]\n\
+                    [workspace.dependencies]\na = { path = \"crates/a\" }\n";
+        let found = of(root, &text.parse().expect("TOML")).expect("they are read");
+        let names = found.keys().map(|found| found.strip_prefix(root).expect("below").to_owned());
+        assert_eq!(names.collect::<Vec<_>>(), ["crates/a", "crates/b", "far"].map(PathBuf::from));
+        let alone = of(root, &"[package]\nname = \"x\"".parse().expect("TOML"));
+        assert!(alone.expect("it is read").is_empty(), "it is no workspace");
+    }
+}

@@ -1,0 +1,228 @@
+//! The search for what is to run: the packages of a project, and the files in them that were meant as tests.
+//! Each command that runs, validates or lists something calls it.
+//!
+//! - A package that is named, by `--package`, `--crate` or a command's folder, is the only one.
+//! - `metadata.karat.packages` of a Cargo.toml says which packages lie in its folder and below: the
+//!   workspace's for all members, a member's for itself.
+//! - Where none says, packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
+//!   members, and the folders that recorded tests used.
+//! - Without Cargo a folder stands for its folder `shaders`, if there is one, or else for itself.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::Package;
+use karat::diagnostic::shown;
+use karat::package::PackageError;
+use karat::record::{Record, Recorded, Subject};
+use karat_suite::{Broken, Suite};
+
+use super::PackageArgs;
+use super::project::Project;
+use super::table::HEAD;
+use super::test::subjects::Subjects;
+
+/// The folder of shaders beside a manifest.
+pub(super) const SHADERS: &str = "shaders";
+
+/// A package that was found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub(super) package: Package,
+    /// True if an author states it: otherwise only tests know how it is used.
+    pub(super) stated: bool,
+}
+
+impl Found {
+    pub(super) fn stated(package: Package) -> Self {
+        Self { package, stated: true }
+    }
+
+    /// Where it is, through links.
+    pub(super) fn place(&self) -> Option<PathBuf> {
+        self.package.root().canonicalize().ok()
+    }
+}
+
+impl Project {
+    /// All packages: by what is declared, what lies beside a manifest, and what recorded tests used.
+    pub(super) fn search(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
+        self.search_with(args, &self.recorded())
+    }
+
+    /// [`search`](Self::search) with the folders that tests used.
+    pub(super) fn search_with(
+        &self,
+        args: &PackageArgs,
+        used: &BTreeSet<PathBuf>,
+    ) -> anyhow::Result<Vec<Found>> {
+        let hint = "name the shader folder with --package DIR";
+        let mut found: Vec<Found> = Vec::new();
+        if let Some(name) = &args.krate {
+            let package = Package::open_crate(self.root(), name, args.root.as_deref())?;
+            found.push(Found::stated(package));
+        } else if let Some(folder) = &args.package {
+            found.push(Found::stated(Package::open(folder).context(hint)?));
+        } else if !self.is_cargo() {
+            // As it is seen from here, in messages and replays.
+            let folder = shown(&stands_for(self.root())?);
+            found.push(Found::stated(Package::open(folder).context(hint)?));
+        } else {
+            for folder in self.declared() {
+                found.push(Found::stated(Package::open(&folder).context(hint)?));
+            }
+            let beside = self.manifests().map(|folder| folder.join(SHADERS));
+            let beside = beside.filter(|folder| folder.is_dir());
+            let used = used.iter().filter(|folder| self.is_own(folder)).cloned();
+            for folder in beside.chain(used).filter(|folder| !self.says(folder)) {
+                let Ok(package) = Package::open(&folder) else { continue };
+                found.push(Found { package, stated: false });
+            }
+        }
+        let mut places = BTreeSet::new();
+        found.retain(|one| one.place().is_none_or(|place| places.insert(place)));
+        // A folder of this name may be for others: shaders in another language.
+        found.retain(|one| one.stated || !is_empty(&one.package));
+        let packages = found.iter().map(|one| one.package.clone()).collect();
+        let packages = self.with_features(packages);
+        for (one, package) in found.iter_mut().zip(packages) {
+            one.package = args.featured(package);
+        }
+        Ok(found)
+    }
+
+    /// The packages that a command is about: at least one.
+    pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
+        let found = self.found(args)?;
+        Ok(found.into_iter().map(|one| one.package).collect())
+    }
+
+    /// [`search`](Self::search), of which nothing is an error.
+    pub(super) fn found(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
+        let found = self.search(args)?;
+        if !found.is_empty() {
+            return Ok(found);
+        }
+        let none = match self.declares_none() {
+            true => "`metadata.karat` lists no shader package".to_owned(),
+            false => format!(
+                "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \
+                 there is no folder `{SHADERS}` beside one, and no recorded test used one; name the shader \
+                 folder with --package DIR, or run `karat test` first"
+            ),
+        };
+        anyhow::bail!(none)
+    }
+
+    /// The packages whose tests left these records, and those that are known without.
+    pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
+        let used = self.used_by(records, &[]);
+        let found = self.search_with(&PackageArgs::default(), &used)?;
+        Ok(found.into_iter().map(|one| one.package).collect())
+    }
+
+    /// The package that holds a function; the first one if none does, for its error message.
+    pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
+        let mut packages = self.packages(args)?;
+        let holds = |package: &Package| {
+            package.functions().is_ok_and(|known| known.iter().any(|item| item.name == path))
+        };
+        let index = packages.iter().position(holds).unwrap_or(0);
+        Ok(packages.swap_remove(index))
+    }
+
+    /// Folders that tests used when they last ran.
+    pub(super) fn recorded(&self) -> BTreeSet<PathBuf> {
+        // Where all packages are stated nothing else is one.
+        if self.says(self.root()) {
+            return BTreeSet::new();
+        }
+        let last = Recorded::read(&self.record()).ok().flatten();
+        self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
+    }
+
+    /// Folders and files of the project that earlier runs used, and the tests of one by what they recorded
+    /// and linked.
+    pub(super) fn used_by(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
+        let mut used = Subjects::read(&self.record()).packages().clone();
+        used.extend(self.used_in(records, linked));
+        used
+    }
+
+    /// Those that the tests of one run used.
+    pub(super) fn used_in(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
+        let named = records.iter().filter_map(|record| match &record.subject {
+            Subject::Function { package, .. } => Some(PathBuf::from(package)),
+            Subject::Frame { .. } => None,
+        });
+        // A text in memory has no place, and one that is `.` is relative to wherever its tests ran.
+        let all = named.chain(linked.iter().cloned());
+        let all = all.filter(|place| !place.as_os_str().is_empty() && place != Path::new("."));
+        let all = all.filter_map(|place| self.root().join(place).canonicalize().ok());
+        all.filter(|place| self.is_own(place)).collect()
+    }
+
+    /// True of a place in the project that isn't what its runs leave behind.
+    fn is_own(&self, place: &Path) -> bool {
+        let (root, output) = (self.root().canonicalize(), self.output().canonicalize());
+        root.is_ok_and(|root| place.starts_with(root))
+            && output.map_or(true, |output| !place.starts_with(output))
+    }
+}
+
+/// True of a folder without a module, in which nothing was meant for Karat.
+fn is_empty(package: &Package) -> bool {
+    let is_for_karat = |file: &PathBuf| file.ends_with("karat.toml") || karat_suite::is_meant(file);
+    matches!(package.modules(), Err(PackageError::Empty(_)))
+        && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
+}
+
+/// The folder that a folder without Cargo stands for: its `shaders`, where all of its modules lie, if that
+/// is a package by its own karat.toml; or else itself.
+pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
+    let shaders = folder.join(SHADERS);
+    let declares = |folder: &Path| folder.join("karat.toml").is_file();
+    let stands = declares(&shaders) && !declares(folder) && outside(folder)?.is_empty();
+    Ok(if stands { shaders } else { folder.to_owned() })
+}
+
+/// The packages in a folder that lie outside of its `shaders`: files, and folders with modules.
+pub(super) fn outside(folder: &Path) -> anyhow::Result<Vec<Package>> {
+    let mut all = Vec::new();
+    let unread = || format!("can't read `{}`", folder.display());
+    for entry in std::fs::read_dir(folder).with_context(unread)? {
+        let entry = entry.with_context(unread)?;
+        let (path, name) = (entry.path(), entry.file_name());
+        let is_ours = name != SHADERS && !name.to_string_lossy().starts_with('.');
+        let ending = path.extension().unwrap_or_default();
+        let holds = match path.is_dir() {
+            true => !path.is_symlink() && !path.join("CACHEDIR.TAG").is_file(),
+            false => ending == "wgsl" || ending == "wesl",
+        };
+        if is_ours && holds {
+            let package = Package::open(&path)?;
+            all.extend(package.modules().is_ok().then_some(package));
+        }
+    }
+    Ok(all)
+}
+
+/// Files of packages that were meant to declare tests, and can't be read.
+pub(super) fn broken_files<'p>(
+    packages: impl IntoIterator<Item = &'p Package>,
+) -> anyhow::Result<Vec<Broken>> {
+    let mut all = Vec::new();
+    for package in packages {
+        all.extend(Suite::of(package.clone())?.broken.into_iter().filter(|broken| broken.is_file));
+    }
+    Ok(all)
+}
+
+/// Tells them.
+pub(super) fn write_broken(broken: &[Broken], out: &mut dyn Write) -> std::io::Result<()> {
+    broken.iter().try_for_each(|broken| {
+        writeln!(out, "\n{HEAD}{}{HEAD:#}: {}", broken.name, broken.message.trim_end())
+    })
+}

@@ -1,0 +1,279 @@
+//! The search for what is to run: every command finds the same packages, and the same tests in them.
+
+use super::report::function;
+use super::*;
+
+const HALF: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
+const DECLARED: &str =
+    "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n";
+const FAILS: &str =
+    "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [0, 0.25]\n";
+/// A manifest of a workspace, and of a member.
+const WORKSPACE: &str = "[workspace]\nmembers = [\"crates/*\"]\n";
+const MEMBER: &str = "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n";
+
+/// All commands that look for tests, in a project whose `cargo test` says nothing.
+const COMMANDS: [&[&str]; 5] = [
+    &["test", "--paths", "cpu"],
+    &["watch", "--once", "--paths", "cpu"],
+    &["check"],
+    &["list"],
+    &["compare", "before"],
+];
+
+/// Runs a command where Cargo has no test.
+fn run(folder: &FilePath, arguments: &[&str]) -> Ran {
+    output(command(folder, arguments).env("CARGO", "true"))
+}
+
+/// A project that has its shaders in a folder.
+fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (file, text) in manifests {
+        write(folder.path(), file, text);
+    }
+    for (file, text) in files {
+        write(&folder.path().join(shaders), file, text);
+    }
+    write(folder.path(), "before/a.wgsl", HALF);
+    folder
+}
+
+/// A file that was meant to declare tests and declares none is a failure of each command, wherever its
+/// package is found; the same package without it is none.
+#[test]
+fn what_looks_like_a_test_and_is_none_fails_every_command() {
+    let none: &[(&str, &str)] = &[];
+    let declared = "[workspace.metadata.karat]\npackages = [\"assets/wgsl\"]\n";
+    let members: &[(&str, &str)] = &[
+        ("Cargo.toml", WORKSPACE),
+        (
+            "crates/engine/Cargo.toml",
+            &format!("{MEMBER}[package.metadata.karat]\npackages = [\"wgsl\"]\n"),
+        ),
+    ];
+    for (at, (shaders, manifests)) in [
+        ("shaders", none),
+        ("shaders", &[("Cargo.toml", "[workspace]\n")]),
+        ("assets/wgsl", &[("Cargo.toml", &format!("[workspace]\n{declared}"))]),
+        ("crates/engine/wgsl", members),
+        (
+            "crates/engine/shaders",
+            &[("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)],
+        ),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        // How a file can be none doesn't depend on where it is.
+        let kinds = if at == 0 { 4 } else { 1 };
+        for (file, text) in [
+            ("a.test.toml", DECLARED.replace("function", "functionn")),
+            ("a.test.toml", "\u{0}garbage".to_owned()),
+            ("a.tests.toml", DECLARED.to_owned()),
+            ("sub/tests.toml", DECLARED.to_owned()),
+        ]
+        .into_iter()
+        .take(kinds)
+        {
+            let folder = with(shaders, manifests, &[("a.wgsl", HALF), (file, &text)]);
+            for arguments in COMMANDS {
+                // Nor is it seen by its side alone.
+                let ran = run(folder.path(), arguments);
+                assert_eq!(ran.code, Some(1), "{shaders}/{file} {arguments:?}: {ran:?}");
+                assert!(ran.out.contains(file), "{shaders}/{file} {arguments:?}: {ran:?}");
+            }
+        }
+        let folder = with(shaders, manifests, &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+        for arguments in COMMANDS {
+            let ran = run(folder.path(), arguments);
+            assert_eq!(ran.code, Some(0), "{shaders} {arguments:?}: {ran:?}");
+        }
+    }
+}
+
+/// A slip in what a member says is told, and not taken for nothing.
+#[test]
+fn a_slip_in_a_members_manifest_is_an_error() {
+    let member = format!("{MEMBER}[package.metadata.karat]\npackage = [\"wgsl\"]\n");
+    let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", &*member)];
+    let folder = with("crates/engine/wgsl", &manifests, &[("a.wgsl", HALF)]);
+    for arguments in COMMANDS {
+        let error = run(folder.path(), arguments).error();
+        let place = FilePath::new("crates").join("engine").join("Cargo.toml");
+        assert!(error.contains("unknown field `package`"), "{error}");
+        assert!(error.contains(&*place.to_string_lossy()), "{error}");
+    }
+}
+
+/// Tests beside shaders that Rust tests use run with them, and are known to other commands from then on.
+#[test]
+fn tests_beside_shaders_that_rust_tests_use_are_run() {
+    let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)];
+    let files = [("a.wgsl", HALF), ("a.test.toml", FAILS)];
+    let folder = with("crates/engine/assets/shaders", &manifests, &files);
+    let path = folder.path();
+    let unknown = run(path, &["check"]).error();
+    assert!(unknown.contains("no recorded test used one"), "{unknown}");
+    // A Rust test that passes leaves the record.
+    let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
+    write(path, "test", script);
+    let verdict = function("a::half", "gl", "pass", None);
+    let used = "\"package\":\"crates/engine/assets/shaders\"";
+    write(path, "verdict", &verdict.replace("\"package\":\"shaders\"", used));
+    let ran = output(command(path, &["test", "--paths", "cpu"]).env("CARGO", "/bin/sh"));
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("test a::half in_range ... FAILED"), "{ran:?}");
+    assert!(run(path, &["check"]).good().contains("shaders: valid"));
+    assert!(run(path, &["list"]).good().contains("a::half"));
+    let watched = run(path, &["watch", "--once", "--paths", "cpu"]);
+    assert!(watched.code == Some(1) && watched.out.contains("1 of 1 tests fail"), "{watched:?}");
+    // A run of some tests forgets no package.
+    let filtered = output(command(path, &["test", "nothing"]).env("CARGO", "true"));
+    assert_ne!(filtered.code, Some(0), "{filtered:?}");
+    assert!(run(path, &["list"]).good().contains("a::half"));
+}
+
+/// A folder `shaders` that nothing names, uses or tests fails no run, under watch neither; `karat check` looks
+/// at it.
+#[test]
+fn a_folder_that_no_test_uses_fails_no_run() {
+    let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)];
+    let folder =
+        with("crates/engine/shaders", &manifests, &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+    write(folder.path(), "shaders/template.wgsl", "fn f() -> f32 { return {{ value }}; }\n");
+    let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
+    assert!(ran.contains("no test uses `shaders`: `karat check` validates it"), "{ran}");
+    run(folder.path(), &["watch", "--once", "--paths", "cpu"]).good();
+    assert_eq!(run(folder.path(), &["check"]).code, Some(1));
+}
+
+/// A folder that holds a module which is run holds tests, too, whatever it is called.
+#[test]
+fn each_folder_of_modules_has_its_tests() {
+    for folder in ["target", "node_modules", "deep/er"] {
+        let project = with(folder, &[], &[("a.wgsl", HALF), ("a.test.toml", FAILS)]);
+        let ran = run(project.path(), &["test", ".", "--paths", "cpu"]);
+        assert_eq!(ran.code, Some(1), "{folder}: {ran:?}");
+        assert!(ran.out.contains("a::half in_range ... FAILED"), "{folder}: {ran:?}");
+    }
+}
+
+/// `shaders` is where a folder's shaders are, with and without a manifest of its own.
+#[test]
+fn the_folder_shaders_is_found_by_every_command() {
+    for (manifests, own) in
+        [(&[][..], None), (&[][..], Some("")), (&[("Cargo.toml", "[workspace]\n")], Some(""))]
+    {
+        let folder = with("shaders", manifests, &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+        std::fs::remove_dir_all(folder.path().join("before")).expect("it is there");
+        if let Some(text) = own {
+            write(folder.path(), "shaders/karat.toml", text);
+        }
+        for arguments in [
+            &["check"][..],
+            &["list"],
+            &["compare", "shaders"],
+            &["test", "--paths", "cpu"],
+            &["test", ".", "--paths", "cpu"],
+            &["watch", "--once", "--paths", "cpu"],
+            &["watch", ".", "--once", "--paths", "cpu"],
+        ] {
+            let ran = run(folder.path(), arguments);
+            assert_eq!(ran.code, Some(0), "{manifests:?} {own:?} {arguments:?}: {ran:?}");
+        }
+        write(folder.path(), "shaders/a.wgsl", &HALF.replace("0.5", "1.5"));
+        for arguments in [&["test", "--paths", "cpu"][..], &["watch", "--once", "--paths", "cpu"]] {
+            let ran = run(folder.path(), arguments);
+            assert_eq!(ran.code, Some(1), "{manifests:?} {own:?} {arguments:?}: {ran:?}");
+        }
+    }
+}
+
+/// Tests outside of `shaders` are told, though its karat.toml makes it a package by itself.
+#[test]
+fn tests_outside_of_shaders_are_told() {
+    let folder =
+        with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED), ("karat.toml", "")]);
+    let test = "import karat::expect_true;\n@test fn own() { expect_true(true); }\n";
+    write(folder.path(), "own/own.wgsl", test);
+    let ran = run(folder.path(), &["test", "--paths", "cpu"]).good();
+    assert!(ran.contains("not run: 1 test outside of `shaders`; name them, own"), "{ran}");
+}
+
+/// Links that lead in circles are followed once, and what never ends isn't read.
+#[cfg(unix)]
+#[test]
+fn links_in_circles_and_pipes_hang_no_command() {
+    let folder = with(".", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+    let path = folder.path();
+    std::fs::remove_dir_all(path.join("before")).expect("it is there");
+    for name in ["l1", "l2"] {
+        std::os::unix::fs::symlink(".", path.join(name)).expect("a link");
+    }
+    // Without a module it is no part of the package.
+    write(path, "before.txt", "");
+    let ran = run(path, &["test", ".", "--paths", "cpu"]).good();
+    assert!(ran.contains("1 check, 0 failed"), "{ran}");
+    let listed = run(path, &["list"]).good();
+    assert_eq!(listed.matches("half").count(), 1, "{listed}");
+    run(path, &["watch", ".", "--once", "--paths", "cpu"]).good();
+    let pipe = |name: &str| {
+        let made = Command::new("mkfifo").arg(path.join(name)).status().expect("mkfifo runs");
+        assert!(made.success());
+    };
+    let told = "it is a pipe, a socket or a device, and no file";
+    pipe("p.test.toml");
+    for arguments in [
+        &["test", ".", "--paths", "cpu"][..],
+        &["watch", ".", "--once", "--paths", "cpu"],
+        &["check"],
+        &["list"],
+    ] {
+        let ran = run(path, arguments);
+        assert!(ran.code == Some(1) && ran.out.contains(told), "{arguments:?}: {ran:?}");
+    }
+    std::fs::remove_file(path.join("p.test.toml")).expect("it is there");
+    pipe("rows");
+    let table = "[[test]]\nfunction = \"half\"\ntable = \"rows\"\ntolerance = \"exact\"\n";
+    write(path, "a.test.toml", table);
+    let ran = run(path, &["test", ".", "--paths", "cpu"]);
+    assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
+    pipe("karat.toml");
+    assert!(run(path, &["check"]).error().contains(told));
+}
+
+/// Tests alone, whose shaders are those of another package.
+#[test]
+fn a_folder_of_tests_alone_passes() {
+    let folder = with("shaders", &[], &[("a.wgsl", HALF)]);
+    let path = folder.path();
+    write(path, "tests/karat.toml", "[dependencies]\nshaders = { path = \"../shaders\" }\n");
+    let test = "import karat::expect_near;\nimport shaders::a::half;\n\
+                @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
+    write(path, "tests/a.wgsl", test);
+    let ran = run(path, &["test", "tests", "--paths", "cpu"]).good();
+    assert!(ran.contains("1 check, 0 failed"), "{ran}");
+    assert!(!ran.contains("isn't known") && !ran.contains("declares no"), "{ran}");
+    assert!(run(path, &["check", "--package", "tests"]).good().contains("1 test)"));
+    write(path, "shaders/a.wgsl", &HALF.replace("0.5", "0.25"));
+    assert_eq!(run(path, &["test", "tests", "--paths", "cpu"]).code, Some(1));
+}
+
+/// A module in an include guard runs, and so does its test.
+#[test]
+fn a_guarded_module_is_tested() {
+    let guarded = |text: &str| format!("#ifndef A_WGSL\n#define A_WGSL\n{text}#endif\n");
+    let test =
+        "import karat::expect_near;\n@test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
+    let text = guarded(&format!("{test}{HALF}"));
+    let folder = with("shaders", &[], &[("a.wgsl", &text), ("a.test.toml", DECLARED)]);
+    let path = folder.path();
+    let ran = run(path, &["test", "--paths", "cpu"]).good();
+    assert!(ran.contains("2 checks, 0 failed"), "{ran}");
+    let called = run(path, &["call", "a::half", "3", "--path", "cpu"]).good();
+    assert!(called.contains("1.5"), "{called}");
+    write(path, "shaders/a.wgsl", &text.replace("0.5", "0.75"));
+    let ran = run(path, &["test", "--paths", "cpu"]);
+    assert!(ran.code == Some(1) && ran.out.contains("a::halves"), "{ran:?}");
+}
