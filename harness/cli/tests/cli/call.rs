@@ -338,7 +338,9 @@ fn a_path_that_is_required_is_not_left_out() {
     assert!(free.code == Some(0) && free.err.contains("note: path `gl` can't bind"), "{free:?}");
     let required = output(command(folder.path(), &call).env("KARAT_REQUIRE", "gl"));
     assert!(
-        required.code == Some(2) && required.err.contains("path `gl` can't bind"),
+        required.code == Some(2)
+            && required.err.contains("error: no result on gl: path `gl` can't bind")
+            && required.out.contains("vulkan   0.5"),
         "{required:?}"
     );
 }

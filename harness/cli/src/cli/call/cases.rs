@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
 use karat::image::write_whole;
-use karat::output::{counted, visible};
+use karat::output::counted;
 use karat::probe::{ProbeError, Probed};
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
@@ -75,7 +75,8 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
                 write_table(request, &table.rows, &given.results, &table.others, out)?;
             }
             let ending = compare(request, &columns, &table, &given.results, tolerance, input, out)?;
-            Ok(if given.ending()? == Ending::Good { ending } else { Ending::Bad })
+            given.ending()?;
+            Ok(ending)
         }
     }
 }
@@ -91,16 +92,15 @@ pub(super) struct Given {
 }
 
 impl Given {
-    /// Says which paths gave nothing.
+    /// An error that says which paths gave nothing, once what the others gave is written.
     pub(super) fn ending(&self) -> Outcome {
-        for (path, error) in &self.stopped {
+        let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
-            eprintln!(
-                "error: no result on {path}: {}",
-                visible(error.trim_start_matches("error: "))
-            );
-        }
-        Ok(if self.stopped.is_empty() { Ending::Good } else { Ending::Bad })
+            format!("no result on {path}: {}", error.trim_start_matches("error: "))
+        };
+        let told: Vec<String> = self.stopped.iter().map(told).collect();
+        ensure!(told.is_empty(), "{}", told.join("\n"));
+        Ok(Ending::Good)
     }
 }
 
@@ -512,6 +512,10 @@ mod tests {
         let (path, expected, found) = (Path::VULKAN, 1, 0);
         let stopped = vec![(path, ProbeError::Length { path, expected, found })];
         let given = Given { results: vec![(Path::CPU, Vec::new())], stopped };
-        assert_eq!(given.ending().expect("it is said"), Ending::Bad);
+        let error = given.ending().expect_err("a path has no result").to_string();
+        assert!(
+            error.starts_with("no result on vulkan: path `vulkan` returned 0 words"),
+            "{error}"
+        );
     }
 }
