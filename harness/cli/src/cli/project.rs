@@ -68,14 +68,6 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     }
 }
 
-/// What the manifest of a workspace's member says for itself.
-fn settings_of_member(folder: &Path) -> anyhow::Result<Settings> {
-    let text = std::fs::read_to_string(folder.join("Cargo.toml"))?;
-    let table: toml::Table = text.parse()?;
-    let metadata = || table.get("package")?.get("metadata")?.get("karat").cloned();
-    Ok(metadata().map_or_else(|| Ok(Settings::default()), toml::Value::try_into)?)
-}
-
 /// The project around the working directory.
 #[derive(Debug)]
 pub(super) struct Project {
@@ -239,9 +231,10 @@ impl Project {
     /// The folders of goldens that are there: the project's, those of its workspace's members, and those that
     /// the last run used. Each once.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
-        let of_members = self.members().into_iter().map(|member| {
-            let golden = settings_of_member(&member).ok().and_then(|settings| settings.golden);
-            member.join(golden.unwrap_or_else(|| PathBuf::from("golden")))
+        let of_members = self.members.iter().map(|member| {
+            let mut own = self.settings.iter().filter(|(folder, _)| folder == member);
+            let golden = own.find_map(|(_, settings)| settings.golden.as_deref());
+            member.join(golden.unwrap_or(Path::new("golden")))
         });
         let (mut all, mut places) = (Vec::new(), BTreeSet::new());
         for folder in [self.golden()].into_iter().chain(of_members).chain(self.used_goldens()) {
@@ -250,17 +243,6 @@ impl Project {
             }
         }
         all
-    }
-
-    /// The folders of the workspace's members, as its manifest names them.
-    fn members(&self) -> Vec<PathBuf> {
-        let text = std::fs::read_to_string(self.root.join("Cargo.toml")).unwrap_or_default();
-        let table: toml::Table = text.parse().unwrap_or_default();
-        let members = || table.get("workspace")?.get("members")?.as_array();
-        let patterns = members().into_iter().flatten().filter_map(|member| member.as_str());
-        let root = glob::Pattern::escape(&self.root.to_string_lossy());
-        let found = patterns.filter_map(|pattern| glob::glob(&format!("{root}/{pattern}")).ok());
-        found.flatten().flatten().filter(|member| member.join("Cargo.toml").is_file()).collect()
     }
 
     /// The cargo binary that is the project's gallery, if one is declared.
