@@ -58,15 +58,35 @@ fn matrix() -> Matrix {
     PBR.matrix().columns(columns).run().expect("the library is valid")
 }
 
+/// The columns of a page that were run on other drivers than those here, or on none.
+fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
+    let elsewhere = matrix.columns.iter().filter(|column| {
+        let line = page.lines().find(|line| line.starts_with(&format!("| {} |", column.name)));
+        let adapter = column.adapter.as_deref();
+        !line.is_some_and(|line| adapter.is_some_and(|adapter| line.contains(adapter)))
+    });
+    elsewhere.map(|column| column.name.clone()).collect()
+}
+
+/// Makes one word of those for what is valid and ran: how it ran depends on the driver.
+fn as_far_as_valid(words: &mut Words, columns: &[String]) {
+    for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
+        if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {
+            *word = "valid, at least".to_owned();
+        }
+    }
+}
+
+/// On other drivers than the page's a row gets as far as `valid` there, at least.
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]
 fn each_row_gets_as_far_as_the_page_says() {
     let page =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/translations.md"));
-    let written = words(&page.expect("the page is there"));
+    let page = page.expect("the page is there");
+    let mut written = words(&page);
     let matrix = matrix();
-    let here = |name: &str| matrix.columns.iter().any(|c| c.name == name && c.adapter.is_some());
-    assert!(here("vulkan") && here("gl"), "CI has both: {:?}", matrix.columns);
+    let elsewhere = run_elsewhere(&page, &matrix);
     // What is wrong is declared in shaders/karat.toml.
     matrix.expect_no_findings();
     // Where a size is 0, naga's GLSL divides by it as it is.
@@ -84,11 +104,15 @@ fn each_row_gets_as_far_as_the_page_says() {
             "{row} on {column} is outside of WGSL"
         );
     }
-    assert!(!outside.is_empty(), "naga divides as WGSL does now: delete this");
+    let gl = || elsewhere.iter().all(|column| column != "gl");
+    assert!(!outside.is_empty() || !gl(), "naga divides as WGSL does now: delete this");
     let bounded = |cell: &karat::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
     let bounded: usize = matrix.rows.iter().flat_map(|row| &row.cells).map(bounded).sum();
     assert!(bounded > 400_000, "WGSL bounds {bounded} results only");
-    let made = words(&matrix.markdown());
+    let mut made = words(&matrix.markdown());
+    for words in [&mut written, &mut made] {
+        as_far_as_valid(words, &elsewhere);
+    }
     assert!(written.len() > 200 && made.len() > 200, "{} and {}", written.len(), made.len());
     let found = differences(&written, &made);
     assert!(

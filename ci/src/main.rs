@@ -13,6 +13,7 @@ mod bench;
 mod command;
 mod corpus;
 mod demo;
+mod full;
 mod licence;
 mod lint;
 mod matrix;
@@ -67,6 +68,10 @@ enum Task {
     Demo,
     /// All that CI runs: set up, lint, then every test. Later steps run even if one fails.
     Test,
+    /// The suites that are too long for each change: every test on SwiftShader alone.
+    ///
+    /// The result goes to docs/swiftshader.md. `cargo ci test` runs a sample.
+    Full,
     /// Formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
     /// Check that the README's two commands compile nothing to code with two sets of features.
@@ -129,6 +134,7 @@ fn main() -> ExitCode {
         Task::Setup { check: true } => step::verdict(setup::check()),
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
+        Task::Full => full::run(),
         Task::Lint => lint::run(),
         Task::Once => step::verdict(once::check()),
         Task::Found => step::verdict(corpus::run_found()),

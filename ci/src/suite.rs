@@ -41,7 +41,7 @@ pub(crate) fn run() -> ExitCode {
 pub(crate) const BUILD: &[&str] =
     &["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
 
-fn build() -> Result<()> {
+pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 

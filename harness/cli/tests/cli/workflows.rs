@@ -9,10 +9,11 @@ use super::*;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const ACTION: &str = "ci/action/action.yml";
 const TEMPLATE: &str = "ci/gitlab/karat.yml";
-const FILES: [&str; 5] = [
+const FILES: [&str; 6] = [
     ACTION,
     TEMPLATE,
     ".github/workflows/ci.yml",
+    ".github/workflows/full.yml",
     "harness/cli/src/cli/init/github.yml",
     "harness/cli/src/cli/init/gitlab.yml",
 ];

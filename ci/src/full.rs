@@ -1,0 +1,131 @@
+//! `cargo ci full`: the suites that are too long for each change.
+//!
+//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of the shader library's modules.
+
+use std::fmt::Write as _;
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Command, ExitCode, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::step::Steps;
+use crate::{command, setup, suite, swiftshader};
+
+/// Where the last result is kept.
+const PAGE: &str = "docs/swiftshader.md";
+
+/// The only path there is: Vulkan, by the only driver that its loader is told of.
+const PATHS: &str = "vulkan";
+
+/// Runs every test on SwiftShader alone, and writes down how that ended.
+pub(crate) fn run() -> ExitCode {
+    let mut steps = Steps::new("cargo ci full");
+    let _ = steps.run("setup", setup::install_missing)
+        && steps.run("browser", setup::install_browser)
+        && steps.run("validators", setup::install_validators)
+        && steps.run("build", suite::build)
+        && steps.run("swiftshader", on_swiftshader);
+    steps.finish()
+}
+
+/// The whole suite without Mesa: SwiftShader for Vulkan, and nothing for GL.
+fn on_swiftshader() -> Result<()> {
+    let manifest = swiftshader::manifest().context("no Chromium with SwiftShader is here")?;
+    let alone = |command: &mut Command| {
+        command
+            .env("VK_DRIVER_FILES", &manifest)
+            // A list of no vendor: EGL finds no driver.
+            .env("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
+            .env("KARAT_PATHS", PATHS)
+            .env("KARAT_REQUIRE", PATHS);
+    };
+    let mut doctor = command::karat(&["doctor", "--require", PATHS])?;
+    alone(&mut doctor);
+    let doctor = doctor.output().context("`karat doctor` doesn't run")?;
+    let said = String::from_utf8_lossy(&doctor.stdout);
+    let driver = said.lines().find(|line| line.contains("SwiftShader"));
+    let driver = driver.context("`karat doctor` opens no SwiftShader")?.trim().to_owned();
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    alone(&mut test);
+    let mut child = test.stdout(Stdio::piped()).spawn().context("cargo doesn't run")?;
+    let mut sum = Sum::default();
+    for line in BufReader::new(child.stdout.take().context("it is piped")?).lines() {
+        let line = line.context("the tests' output ended early")?;
+        let _ = writeln!(std::io::stderr(), "{line}");
+        sum.read(&line);
+    }
+    let status = child.wait().context("cargo was lost")?;
+    ensure!(sum.passed > 0, "no test ran");
+    let page = command::root().join(PAGE);
+    std::fs::write(&page, sum.page(&driver)).with_context(|| format!("{}", page.display()))?;
+    match (status.success(), sum.failed.len()) {
+        (true, 0) => Ok(()),
+        (_, failed) => bail!("{failed} tests failed on SwiftShader alone; {PAGE} names them"),
+    }
+}
+
+/// What libtest's lines say of all test programs together.
+#[derive(Debug, Default, PartialEq)]
+struct Sum {
+    passed: u64,
+    ignored: u64,
+    failed: Vec<String>,
+}
+
+impl Sum {
+    /// Adds a line: `test NAME ... FAILED`, or the closing one of a program.
+    fn read(&mut self, line: &str) {
+        if let Some(name) = line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))
+        {
+            self.failed.push(name.to_owned());
+        }
+        let Some(counts) = line.strip_prefix("test result: ") else { return };
+        let count = |word: &str| {
+            let part = counts.split(['.', ';']).find_map(|part| part.trim().strip_suffix(word));
+            part.and_then(|part| part.trim().parse::<u64>().ok()).unwrap_or(0)
+        };
+        self.passed += count(" passed");
+        self.ignored += count(" ignored");
+    }
+
+    fn page(&self, driver: &str) -> String {
+        let Self { passed, ignored, failed } = self;
+        let mut page = format!(
+            "# The whole suite on SwiftShader alone\n\n\
+             `cargo ci full` runs every test of the project with SwiftShader as the only driver, and writes this \
+             page. A workflow does so once a week; `cargo ci test` runs the tests of the shader library's modules \
+             there.\n\n\
+             | driver | passed | failed | ignored |\n|---|---|---|---|\n| {driver} | {passed} | {} | {ignored} |\n",
+            failed.len()
+        );
+        for name in failed {
+            let _ = write!(page, "\n- {name}");
+        }
+        if !failed.is_empty() {
+            page.push('\n');
+        }
+        page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_all_programs_are_summed() {
+        let mut sum = Sum::default();
+        for line in [
+            "test golden::every_frame ... ok",
+            "test library::brdf ... FAILED",
+            "test result: FAILED. 1 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out; finished in 1.2s",
+            "test result: ok. 20 passed; 0 failed; 3 ignored; 0 measured; 0 filtered out; finished in 0.1s",
+        ] {
+            sum.read(line);
+        }
+        let expected = Sum { passed: 21, ignored: 3, failed: vec!["library::brdf".to_owned()] };
+        assert_eq!(sum, expected);
+        let page = sum.page("vulkan: SwiftShader");
+        assert!(page.contains("| vulkan: SwiftShader | 21 | 1 | 3 |\n\n- library::brdf\n"), "{page}");
+    }
+}
