@@ -27,7 +27,7 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// What the demo runs, built by one command for the whole workspace: for fewer packages, or without tests,
+/// The demo's programs, built by one command for the whole workspace: for fewer packages, or without tests,
 /// Cargo would choose other features of shared dependencies, and compile them twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",

@@ -14,7 +14,7 @@ use crate::{command, setup, suite, swiftshader};
 /// Where the last result is kept.
 const PAGE: &str = "docs/swiftshader.md";
 
-/// The only path there is: Vulkan, by the only driver that its loader is told of.
+/// Vulkan alone, with SwiftShader as its only driver.
 const PATHS: &str = "vulkan";
 
 /// Runs every test on SwiftShader alone, and writes down how that ended.
@@ -57,14 +57,17 @@ fn on_swiftshader() -> Result<()> {
     let status = child.wait().context("cargo was lost")?;
     ensure!(sum.passed > 0, "no test ran");
     let page = command::root().join(PAGE);
-    std::fs::write(&page, sum.page(&driver)).with_context(|| format!("{}", page.display()))?;
+    std::fs::write(&page, sum.page(&driver, status.success()))
+        .with_context(|| format!("{}", page.display()))?;
     match (status.success(), sum.failed.len()) {
         (true, 0) => Ok(()),
+        // A program that crashes, or is ended by the deadline, names no test.
+        (_, 0) => bail!("`cargo test` ended with {status} on SwiftShader alone"),
         (_, failed) => bail!("{failed} tests failed on SwiftShader alone; {PAGE} names them"),
     }
 }
 
-/// What libtest's lines say of all test programs together.
+/// The counts of libtest's lines, of all test programs together.
 #[derive(Debug, Default, PartialEq)]
 struct Sum {
     passed: u64,
@@ -75,7 +78,8 @@ struct Sum {
 impl Sum {
     /// Adds a line: `test NAME ... FAILED`, or the closing one of a program.
     fn read(&mut self, line: &str) {
-        if let Some(name) = line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))
+        if let Some(name) =
+            line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))
         {
             self.failed.push(name.to_owned());
         }
@@ -88,7 +92,7 @@ impl Sum {
         self.ignored += count(" ignored");
     }
 
-    fn page(&self, driver: &str) -> String {
+    fn page(&self, driver: &str, good: bool) -> String {
         let Self { passed, ignored, failed } = self;
         let mut page = format!(
             "# The whole suite on SwiftShader alone\n\n\
@@ -98,6 +102,9 @@ impl Sum {
              | driver | passed | failed | ignored |\n|---|---|---|---|\n| {driver} | {passed} | {} | {ignored} |\n",
             failed.len()
         );
+        if !good && failed.is_empty() {
+            page += "\n`cargo test` failed, and no test is to blame: a test program ended before its last test.\n";
+        }
         for name in failed {
             let _ = write!(page, "\n- {name}");
         }
@@ -125,7 +132,12 @@ mod tests {
         }
         let expected = Sum { passed: 21, ignored: 3, failed: vec!["library::brdf".to_owned()] };
         assert_eq!(sum, expected);
-        let page = sum.page("vulkan: SwiftShader");
-        assert!(page.contains("| vulkan: SwiftShader | 21 | 1 | 3 |\n\n- library::brdf\n"), "{page}");
+        let page = sum.page("vulkan: SwiftShader", false);
+        assert!(
+            page.contains("| vulkan: SwiftShader | 21 | 1 | 3 |\n\n- library::brdf\n"),
+            "{page}"
+        );
+        let crashed = Sum { passed: 1, ..Sum::default() }.page("vulkan: SwiftShader", false);
+        assert!(crashed.contains("ended before its last test"), "{crashed}");
     }
 }

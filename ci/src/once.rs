@@ -101,7 +101,7 @@ fn note(
     Ok(())
 }
 
-/// Whether it is a library that was compiled to code, and not a test harness of it.
+/// True if it is a library that was compiled to code, and not a test harness of it.
 fn is_code(artifact: &Artifact) -> bool {
     let library =
         artifact.target.kind.iter().any(|kind| matches!(kind, TargetKind::Lib | TargetKind::RLib));
@@ -109,7 +109,7 @@ fn is_code(artifact: &Artifact) -> bool {
     library && code && !artifact.profile.test
 }
 
-/// Whether it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+/// True if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }

@@ -268,11 +268,17 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
         // Only a case that fails is a finding.
         Err(failure) => {
             say(&failure);
-            match failure {
-                Failure::Disagreement(_) | Failure::Rejection(_) => ExitCode::from(1),
-                _ => ExitCode::from(2),
-            }
+            ExitCode::from(if is_found(&failure) { 1 } else { 2 })
         }
+    }
+}
+
+/// True if a case fails on some path.
+fn is_found(failure: &Failure) -> bool {
+    match failure {
+        Failure::Disagreement(_) | Failure::Rejection(_) => true,
+        Failure::Paths(paths) => paths.failures.iter().any(is_found),
+        _ => false,
     }
 }
 

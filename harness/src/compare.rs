@@ -84,7 +84,7 @@ pub struct Compared {
     /// What the edit did.
     #[serde(flatten)]
     pub change: Change,
-    /// What a host has to supply in another way, a sentence each: another `@binding`, another place of a
+    /// Resources that a host has to supply in another way, a sentence each: another `@binding`, another place of a
     /// buffer's member.
     pub interface: Vec<String>,
     /// The ranges that arguments and members were drawn from; empty where nothing was run.
@@ -342,8 +342,12 @@ impl Request {
                 let (old, new) = both().map_err(|error| error.to_string())?;
                 let mut tried = count;
                 let change = match changed(&old, &new, &arguments, &rows, count) {
-                    // A loop that counts to a large number ends, but not here.
+                    // A loop that counts to a large number ends, but not here. One that ended before the edit is
+                    // another thing.
                     Err(ProbeError::Rounds { .. }) => {
+                        if old.call(&rows, count).is_ok() {
+                            return Err("after the edit a loop of it doesn't end".to_owned());
+                        }
                         let few = arguments.few(&rows);
                         tried = few.len() / (rows.len() / count).max(1);
                         ran.cut += count - tried;
@@ -354,7 +358,7 @@ impl Request {
                 cases += tried;
                 let Some(change) = change.map_err(|error| error.to_string())? else { continue };
                 match paths.iter_mut().find(|known| known.path == change.path) {
-                    Some(known) => known.add(&change),
+                    Some(known) => known.add(change),
                     None => paths.push(change),
                 }
             }
@@ -362,14 +366,19 @@ impl Request {
                 break;
             }
         }
+        let each = cases / self.paths.len().max(1);
+        if each == 0 {
+            return Err("each of its inputs makes a loop count too far".to_owned());
+        }
+        paths.iter_mut().for_each(|path| path.cases.1 = each);
         Ok(match paths.is_empty() {
-            true => Change::Same { cases: cases / self.paths.len().max(1) },
+            true => Change::Same { cases: each },
             false => Change::Changed { paths },
         })
     }
 }
 
-/// What a comparison ran over.
+/// The inputs that a comparison ran over.
 #[derive(Default)]
 struct Ran {
     drawn: Drawn,
@@ -399,12 +408,15 @@ fn interface(before: &Probed, after: &Probed) -> Vec<String> {
 }
 
 impl PathChange {
-    /// Adds what the same edit did over other contents of buffers.
-    fn add(&mut self, other: &Self) {
-        self.cases.0 += other.cases.0;
-        self.cases.1 += other.cases.1;
-        self.ulp = self.ulp.zip(other.ulp).map(|(own, more)| own.max(more));
-        self.relative = self.relative.zip(other.relative).map(|(own, more)| own.max(more));
+    /// Adds what the same edit did over other contents of buffers. The larger change is the one that is shown;
+    /// between a number and NaN there is no larger one.
+    fn add(&mut self, other: Self) {
+        let cases = self.cases.0 + other.cases.0;
+        let larger = |ulp: Option<u64>| ulp.unwrap_or(u64::MAX);
+        if larger(other.ulp) > larger(self.ulp) {
+            *self = other;
+        }
+        self.cases.0 = cases;
     }
 }
 

@@ -54,6 +54,21 @@ pub enum DispatchError {
         /// Workgroups in each direction.
         workgroups: [u32; 3],
     },
+    /// A workgroup of more invocations than the path can run.
+    #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` runs up to {} x {} x {}, and {limit} \
+             invocations in all", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
+    WorkgroupSize {
+        /// The entry point.
+        name: String,
+        /// Invocations in each direction.
+        size: [u32; 3],
+        /// The path.
+        path: Path,
+        /// Most invocations in each direction.
+        sides: [u32; 3],
+        /// Most invocations in all.
+        limit: u32,
+    },
     /// No pass writes a resource of that name.
     #[error("no pass writes `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
@@ -78,10 +93,11 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Whether a path refuses what it is given before any of it runs.
+    /// True if a path refuses what it is given before any of it runs. A workgroup that is too large is the
+    /// author's mistake, and no refusal.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
-            Self::Path(PathError::Route { .. } | PathError::Driver { .. }) => true,
+            Self::Path(error) => error.is_refusal(),
             Self::Fixture(error) => error.is_unsupported(),
             Self::Probe(error) => error.is_refusal(),
             Self::Unable { .. } => true,
@@ -270,6 +286,25 @@ impl Passes {
     /// ```
     pub fn entry_points(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|pass| pass.name.as_str())
+    }
+
+    /// Refuses workgroups that are too large for a path: in a direction, or in all.
+    pub(crate) fn expect_sizes(
+        &self,
+        path: Path,
+        sides: [u32; 3],
+        limit: u32,
+    ) -> Result<(), DispatchError> {
+        for pass in &self.passes {
+            let entry_point = pass.program.compute_entry_point(&pass.entry_point);
+            let Some((_, size)) = entry_point else { continue };
+            let invocations = size.iter().fold(1_u32, |all, side| all.saturating_mul(*side));
+            if invocations > limit || size.iter().zip(&sides).any(|(side, most)| side > most) {
+                let name = pass.name.clone();
+                return Err(DispatchError::WorkgroupSize { name, size, path, sides, limit });
+            }
+        }
+        Ok(())
     }
 
     /// Where each resource is used.

@@ -100,10 +100,10 @@ pub enum DrawError {
 }
 
 impl DrawError {
-    /// Whether a path refuses what it is given before any of it runs.
+    /// True if a path refuses what it is given before any of it runs.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
-            Self::Path(PathError::Route { .. } | PathError::Driver { .. }) => true,
+            Self::Path(error) => error.is_refusal(),
             Self::Fixture(error) => error.is_unsupported(),
             Self::Unable { .. } => true,
             _ => false,

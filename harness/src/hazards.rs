@@ -371,7 +371,7 @@ impl Request {
         Ok(Hazards { package, functions, skipped, found, rare, accepted, drawn, unseen })
     }
 
-    /// What goes wrong in a function.
+    /// Looks for hazards in a function.
     fn look(&self, name: &str, ranges: &Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
@@ -422,16 +422,16 @@ impl Request {
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
-/// What was seen of a function.
+/// The findings in a function.
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// What made-up arguments cause now and then.
+    /// Hazards that made-up arguments cause now and then.
     rare: Vec<Hazard>,
     drawn: Drawn,
     /// Inputs whose loops were too long to be looked at.
     cut: usize,
-    /// Whether it has more operations than are kept.
+    /// True if it has more operations than are kept.
     in_part: bool,
 }
 

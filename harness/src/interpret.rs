@@ -323,12 +323,12 @@ impl Bound {
         }
     }
 
-    /// Whether WGSL allows a result.
+    /// True if WGSL allows a result.
     pub(crate) fn allows(&self, value: f64) -> bool {
         self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
-    /// Whether it is unbounded only because its operations may be evaluated in another order.
+    /// True if it is unbounded only because its operations may be evaluated in another order.
     pub(crate) fn is_reordered(&self) -> bool {
         matches!(self, Self::Float(x) if x.is_reordered())
     }

@@ -227,12 +227,12 @@ impl Arguments {
         self.domain.width()
     }
 
-    /// Whether some number is drawn by its type alone.
+    /// True if some number is drawn by its type alone.
     pub(crate) fn are_guessed(&self) -> bool {
         self.described.iter().any(|one| one.guessed)
     }
 
-    /// Whether each number of a row that is drawn by its type alone is 0, 1, -1 or an end of its range: an
+    /// True if each number of a row that is drawn by its type alone is 0, 1, -1 or an end of its range: an
     /// input that a caller may well give.
     pub(crate) fn is_plain(&self, row: &[u32]) -> bool {
         let mut rest = row;
@@ -272,7 +272,91 @@ impl Arguments {
     }
 }
 
-/// What names were drawn from: for a report.
+/// One call of a function, of which nothing is given.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # use karat::probe::Probed;
+/// use karat::made_up::{MadeUp, Ranges};
+///
+/// let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
+/// let probed = Probed::new(&package, "half")?;
+/// let made = MadeUp::of(&probed, &Ranges::default(), 0).expect("it is made up");
+/// assert_eq!((made.lanes.len(), made.drawn.to_string().as_str()), (1, "from 0 to 1: alpha"));
+/// # Ok::<(), karat::probe::ProbeError>(())
+/// ```
+#[cfg(feature = "engine")]
+#[derive(Clone, Debug)]
+pub struct MadeUp {
+    /// The words of the arguments.
+    pub lanes: Vec<u32>,
+    /// The contents of buffers and textures, and samplers.
+    pub fixtures: crate::fixture::Fixtures,
+    /// The members of buffers that aren't elements of arrays, with their values.
+    pub members: Vec<(String, String)>,
+    /// The ranges that all of it was drawn from.
+    pub drawn: Drawn,
+}
+
+#[cfg(feature = "engine")]
+impl MadeUp {
+    /// Case `case` of those that a search tries: edges come first.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # use karat::made_up::{MadeUp, Ranges};
+    /// # use karat::probe::Probed;
+    /// # let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
+    /// # let half = Probed::new(&package, "half")?;
+    /// let none = MadeUp::of(&half, &Ranges::default(), 1_000_000);
+    /// assert!(none.is_err(), "there are fewer cases");
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If a resource can't be made up, or a declared range has no value of its argument's type, in a sentence.
+    pub fn of(probed: &crate::probe::Probed, ranges: &Ranges, case: usize) -> Result<Self, String> {
+        let arguments = Arguments::of(probed.function(), ranges)?;
+        let (count, rows) = arguments.rows(resources::SEED, CASES);
+        let width = arguments.width();
+        let lanes = rows.get(case * width..(case + 1) * width).filter(|_| case < count);
+        let lanes = lanes.ok_or_else(|| format!("there are {count} cases, from 0"))?.to_vec();
+        let Resources { fixtures, members, drawn, .. } =
+            Resources::of(probed, ranges, case % VARIANTS)?;
+        let mut all = arguments.drawn();
+        all.merge(drawn);
+        Ok(Self { lanes, fixtures, members, drawn: all })
+    }
+
+    /// The arguments of that function, by their names.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # use karat::made_up::{MadeUp, Ranges};
+    /// # use karat::probe::Probed;
+    /// # let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
+    /// # let half = Probed::new(&package, "half")?;
+    /// let made = MadeUp::of(&half, &Ranges::default(), 0).expect("it is made up");
+    /// assert_eq!(made.arguments(half.function())[0].0, "alpha");
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
+    #[must_use]
+    pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
+        let mut rest = &*self.lanes;
+        let named = function.parameters.iter().map(|(name, shape)| {
+            let (own, others) = rest.split_at(shape.lanes().len().min(rest.len()));
+            rest = others;
+            (name.clone(), shape.format(own))
+        });
+        named.collect()
+    }
+}
+
+/// The cases of which one can be chosen.
+#[cfg(feature = "engine")]
+const CASES: usize = 1024;
+
+/// The ranges that names were drawn from: for a report.
 ///
 /// ```
 /// # use karat::prelude::*;

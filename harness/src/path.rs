@@ -138,7 +138,15 @@ pub enum PathError {
         /// What naga, or the compiler behind it, says.
         message: String,
     },
-    /// The driver refused something.
+    /// The driver doesn't compile the shader, or makes no pipeline of it.
+    #[error("the driver of path `{path}` reports: {message}")]
+    Refused {
+        /// The path.
+        path: Path,
+        /// Its message.
+        message: String,
+    },
+    /// The driver reports an error of anything else, such as memory or a lost device.
     #[error("the driver of path `{path}` reports: {message}")]
     Driver {
         /// The path.
@@ -146,6 +154,14 @@ pub enum PathError {
         /// Its message.
         message: String,
     },
+}
+
+impl PathError {
+    /// True if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors of a
+    /// driver that has taken the shader don't count.
+    pub(crate) fn is_refusal(&self) -> bool {
+        matches!(self, Self::Route { .. } | Self::Refused { .. })
+    }
 }
 
 fn guess(nearest: Option<&str>) -> String {

@@ -305,10 +305,15 @@ impl ProbeError {
         }
     }
 
-    /// Whether a path refuses what it is given before any of it runs: by its compiler, its route, or what it
-    /// lacks.
+    /// True if a path refuses what it is given before any of it runs: its compiler or its route doesn't take
+    /// it, or the path lacks what it needs.
     pub(crate) fn is_refusal(&self) -> bool {
-        self.is_of_path() || matches!(self, Self::Path(PathError::Route { .. }))
+        match self {
+            Self::F16 { .. } => true,
+            Self::Fixture(error) => error.is_unsupported(),
+            Self::Path(error) | Self::Compile { error, .. } => error.is_refusal(),
+            _ => false,
+        }
     }
 }
 

@@ -179,7 +179,7 @@ pub enum Subject {
     },
 }
 
-/// What one path gave.
+/// The results of one path.
 ///
 /// ```no_run
 /// for record in karat::record::read("target/karat/last".as_ref())? {
@@ -223,6 +223,26 @@ pub struct PathRecord {
     /// `None` for what is judged case by case, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configurations: Option<u64>,
+}
+
+impl PathRecord {
+    /// A record of a path with nothing in it yet.
+    pub(crate) fn of(adapter: Adapter) -> Self {
+        Self {
+            adapter,
+            cases: 0,
+            failures: 0,
+            worst: String::new(),
+            ratio: None,
+            asserted: String::new(),
+            known_issue: None,
+            granted: None,
+            errors: None,
+            plot: None,
+            histogram: None,
+            configurations: None,
+        }
+    }
 }
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,

@@ -418,7 +418,7 @@ fn an_include_guard_is_read() {
     let wrong = Package::from_modules("m", [("a", guard(&twice.replace("2.0", "nonsense")))]);
     let invalid = wrong.try_is_valid().expect_err("an unknown name").to_string();
     assert!(invalid.contains("<a>:3:34"), "{invalid}");
-    // Who sets the name leaves the text out, and is told so.
+    // Setting the name leaves the text out, with a message.
     let left_out = error(&package.feature("G", true), "a::twice");
     assert!(left_out.contains("is declared under `#ifndef G`"), "{left_out}");
     // So are tests.

@@ -116,7 +116,7 @@ fn a_frame_that_is_declared_to_fail() {
 }
 
 /// A loop without an end and a workgroup that no device takes give no values, so that nothing declared covers
-/// them.
+/// them: neither `fails_on` nor `refused_on`.
 #[test]
 fn what_stops_passes_is_no_known_issue() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -126,18 +126,25 @@ fn what_stops_passes_is_no_known_issue() {
          @compute @workgroup_size(2048) fn large() { data[0] = 1u; }
          @compute @workgroup_size(1) fn wrong() { data[0] = 1u; }";
     let package = Package::from_source("planted", text);
-    let declared = |entry_point: &str| {
+    let declared = |entry_point: &str, refuses: bool| {
         let passes = package.compute().with("data", Storage::new([0_u32, 0]));
         let passes = passes.dispatch(entry_point, [1, 1, 1]);
         let all = selected().into_iter();
-        let passes = all.fold(passes, |passes, path| passes.fails_on(path, "off by one"));
+        let passes = all.fold(passes, |passes, path| match refuses {
+            true => passes.refused_on(path, "off by one"),
+            false => passes.fails_on(path, "off by one"),
+        });
         passes.after("data").try_agrees_with([2_u32, 0], Abs(0.0))
     };
-    let known = declared("wrong").expect("its values are wrong, as declared").known_issues;
+    let known = declared("wrong", false).expect("its values are wrong, as declared").known_issues;
     assert_eq!(known.len(), selected().len());
+    let error = declared("wrong", true).expect_err("it runs").to_string();
+    assert!(error.contains("remove `.refused_on(...)`"), "{error}");
     for entry_point in ["endless", "large"] {
-        let error = declared(entry_point).expect_err("it gives no values").to_string();
-        assert!(!error.contains("off by one"), "{entry_point}: {error}");
+        for refuses in [false, true] {
+            let error = declared(entry_point, refuses).expect_err("it gives no values").to_string();
+            assert!(!error.contains("off by one"), "{entry_point}: {error}");
+        }
     }
 }
 

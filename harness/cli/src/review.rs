@@ -150,7 +150,7 @@ pub(crate) struct Review {
     run: LastRun,
     /// Whether goldens are shown that nothing is pending for.
     accepted: bool,
-    /// Whether accepting may write where `CI` is set.
+    /// True if accepting may write where `CI` is set.
     ci_may_write: bool,
 }
 
@@ -179,7 +179,7 @@ impl Review {
         }
     }
 
-    /// Whether accepting may write a golden where `CI` is set.
+    /// Lets accepting write a golden where `CI` is set.
     #[must_use]
     pub(crate) fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;

@@ -92,7 +92,7 @@ impl Interval {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
-    /// Whether it is bounded but for another order of some operations, which WGSL allows (15.7.5): there
+    /// True if it is bounded but for another order of some operations, which WGSL allows (15.7.5): there
     /// an intermediate result may overflow, or become a divisor that has no bound.
     #[must_use]
     pub fn is_reordered(self) -> bool {
@@ -275,7 +275,7 @@ impl Interval {
         self.both(other, f32::max)
     }
 
-    /// What an integer of a normalised format reads as: 3 ulp about the exact quotient, which is the bound
+    /// The float that an integer of a normalised format reads as: 3 ulp about the exact quotient, which is the bound
     /// of `unpack4x8unorm` and its like (15.7.4). 0 has nothing to be rounded.
     pub(crate) fn normalized(exact: f64) -> Self {
         let error = 3.0 * ulp(exact);

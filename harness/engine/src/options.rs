@@ -25,7 +25,7 @@ pub struct Options {
     /// What was measured of an adapter, whose bounds are then asked for in place of the
     /// specification's, in intervals.
     pub accuracy: Option<Arc<Accuracy>>,
-    /// What is read with an index that leaves its array, or at a texel that isn't there, where WGSL
+    /// The number that is read with an index outside of its array, or at a texel that isn't there, where WGSL
     /// allows any element or zero; `None`: the nearest one that is there. With a number, nothing is
     /// written there. What differs between two such runs depends on what WGSL leaves open.
     pub outside: Option<u8>,

@@ -160,7 +160,7 @@ pub(crate) enum FloatRule {
 pub(crate) struct Edges {
     pub(crate) low: usize,
     pub(crate) high: usize,
-    /// Whether equal edges are a fault, too.
+    /// True if equal edges are a fault, too.
     pub(crate) distinct: bool,
 }
 

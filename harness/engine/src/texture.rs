@@ -73,7 +73,7 @@ pub struct Texture {
     levels: Vec<Texels>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
-    /// Whether channels are integers that read as numbers from -1 to 1.
+    /// True if channels are integers that read as numbers from -1 to 1.
     normalized: bool,
 }
 

@@ -157,7 +157,8 @@ impl Plan<'_> {
                     }
                     (Err(failure), Left::Nothing) => Err(failure),
                     (Err(failure), Left::Differs(source)) => Err(failure.with_golden(source)),
-                    (_, Left::Other(source) | Left::Differs(source)) => {
+                    (Err(failure), Left::Other(source)) => Err(failure.beside_golden(source)),
+                    (Ok(_), Left::Other(source) | Left::Differs(source)) => {
                         Err(Failure::golden(source))
                     }
                 }
@@ -207,6 +208,22 @@ impl Failure {
             }
             other => other,
         }
+    }
+
+    /// The failure of a check whose golden can't be compared with. A path without a golden has no cases, which
+    /// the golden's error says; any other failure of a path is kept beside that error.
+    fn beside_golden(self, source: ValuesError) -> Self {
+        let Self::Paths(mut paths) = self else { return Self::golden(source) };
+        paths.stopped.retain(|(_, error)| !error.has_no_cases());
+        if paths.failures.is_empty() && paths.stopped.is_empty() {
+            return Self::golden(source);
+        }
+        paths.failures.push(Self::golden(source));
+        Self::Paths(paths)
+    }
+
+    fn has_no_cases(&self) -> bool {
+        matches!(self, Self::Domain { reason, .. } if matches!(**reason, Vacuous::NoCases))
     }
 }
 

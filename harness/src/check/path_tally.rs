@@ -66,7 +66,6 @@ impl PathTally {
     pub(super) fn record(&self, asserted: &str) -> PathRecord {
         let worst = self.tally.worst.map(|worst| worst.judged.measure);
         PathRecord {
-            adapter: self.adapter.clone(),
             cases: self.tally.census.judged(),
             failures: self.tally.census.failures,
             worst: worst.map_or_else(String::new, |measure| measure.to_string()),
@@ -75,12 +74,10 @@ impl PathTally {
                 0 => asserted.to_owned(),
                 nodes => format!("{asserted} ({nodes} nodes)"),
             },
-            known_issue: None,
             granted: self.granted,
             errors: self.sample.as_ref().map(Sample::errors),
             plot: self.sample.as_ref().filter(|_| self.fails()).map(Sample::plot),
-            histogram: None,
-            configurations: None,
+            ..PathRecord::of(self.adapter.clone())
         }
     }
 

@@ -60,18 +60,10 @@ fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecor
         software: true,
     };
     Some(PathRecord {
-        adapter: naga,
         cases: count(modules),
         failures: count(failures),
-        worst: String::new(),
-        ratio: None,
         asserted: ASSERTED.to_owned(),
-        known_issue: None,
-        granted: None,
-        errors: None,
-        plot: None,
-        histogram: None,
-        configurations: None,
+        ..PathRecord::of(naga)
     })
 }
 

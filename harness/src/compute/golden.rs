@@ -101,7 +101,7 @@ impl After<'_> {
                 }
             };
             let Some(golden) = golden else { return Err(left(first()?, None).into()) };
-            // What stops this path is told with the others.
+            // The verdict below reports what stops this path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
                     format!("it has {} elements, now there are {}", golden.len(), now.len())

@@ -128,7 +128,7 @@ pub struct Element {
     pub error: String,
 }
 
-/// What one path gave.
+/// The results of one path.
 struct Outcome {
     elements: usize,
     sum: Sum,
@@ -233,7 +233,6 @@ impl After<'_> {
                 return Err(ComputeError::Unchanged { variable: self.variable.clone() });
             }
             let record = PathRecord {
-                adapter: adapter.clone(),
                 cases: elements as u64,
                 failures: sum.failures as u64,
                 worst: sum.worst.to_string(),
@@ -242,12 +241,7 @@ impl After<'_> {
                     Some(own) => format!("{}; on {path} {own}", assertion.text()),
                     None => assertion.text(),
                 },
-                known_issue: None,
-                granted: None,
-                errors: None,
-                plot: None,
-                histogram: None,
-                configurations: None,
+                ..PathRecord::of(adapter.clone())
             };
             let replayed = Replayed { case: 0, steps: &[], input: None };
             let selectable = compute.executors.is_empty().then_some(path);

@@ -18,6 +18,13 @@ impl Device {
     /// Dispatches the passes, and reads what they write.
     pub(crate) fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         let (path, of) = (self.path(), passes.passes[0].name.clone());
+        let limits = self.device.limits();
+        let sides = [
+            limits.max_compute_workgroup_size_x,
+            limits.max_compute_workgroup_size_y,
+            limits.max_compute_workgroup_size_z,
+        ];
+        passes.expect_sizes(path, sides, limits.max_compute_invocations_per_workgroup)?;
         let _turn = self.turn();
         let _deadline = guard(path, move || format!("the dispatch of `{of}` on path {path}"));
         if self.leaves_loops() {

@@ -347,7 +347,7 @@ impl Part {
         &self.described
     }
 
-    /// Whether a number of which nothing is known is 0, 1, -1 or an end of its range.
+    /// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
     pub(crate) fn is_plain(scalar: Scalar, word: u32) -> bool {
         plausible::is_plain(scalar, word)
     }
@@ -476,7 +476,8 @@ impl Dynamic {
         }
         if self.parts.len() > 1 && source.below(TIES) == 0 {
             let count = self.parts.len() as u64;
-            let (from, to) = (source.below(count), source.below(count));
+            let from = source.below(count);
+            let to = (from + 1 + source.below(count - 1)) % count;
             #[expect(clippy::cast_possible_truncation, reason = "fewer than a usize")]
             let (from, to) = (from as usize, to as usize);
             let like = rows[from].clone();

@@ -30,7 +30,7 @@ pub(super) fn described(scalar: Scalar) -> String {
     }
 }
 
-/// Whether a number of which nothing is known is 0, 1, -1 or an end of its range.
+/// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
 pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     match scalar {
         Scalar::F32 | Scalar::F16 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),

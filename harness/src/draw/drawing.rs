@@ -37,20 +37,20 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// What the frame was cleared to, if each pixel still is that. A fragment function that covers the frame
-    /// by itself may draw just that.
+    /// Returns what the frame was cleared to, if each pixel still is that. A fragment function that covers the
+    /// frame by itself may draw just that.
     pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
         if self.draws.iter().any(Draw::covers) {
             return None;
         }
-        let (clear, channels) = match self.result {
-            Source::Depth => ([self.clear_depth, 0.0, 0.0, 1.0], 1),
-            Source::Target(_) => (self.clear, 4),
+        let (clear, format) = match self.result {
+            // A copy of depth is one 32-bit float.
+            Source::Depth => ([self.clear_depth, 0.0, 0.0, 1.0], Format::R32Float),
+            Source::Target(target) => (self.clear, self.formats[target]),
         };
         let is_clear = |pixel: &[f32; 4]| {
-            let both = pixel.iter().zip(&clear).take(channels);
-            // Half floats round it.
-            both.into_iter().all(|(x, clear)| (x - clear).abs() <= clear.abs() / 1024.0)
+            let mut both = pixel.iter().zip(&clear).enumerate();
+            both.all(|(channel, (x, clear))| format.keeps(channel, *clear, *x))
         };
         image.pixels().iter().all(is_clear).then_some(clear)
     }

@@ -1,6 +1,11 @@
 //! Formats of what a frame is drawn into.
 
+use crate::image::encode_srgb;
 use crate::path::Device;
+
+/// Direct3D's drivers may be off by 0.6 steps where they round to integers
+/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`); others round to the nearest one.
+const ROUNDING: f64 = 0.6;
 
 /// The format of a colour target. A frame's image has what was kept, as linear floats: of 8 bits in
 /// sRGB's transfer function the values that a shader would read again.
@@ -95,6 +100,46 @@ impl Format {
         Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)
     }
 
+    /// True if a channel reads as `x` where it was cleared to `clear`: the format rounds it. Channels that the
+    /// format doesn't have read as anything.
+    pub(super) fn keeps(self, channel: usize, clear: f32, x: f32) -> bool {
+        let (clear, x) = (f64::from(clear), f64::from(x));
+        let within = |steps: f64| (x - clear.clamp(0.0, 1.0)).abs() <= ROUNDING / steps;
+        // Drivers may round floats towards zero: by a step, which is the least subnormal number at least.
+        let rounded = |clear: f64, digits: i32, least: i32| {
+            let step = clear.abs() * 2.0_f64.powi(-digits);
+            (x - clear).abs() <= step.max(2.0_f64.powi(least))
+        };
+        let is_whole = |clear: f64| (x - clear.trunc()).abs() < 0.5;
+        match self {
+            Self::R8Unorm => channel > 0 || within(255.0),
+            Self::Rg8Unorm => channel > 1 || within(255.0),
+            Self::Rgba8UnormSrgb | Self::Bgra8UnormSrgb if channel < 3 => {
+                let clear = encode_srgb(clear.clamp(0.0, 1.0));
+                (encode_srgb(x) - clear).abs() <= ROUNDING / 255.0
+            }
+            Self::Rgba8Unorm | Self::Bgra8Unorm | Self::Rgba8UnormSrgb | Self::Bgra8UnormSrgb => {
+                within(255.0)
+            }
+            Self::Rgb10a2Unorm => within(if channel < 3 { 1023.0 } else { 3.0 }),
+            Self::Rg11b10Ufloat => match channel {
+                0 | 1 => rounded(clear.max(0.0), 6, -20),
+                2 => rounded(clear.max(0.0), 5, -19),
+                _ => true,
+            },
+            Self::R16Float => channel > 0 || rounded(clear, 10, -24),
+            Self::Rg16Float => channel > 1 || rounded(clear, 10, -24),
+            // `Float` may have 16 bits.
+            Self::Float | Self::Rgba16Float => rounded(clear, 10, -24),
+            Self::R32Float => channel > 0 || rounded(clear, 23, -126),
+            Self::Rg32Float => channel > 1 || rounded(clear, 23, -126),
+            Self::Rgba32Float => rounded(clear, 23, -126),
+            Self::R32Uint => channel > 0 || is_whole(clear.max(0.0)),
+            Self::R32Sint => channel > 0 || is_whole(clear),
+            Self::Rgba8Uint | Self::Rgba16Uint | Self::Rgba32Uint => is_whole(clear.max(0.0)),
+        }
+    }
+
     /// wgpu's format on a device.
     pub(super) fn on(
         self,
@@ -135,5 +180,30 @@ impl Format {
             Self::Rgba16Uint => F::Rgba16Uint,
             Self::Rgba32Uint => F::Rgba32Uint,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_format_keeps_what_it_rounds() {
+        for byte in [76.0, 77.0] {
+            assert!(Format::Rgba8Unorm.keeps(0, 0.3, byte / 255.0));
+        }
+        for byte in [75.0, 78.0] {
+            assert!(!Format::Rgba8Unorm.keeps(0, 0.3, byte / 255.0));
+        }
+        // 0.3 is 148.9 of 255 steps of sRGB's curve.
+        let linear = |byte: f32| ((byte / 255.0 + 0.055) / 1.055).powf(2.4);
+        assert!(Format::Rgba8UnormSrgb.keeps(0, 0.3, linear(149.0)));
+        assert!(!Format::Rgba8UnormSrgb.keeps(0, 0.3, linear(150.0)));
+        assert!(Format::R8Unorm.keeps(3, 0.0, 1.0), "it has no alpha");
+        let half = half::f16::from_f32(0.3).to_f32();
+        assert!(Format::Rgba16Float.keeps(0, 0.3, half));
+        assert!(!Format::Rgba32Float.keeps(0, 0.3, half));
+        assert!(Format::Rgba8Uint.keeps(0, 3.7, 3.0));
+        assert!(!Format::Rgba8Unorm.keeps(0, 0.3, f32::NAN));
     }
 }

@@ -101,7 +101,7 @@ impl<'a> Painter<'a> {
                 module.map(|module| self.device.drawn((*module).clone())).transpose()
             });
             let covering = covering.collect::<Result<Vec<_>, _>>()?;
-            self.device.checked(|| {
+            let draws: Vec<Prepared<'_>> = self.device.made(|| {
                 let made = |module| {
                     let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
                     let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
@@ -109,14 +109,14 @@ impl<'a> Painter<'a> {
                 };
                 let shader = made(module);
                 let draws = self.scene.draws.iter().zip(bindings).zip(covering);
-                let draws: Vec<Prepared<'_>> = draws
+                draws
                     .map(|((draw, bindings), covering)| {
                         let covering = covering.map(made);
                         self.prepare((&shader, covering.as_ref()), draw, bindings)
                     })
-                    .collect();
-                self.paint(&draws)
-            })
+                    .collect()
+            })?;
+            self.device.checked(|| self.paint(&draws))
         });
         Ok(image?)
     }

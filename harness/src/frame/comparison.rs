@@ -101,21 +101,12 @@ impl Frame<'_> {
                 return Err(FrameError::Untouched { clear });
             }
             let record = PathRecord {
-                adapter: adapter.clone(),
                 cases: u64::from(self.scene.width) * u64::from(self.scene.height),
-                failures: 0,
-                worst: String::new(),
-                ratio: None,
                 asserted: match tolerance {
                     Some(tolerance) => tolerance.to_string(),
                     None => FrameTolerance::default().to_string(),
                 },
-                known_issue: None,
-                granted: None,
-                errors: None,
-                plot: None,
-                histogram: None,
-                configurations: None,
+                ..PathRecord::of(adapter.clone())
             };
             let source = match compared {
                 Ok(margin) => {

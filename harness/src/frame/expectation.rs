@@ -114,18 +114,12 @@ impl Frame<'_> {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
             let record = PathRecord {
-                adapter: adapter.clone(),
                 cases: u64::from(rect.width) * u64::from(rect.height),
                 failures: u64::from(!worst.passes()),
                 worst: worst.to_string(),
                 ratio: worst.ratio.is_finite().then_some(worst.ratio),
                 asserted: tolerance.to_string(),
-                known_issue: None,
-                granted: None,
-                errors: None,
-                plot: None,
-                histogram: None,
-                configurations: None,
+                ..PathRecord::of(adapter.clone())
             };
             Ok::<_, FrameError>(Judged { record, values: (mean, worst) })
         };

@@ -74,7 +74,7 @@ impl Pending {
     ///
     /// # Errors
     /// If the name that it says leaves the project, or is of a folder that tools keep (`.git`): a frame may
-    /// come from somebody else's machine. If the folder given is in no project.
+    /// come from another machine. If the folder given is in no project.
     pub fn goldens(&self, here: &Path) -> Result<Option<Goldens>, AcceptError> {
         let folder = &self.provenance.folder;
         if folder.is_empty() {

@@ -5,10 +5,15 @@ use karat_engine::{F32, Options, Program as Lowered, Resources, Settings};
 use super::alone::after;
 use super::{refused, stopped, supply};
 use crate::dispatch::{Afterwards, DispatchError, Passes};
+use crate::path::Path;
 use crate::settings;
+
+/// Invocations of a workgroup: the engine refuses more.
+const MOST_INVOCATIONS: u32 = 1024;
 
 /// Dispatches passes, and returns what they write.
 pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
+    passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
     // What each resource holds, bound under its number as a binding of group 0.
     let mut held = Resources::new();
     let mut afterwards = Vec::new();

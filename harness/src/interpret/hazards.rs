@@ -111,11 +111,11 @@ pub(crate) struct Found {
     pub(crate) operands: Vec<f32>,
 }
 
-/// What was found in each case.
+/// The findings in each case.
 pub(crate) struct Hazards {
     /// Of each kind the first, case by case.
     pub(crate) cases: Vec<Vec<Found>>,
-    /// Whether there were more operations than are kept.
+    /// True if there were more operations than are kept.
     pub(crate) cut: bool,
 }
 

@@ -171,7 +171,7 @@ fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Whether a name has a part such as `NoV`: the cosine between two vectors.
+/// True if a name has a part such as `NoV`: the cosine between two vectors.
 fn is_cosine_of_two(name: &str) -> bool {
     name.as_bytes().windows(3).any(|part| match part {
         [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),

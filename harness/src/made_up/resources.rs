@@ -13,17 +13,20 @@ use crate::value::Shape;
 const MOST: u64 = 16;
 
 /// The same contents for each variable of one name, on every machine.
-const SEED: u64 = 0x6d61_7472_6978; // "matrix"
+pub(super) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
 /// The arguments of so many cases, one row each. Where there are fewer values they come again.
 #[cfg(feature = "routes")]
-pub(crate) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
-    let Ok(arguments) = super::Arguments::of(probed.function(), &Ranges::default()) else {
-        return Vec::new();
-    };
-    let (_, rows) = arguments.rows(SEED, cases);
+pub(crate) fn rows(probed: &Probed, ranges: &Ranges, cases: usize) -> Result<Vec<u32>, String> {
+    let arguments = super::Arguments::of(probed.function(), ranges)?;
+    let (_, mut rows) = arguments.rows(SEED, cases);
+    // Where one driver stops a loop that counts too far, none runs.
+    if probed.program.most_rounds().is_none() {
+        rows = arguments.few(&rows);
+    }
     let width = arguments.width();
-    rows.iter().copied().cycle().take(if rows.is_empty() { 0 } else { cases * width }).collect()
+    let words = if rows.is_empty() { 0 } else { cases * width };
+    Ok(rows.iter().copied().cycle().take(words).collect())
 }
 
 /// A function that takes note of how long its made-up resources are, if there are such. Where it takes
@@ -47,12 +50,12 @@ pub(crate) struct Resources {
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// Whether there is any, so that another variant has other contents.
+    /// True if there is any, so that another variant has other contents.
     pub(crate) varies: bool,
 }
 
 impl Resources {
-    /// What textures and samplers a function reads differ from each other, so that one that is taken for
+    /// Makes textures and samplers that differ from each other, so that one that is taken for
     /// another is seen. An error names the resource that there is nothing for, or the declared range without a
     /// value.
     #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "what asks needs the engine"))]
@@ -159,7 +162,7 @@ impl Resources {
     }
 }
 
-/// What textures and samplers are made of.
+/// The contents of textures and samplers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
     /// Equal ones, on which drivers agree.
@@ -175,8 +178,8 @@ enum Content {
 /// Something for each resource that the function reads, on which drivers agree; or the one that there is
 /// nothing for.
 #[cfg(feature = "routes")]
-pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
-    Ok(Resources::made_of(probed, &Ranges::default(), 0, Content::Plain)?.fixtures)
+pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, String> {
+    Ok(Resources::made_of(probed, ranges, 0, Content::Plain)?.fixtures)
 }
 
 /// Data for each buffer of an entry point, the same on each column; or the resource that there is
@@ -185,6 +188,7 @@ pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
+    ranges: &Ranges,
     invocations: usize,
 ) -> Result<Vec<Data>, String> {
     // More words than a buffer may have are refused below.
@@ -197,8 +201,7 @@ pub(crate) fn data(
                 binding.path
             ));
         }
-        let bytes =
-            Resources::default().buffer((program, binding, elements), &Ranges::default(), 0)?;
+        let bytes = Resources::default().buffer((program, binding, elements), ranges, 0)?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
                 "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
@@ -243,10 +246,12 @@ fn sides(source: &mut Source) -> [u32; 2] {
 fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Option<Fixture> {
     let mut source = source_of(binding, variant);
     let is_own = content == Content::Own;
-    let sides = sides(&mut source);
+    // What is written is as large as the results that are read back, whatever else there is.
+    let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
+    let sides = sides(&mut source_of(binding, if written { 0 } else { variant }));
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
-            // A power of two of its own: it is told from another one, and loses no digit by it.
+            // A power of two tells it from another one, and loses no digit.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             CubeMap::from_fn(sides[0], |d| own * (d * 0.5 + glam::Vec3::ONE)).with_mips().into()
         }
@@ -351,7 +356,7 @@ mod tests {
     fn what_is_differentiated_varies() {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
         let probed = Probed::new(&crate::Package::from_source("p", text), "f").and_then(fitted);
-        let rows = rows(&probed.expect("it is called"), 64);
+        let rows = rows(&probed.expect("it is called"), &Ranges::default(), 64).expect("drawn");
         // a, its dx and dy; k; v, its dx and dy
         let cases = || rows.chunks_exact(3 + 1 + 6).skip(32);
         for slope in [1, 2, 6, 8] {

@@ -27,7 +27,7 @@ pub struct Column {
 pub(super) enum Written {
     /// A translation.
     ByNaga(Target),
-    /// What the author wrote, as the engine executes it.
+    /// The author's own text, as the engine executes it.
     ByAuthor,
 }
 

@@ -7,7 +7,7 @@ use super::excerpt::definition_line;
 use super::execute::{Judge, Ran, Runs, shown};
 use super::leeway::Leeway;
 use super::reduce::{Case, Pair};
-use crate::made_up;
+use crate::made_up::{self, Ranges};
 use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
 
@@ -37,7 +37,7 @@ pub struct Divergence {
     pub words: Vec<u32>,
     /// The results' words: of this column and of the baseline.
     pub results: (Vec<u32>, Vec<u32>),
-    /// Whether the columns differ, too, where this input is the only one. If not, a result depends on the
+    /// True if the columns differ, too, where this input is the only one. If not, a result depends on the
     /// inputs that run beside it: some drivers take one invocation's level of a texture for those of
     /// all.
     pub alone: bool,
@@ -213,7 +213,8 @@ fn differing(
     text: Option<(&str, (usize, usize))>,
 ) -> Result<Option<Intermediate>, Unseen> {
     let probed = one.probed.as_ref().ok_or(Unseen)?;
-    let fixtures = made_up::fixtures(probed).map_err(|_| Unseen)?;
+    let ranges = Ranges::of(&request.package).map_err(|_| Unseen)?;
+    let fixtures = made_up::fixtures(probed, &ranges).map_err(|_| Unseen)?;
     let value = |runs: &Runs<'_>| {
         let runs = Runs::new(runs.path(), probed, &fixtures, 1).map_err(|_| Unseen)?;
         runs.results(row, 1).map_err(|_| Unseen)

@@ -1,4 +1,4 @@
-//! What WGSL leaves open of a function's results: there, two columns that differ are both right.
+//! Results that WGSL leaves open: two columns that differ there are both right.
 
 use crate::fixture::Fixtures;
 use crate::interpret::{Bound, Interpreted};
@@ -10,22 +10,22 @@ use crate::value::Scalar;
 #[derive(Default)]
 pub(super) struct Leeway(Option<Interpreted>);
 
-/// What is left open of some cases.
+/// The lanes of some cases that WGSL leaves open.
 pub(super) struct Latitude {
-    /// What WGSL allows each lane to be; `None`: it isn't known, as of derivatives.
+    /// The bounds of each lane; `None`: they aren't known, as of derivatives.
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
 }
 
-/// What is left open of one case.
+/// The lanes of one case that WGSL leaves open.
 #[derive(Clone, Copy)]
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
     strays: &'l [bool],
 }
 
-/// What may be said of two results of a lane.
+/// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
     /// Any value is allowed: results that differ are both right.
@@ -44,7 +44,7 @@ impl Leeway {
         Self(Interpreted::new(probed, fixtures).ok())
     }
 
-    /// What is left open of these cases; `None`: nothing is known of them.
+    /// The open lanes of these cases; `None`: nothing is known of them.
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
         let interpreted = self.0.as_ref()?;
         let strays = interpreted.strays(cases, rows).ok()?;
@@ -62,7 +62,7 @@ impl Latitude {
 }
 
 impl OfCase<'_> {
-    /// What may be said of a lane's results.
+    /// Judges a lane's two results.
     pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
         if self.strays.get(lane) == Some(&true) {
             return Freedom::Any;

@@ -248,7 +248,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// What HTML there is outside of code, of a text without two marks side by side.
+    /// The HTML outside of code, in a text without two marks side by side.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }

@@ -19,11 +19,11 @@ struct Note {
     row: String,
     /// The path that it ran on.
     column: String,
-    /// What didn't finish, in a sentence.
+    /// The row that didn't finish, in a sentence.
     why: String,
 }
 
-/// What earlier processes have noted of a package.
+/// The notes of earlier processes on a package.
 #[derive(Debug, Default)]
 pub(super) struct Overdue {
     file: Option<PathBuf>,
@@ -50,13 +50,13 @@ impl Overdue {
         Ok(overdue)
     }
 
-    /// Whether a row is suspected, so that it runs alone: another one that ran beside it may have been
+    /// True if a row is suspected, so that it runs alone: another one that ran beside it may have been
     /// what hung.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.notes.contains_key(row)
     }
 
-    /// Whether a row isn't run, as it has passed the deadline alone: its cells then say so.
+    /// True if a row isn't run, as it has passed the deadline alone: its cells then say so.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.notes.get(row).map(Vec::as_slice) else { return false };
         for (column, cell) in columns.iter().zip(cells) {

@@ -8,7 +8,7 @@ use super::leeway::{Latitude, Leeway};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::fixture::Fixtures;
-use crate::made_up;
+use crate::made_up::{self, Ranges};
 use crate::path::Path;
 use crate::probe::{ProbeError, Probed};
 
@@ -28,7 +28,10 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                     let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
                     let workgroups = made_up::INVOCATIONS.div_ceil(size);
                     let invocations = workgroups.saturating_mul(size) as usize;
-                    made_up::data(program, &bindings, invocations).map(|data| (data, workgroups))
+                    Ranges::of(&request.package)
+                        .map_err(|error| error.to_string())
+                        .and_then(|ranges| made_up::data(program, &bindings, &ranges, invocations))
+                        .map(|data| (data, workgroups))
                 }
                 None => {
                     let stage = &ready.row.kind;
@@ -46,8 +49,15 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
 }
 
 fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
-    let rows = made_up::rows(probed, request.cases);
-    let fixtures = made_up::fixtures(probed);
+    let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
+    let drawn = ranges.and_then(|ranges| {
+        let rows = made_up::rows(probed, &ranges, request.cases)?;
+        Ok((rows, made_up::fixtures(probed, &ranges)?))
+    });
+    let (rows, fixtures) = match drawn {
+        Ok((rows, fixtures)) => (rows, Ok(fixtures)),
+        Err(why) => (Vec::new(), Err(why)),
+    };
     let mut ran: Vec<Ran<'_>> = Vec::new();
     // Where one driver says that a loop doesn't end, others would hang.
     let mut endless: Option<String> = None;

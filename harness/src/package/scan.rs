@@ -42,7 +42,7 @@ impl Contents {
         for entry in std::fs::read_dir(folder).map_err(unreadable)? {
             let path = entry.map_err(unreadable)?.path();
             let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
-            // Hidden files are nobody's modules: an editor locks a file by one, as a link to nothing.
+            // Hidden files are no modules: an editor locks a file by a link to nothing.
             let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
             if path.file_name().is_some_and(is_hidden) {
                 continue;

@@ -28,7 +28,7 @@ thread_local! {
     static ON_DEADLINE: RefCell<Option<OnDeadline>> = const { RefCell::new(None) };
 }
 
-/// Does work, of whose guards `note` is told that the deadline passed.
+/// Runs `work`, and calls `note` if a guard of it passes the deadline.
 #[cfg(feature = "routes")]
 pub(crate) fn on_deadline<T>(note: OnDeadline, work: impl FnOnce() -> T) -> T {
     /// Puts back what was there, also where the work panics.

@@ -251,8 +251,25 @@ impl Device {
         self.color_format
     }
 
-    /// Runs `work`; what wgpu reports meanwhile becomes an error.
+    /// Runs `work`; an error that wgpu reports meanwhile is returned.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
+        self.watched(work).map_err(|error| self.failed(&error))
+    }
+
+    /// Makes shader modules and pipelines. An error means that the driver refuses the shader, unless memory ran
+    /// out.
+    pub(crate) fn made<T>(&self, make: impl FnOnce() -> T) -> Result<T, PathError> {
+        self.watched(make).map_err(|error| match error {
+            wgpu::Error::OutOfMemory { .. } => self.failed(&error),
+            refusal => PathError::Refused { path: self.path, message: refusal.to_string() },
+        })
+    }
+
+    fn failed(&self, error: &wgpu::Error) -> PathError {
+        PathError::Driver { path: self.path, message: error.to_string() }
+    }
+
+    fn watched<T>(&self, work: impl FnOnce() -> T) -> Result<T, wgpu::Error> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -263,7 +280,7 @@ impl Device {
         let memory = pollster::block_on(memory.pop());
         match validation.or(internal).or(memory) {
             None => Ok(value),
-            Some(error) => Err(PathError::Driver { path: self.path, message: error.to_string() }),
+            Some(error) => Err(error),
         }
     }
 
@@ -326,7 +343,7 @@ impl Device {
         entry_point: &str,
     ) -> Result<wgpu::ComputePipeline, PathError> {
         let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
-        self.checked(|| {
+        self.made(|| {
             let module = self
                 .device
                 .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });

@@ -114,7 +114,7 @@ impl Foreign {
 
     /// Its pipeline. wgpu knows nothing of its resources, so their layout is given.
     pub(super) fn pipeline(&self, device: &Device) -> Result<wgpu::ComputePipeline, PathError> {
-        device.checked(|| {
+        device.made(|| {
             let device = &device.device;
             let module =
                 spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);

@@ -68,7 +68,7 @@ pub(super) fn compile(
     })?;
     on_deep_stack(|| {
         let module = device.drawn((*module).clone())?;
-        device.checked(|| {
+        device.made(|| {
             let source = wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module));
             let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
             let module = device.device.create_shader_module(descriptor);

@@ -3,6 +3,7 @@
 //! A path that is declared to fail must fail. If it passes, the check fails, so that no declaration
 //! outlives the bug that it names. Functions, frames and compute passes are judged here alike.
 
+use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 
 use crate::executor::{self, Executor};
@@ -31,7 +32,7 @@ pub struct KnownIssue {
     pub failures: u64,
 }
 
-/// What several paths gave, where it takes more than one failure to say.
+/// The failures of several paths, where one failure alone doesn't say all.
 ///
 /// ```no_run
 /// use karat::check::Failure;
@@ -46,9 +47,9 @@ pub struct KnownIssue {
 /// ```
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// What was judged and fails.
+    /// Failures of values, and of declarations.
     pub failures: Vec<E>,
-    /// Each path that gave nothing to be judged, and why.
+    /// Each path without values, and why it has none.
     pub stopped: Vec<(Adapter, E)>,
     /// The other paths, unless a failure names them.
     pub agreeing: Vec<Adapter>,
@@ -84,7 +85,7 @@ pub(crate) struct KnownIssues {
     refusals: Selected<String>,
 }
 
-/// What a path is declared to do.
+/// A declaration of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Declared {
     /// `.fails_on(...)`
@@ -114,7 +115,7 @@ impl KnownIssues {
         self.values.is_empty() && self.refusals.is_empty()
     }
 
-    /// Whether something is declared of a path.
+    /// True if something is declared of a path.
     pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
         self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
     }
@@ -203,25 +204,12 @@ fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
 
 /// The record of a path that has no values.
 fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
-    PathRecord {
-        adapter,
-        cases: 0,
-        failures: 1,
-        worst: worst.to_owned(),
-        ratio: None,
-        asserted: String::new(),
-        known_issue: None,
-        granted: None,
-        errors: None,
-        plot: None,
-        histogram: None,
-        configurations: None,
-    }
+    PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
 
 /// A path's values, once they were judged.
 pub(crate) struct Judged<V> {
-    /// What is recorded; what is declared of the path is added to it.
+    /// The record of the path; `conclude` adds what is declared of it.
     pub(crate) record: PathRecord,
     pub(crate) values: V,
 }
@@ -232,7 +220,7 @@ pub(crate) type JudgePath<'j, V, E> =
 
 /// Why a check, a frame or passes fail.
 pub(crate) trait Stop: Display {
-    /// Whether a path refused what it was given, before any of it ran.
+    /// True if a path refused what it was given, before any of it ran.
     fn is_refusal(&self) -> bool;
 
     /// The cause in words, which paths that stop alike have in common.
@@ -249,7 +237,7 @@ pub(crate) trait Stop: Display {
 #[derive(Clone, Debug)]
 pub(crate) struct Passes {
     pub(crate) path: Path,
-    /// What was declared, and why.
+    /// The declaration that doesn't hold.
     pub(crate) declared: Declared,
     pub(crate) reason: String,
 }
@@ -276,7 +264,7 @@ impl<V, E> Default for Conclusion<V, E> {
 pub(crate) type Agreed<V> = (Vec<(Adapter, V)>, Vec<KnownIssue>);
 
 impl<V, E: Stop> Conclusion<V, E> {
-    /// Whether every path gave the same error: then it is none of a path.
+    /// True if every path gave the same error: then no path is to blame.
     fn all_stop_alike(&self) -> bool {
         let Some(((_, first), others)) = self.stopped.split_first() else { return false };
         let first = first.cause();
@@ -293,8 +281,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// What agrees, or all that doesn't. `differ` makes failures of the paths whose values are wrong, beside
-    /// those that agree.
+    /// Returns the paths that agree, or all failures. `differ` makes failures of the paths whose values are
+    /// wrong, beside those that agree.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
@@ -304,6 +292,9 @@ impl<V, E: Stop> Conclusion<V, E> {
             return Err(self.stopped.swap_remove(0).1);
         }
         let Self { agreeing, differing, passing, mut stopped, known, .. } = self;
+        let without = differing.iter().map(|(adapter, _)| &adapter.path);
+        let without = without.chain(stopped.iter().map(|(adapter, _)| &adapter.path));
+        let without: BTreeSet<String> = without.cloned().collect();
         let mut failures = match differing.is_empty() {
             true => Vec::new(),
             false => differ(differing, &agreeing),
@@ -313,11 +304,73 @@ impl<V, E: Stop> Conclusion<V, E> {
             (0, 0) => Ok((agreeing, known)),
             (1, 0) => Err(failures.swap_remove(0)),
             _ => {
-                let agreeing = agreeing.into_iter().map(|(adapter, _)| adapter).collect();
-                // A path may be judged once for each source of its arguments.
-                stopped.dedup_by_key(|(adapter, error)| (adapter.path.clone(), error.to_string()));
+                // A path may be judged once for each source of its arguments. It agrees if it does from all.
+                let mut seen = BTreeSet::new();
+                stopped.retain(|(adapter, error)| {
+                    seen.insert((adapter.path.clone(), error.to_string()))
+                });
+                let mut agrees = BTreeSet::new();
+                let agreeing = agreeing.into_iter().map(|(adapter, _)| adapter);
+                let agreeing = agreeing.filter(|adapter| {
+                    !without.contains(&adapter.path) && agrees.insert(adapter.path.clone())
+                });
+                let agreeing = agreeing.collect();
                 Err(E::of_paths(PathFailures { failures, stopped, agreeing }))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug)]
+    enum Error {
+        Late,
+        Paths(PathFailures<Error>),
+    }
+
+    impl Display for Error {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            match self {
+                Self::Late => f.write_str("late"),
+                Self::Paths(paths) => write!(f, "{paths}"),
+            }
+        }
+    }
+
+    impl Stop for Error {
+        fn is_refusal(&self) -> bool {
+            false
+        }
+
+        fn of_paths(failures: PathFailures<Self>) -> Self {
+            Self::Paths(failures)
+        }
+    }
+
+    /// With two sources of arguments each path is judged twice, and named once.
+    #[test]
+    fn a_path_is_named_once() {
+        let adapter = |path: &str| {
+            let (path, name) = (path.to_owned(), path.to_owned());
+            Adapter { path, name, driver: String::new(), software: true }
+        };
+        let mut all = Conclusion::<(), Error>::default();
+        for (stop, agree) in [(["a", "c"], ["b", "d"]), (["c", "e"], ["a", "b"])] {
+            all.extend(Conclusion {
+                asked: 4,
+                agreeing: agree.map(|path| (adapter(path), ())).into(),
+                stopped: stop.map(|path| (adapter(path), Error::Late)).into(),
+                ..Conclusion::default()
+            });
+        }
+        let Err(Error::Paths(paths)) = all.verdict(|_, _| Vec::new(), |_| Error::Late) else {
+            panic!("some paths stop")
+        };
+        let stopped: Vec<&str> = paths.stopped.iter().map(|(adapter, _)| &*adapter.path).collect();
+        let agreeing: Vec<&str> = paths.agreeing.iter().map(|adapter| &*adapter.path).collect();
+        assert_eq!((&*stopped, &*agreeing), (&["a", "c", "e"][..], &["b", "d"][..]));
     }
 }

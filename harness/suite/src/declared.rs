@@ -373,7 +373,7 @@ impl What {
         }
     }
 
-    /// Whether it takes a key that others don't.
+    /// True if it takes a key that others don't.
     pub(crate) fn takes(&self, key: &str) -> bool {
         let takers = TAKEN.iter().find(|(known, _)| *known == key);
         takers.is_none_or(|(_, takers)| takers.contains(&self.form()))

@@ -8,7 +8,7 @@
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
 //!
-//! What isn't named comes from `[inputs]` of `karat.toml`, or from its name and type, as in `karat hazards`:
+//! Arguments that aren't named come from `[inputs]` of `karat.toml`, or from name and type, as in `karat hazards`:
 //! `n` is a unit vector, `roughness` is from 0 to 1.
 
 use karat::diagnostic::nearest;

@@ -141,7 +141,7 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let read = if data || space == Some("linear") { Image::read_stored } else { Image::read };
     let unread = |error: std::io::Error| format!("can't read `{}`: {error}", path.display());
     let bytes = match read_file(&path) {
-        // What is missing is told as of every image.
+        // The image reader reports a missing file.
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         read => read.map_err(unread)?,
     };

@@ -214,7 +214,7 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
-/// Whether glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
+/// True if glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
 /// `ByteAddressBuffer.GetDimensions` gives: nothing multiplies it.
 fn counts_words(words: &[u32]) -> bool {
     // Numbers of the specification.

@@ -11,7 +11,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::fixture::Fixtures;
+use karat::made_up::{MadeUp, Ranges};
 use karat::probe::Probed;
+use karat::reflect::Function;
 use karat::value::hexfloat;
 use karat::{Path, Tolerance};
 
@@ -36,6 +38,11 @@ pub(super) struct Args {
     /// a sampler (`linear repeat`)
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
+    /// Make up what isn't given, as `karat hazards` does: all arguments, and what variables hold; another CASE
+    /// is another choice, and the first ones are ends of ranges
+    #[arg(long, value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
+        conflicts_with_all = ["cases", "arguments"])]
+    made_up: Option<usize>,
     /// The value of an `override`, by its name or its `@id`
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
@@ -90,7 +97,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(file) = &args.html {
         spare_shaders("page", file, std::slice::from_ref(&package))?;
     }
-    let fixtures = bind::fixtures(&probed, &args.bind)?;
+    let made_up = match args.made_up {
+        Some(case) => {
+            let ranges = Ranges::of(&package)?;
+            Some(
+                MadeUp::of(&probed, &ranges, case)
+                    .map_err(|error| anyhow!("--made-up: {error}"))?,
+            )
+        }
+        None => None,
+    };
+    let fixtures = bind::fixtures(&probed, &args.bind, made_up.as_ref())?;
     probed.fit(&fixtures)?;
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
@@ -112,6 +129,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let paths = paths(&probed, &fixtures, &args.paths)?;
         let expect = args.expect.as_deref().zip(tolerance);
         return cases::evaluate(&args.request(&probed, &fixtures, &paths, expect), cases, out);
+    }
+    if let Some(made_up) = made_up {
+        let paths = paths(&probed, &fixtures, &args.paths)?;
+        write_made_up(probed.function(), &made_up, args, out)?;
+        return single(&args.request(&probed, &fixtures, &paths, None), &made_up.lanes, args, out);
     }
     let given = Given::read(probed.function(), &args.arguments)?;
     if given.varying.contains(&true) {
@@ -186,6 +208,25 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
         eprintln!("note: {}", reason.trim_start_matches("error: "));
     }
     Ok(able)
+}
+
+/// Prints what was made up, and from what.
+fn write_made_up(
+    function: &Function,
+    made_up: &MadeUp,
+    args: &Args,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let bound = |name: &str| args.bind.iter().any(|given| given.split('=').next() == Some(name));
+    let members =
+        made_up.members.iter().filter(|(path, _)| !bound(path.split('.').next().unwrap_or(path)));
+    for (name, value) in made_up.arguments(function).iter().chain(members) {
+        writeln!(out, "{DIM}made up: {name} = {value}{DIM:#}")?;
+    }
+    for line in made_up.drawn.lines(usize::MAX) {
+        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
+    }
+    Ok(())
 }
 
 /// Prints a call's result on each path.

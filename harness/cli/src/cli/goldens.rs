@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::artefact::Artefact;
 use super::project::Project;
+use super::report::names::{Home, below_project, told_apart};
 use super::table::{DIM, Table};
 use super::{Ending, Outcome, Reported, complain, write_json};
 
@@ -85,7 +86,7 @@ fn has_pending(folder: &str) -> bool {
     !frames.is_empty() || !unusable.is_empty()
 }
 
-/// What CI may do to sources.
+/// Permission to write into sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
     /// Write into your sources although `CI` is set
@@ -286,7 +287,7 @@ fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
     table.write(out)
 }
 
-/// What waits, of one folder of goldens or of all crates of a project.
+/// Frames and values that wait, of one folder of goldens or of all crates of a project.
 struct Waiting {
     /// Where it lies.
     places: Vec<Goldens>,
@@ -355,7 +356,7 @@ impl Waiting {
         Ok((frames, unusable))
     }
 
-    /// What waits of these names and globs, each once.
+    /// Selects what waits by names and globs, each once.
     fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (all, broken) = self.all()?;
         let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
@@ -437,28 +438,25 @@ impl Frame {
 /// The folder of a frame's goldens, as the project names it.
 fn folder_of(frame: &Frame) -> String {
     match &*frame.pending.provenance.folder {
-        "" => shown(&frame.goldens.folder()),
+        "" => below_project(&frame.goldens),
         known => known.to_owned(),
     }
 }
 
-/// Gives frames their crates' names where several crates have frames of one name, and their folders' where
-/// that isn't enough.
+/// Gives frames their crates' names where several folders of goldens have frames of one name.
 fn name_crates(frames: &mut [Frame]) {
-    let mut folders: BTreeMap<String, BTreeSet<PathBuf>> = BTreeMap::new();
-    let mut crates: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    let mut homes: BTreeMap<String, BTreeMap<PathBuf, Home>> = BTreeMap::new();
     for frame in &*frames {
-        let case = &frame.pending.case;
-        folders.entry(case.clone()).or_default().insert(frame.goldens.folder());
-        crates.entry(case.clone()).or_default().insert(frame.krate());
+        let known = homes.entry(frame.pending.case.clone()).or_default();
+        let home = || Home { krate: frame.krate(), folder: folder_of(frame) };
+        known.entry(frame.goldens.folder()).or_insert_with(home);
     }
-    for frame in frames {
-        let case = &frame.pending.case;
-        let folders = folders.get(case).map_or(1, BTreeSet::len);
-        if folders > 1 {
-            let known = crates.get(case).is_some_and(|crates| crates.len() == folders);
-            let of = if known { frame.krate() } else { folder_of(frame) };
-            frame.name = format!("{of}::{case}");
+    for (case, homes) in homes {
+        let names = told_apart(&case, &homes);
+        for frame in frames.iter_mut().filter(|frame| frame.pending.case == case) {
+            if let Some(name) = names.get(&frame.goldens.folder()) {
+                frame.name.clone_from(name);
+            }
         }
     }
 }

@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::ops::RangeInclusive;
 
-use anyhow::ensure;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::hazards::{Hazard, Hazards, Kind, Unseen};
 use karat::made_up::Drawn;
@@ -60,7 +59,6 @@ fn input(text: &str) -> Result<(String, RangeInclusive<f64>), String> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.package)?;
-    ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
     let mut all = Vec::new();
     for package in &packages {
         // Drawn on a terminal alone.

@@ -182,9 +182,9 @@ fn first_test(
 /// Functions that have no test, by what a first test of them can be.
 #[derive(Default)]
 struct Functions<'i> {
-    /// Those that return floats: they should be finite.
+    /// Those that return floats, alone or among others: they should be finite.
     floats: Vec<(&'i FunctionItem, Probed)>,
-    /// Those that return integers or booleans: a table has what they return.
+    /// Those that return integers or booleans alone: a table has what they return, exactly.
     others: Vec<(&'i FunctionItem, Probed)>,
     /// Those that read what a test has to bind.
     bound: Vec<&'i FunctionItem>,
@@ -201,7 +201,7 @@ impl<'i> Functions<'i> {
         let function = probed.function();
         if !function.bindings.is_empty() {
             self.bound.push(item);
-        } else if function.result.lanes().iter().all(|lane| lane.is_float()) {
+        } else if function.result.lanes().iter().any(|lane| lane.is_float()) {
             self.floats.push((item, probed));
         } else {
             self.others.push((item, probed));
@@ -213,7 +213,7 @@ impl<'i> Functions<'i> {
         floats.is_empty() && others.is_empty() && bound.is_empty() && refused.is_empty()
     }
 
-    /// What was found, where no test passes.
+    /// Says what was found, where no test passes.
     fn told(&self, folder: &Path) -> String {
         let named = |items: &mut dyn Iterator<Item = &FunctionItem>| {
             let names: Vec<&str> = items.map(|item| &*item.name).collect();
@@ -289,7 +289,7 @@ fn try_test(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n# What it returned when this was written, on `cpu`: \
              correct what is wrong, and add rows of your own.\ntable = \"{name}.csv\"\ntolerance = \"exact\"\n"
         );
-        let written = passes(item, &file, &text, folder)?;
+        let written = passes(item, attempt, &file, &text, folder)?;
         if !written {
             std::fs::remove_file(&table).with_context(|| format!("`{}`", table.display()))?;
         }
@@ -316,7 +316,7 @@ fn try_test(
         let text = format!(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
         );
-        if passes(item, &file, &text, folder)? {
+        if passes(item, attempt, &file, &text, folder)? {
             return Ok(Some(file));
         }
     }
@@ -324,10 +324,20 @@ fn try_test(
 }
 
 /// Writes a test, and removes it if it doesn't pass.
-fn passes(item: &FunctionItem, file: &Path, text: &str, folder: &Path) -> anyhow::Result<bool> {
+fn passes(
+    item: &FunctionItem,
+    attempt: Attempt,
+    file: &Path,
+    text: &str,
+    folder: &Path,
+) -> anyhow::Result<bool> {
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     let mut command = this()?;
-    command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
+    command.arg("suite").arg(folder).arg(&item.name);
+    // A table of what `cpu` returns holds on the other paths, too.
+    if attempt != Attempt::Table {
+        command.env("KARAT_PATHS", "cpu");
+    }
     // What a test that is thrown away fails on isn't to be remembered.
     command.env("KARAT_FAILURES", "off");
     command.stdout(Stdio::null()).stderr(Stdio::null());
@@ -339,7 +349,7 @@ fn passes(item: &FunctionItem, file: &Path, text: &str, folder: &Path) -> anyhow
 }
 
 /// Writes a table of what a function returns for some arguments, each of which has small and large ones.
-/// Whether it could be called.
+/// False if it can't be called.
 fn write_table(
     item: &FunctionItem,
     probed: &Probed,

@@ -190,7 +190,7 @@ impl Project {
     }
 
     /// True if a manifest lists packages, be it none.
-    pub(super) fn declares_none(&self) -> bool {
+    pub(super) fn lists_packages(&self) -> bool {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
@@ -231,13 +231,14 @@ impl Project {
     /// The folders of goldens that are there: the project's, those of its workspace's members, and those that
     /// the last run used. Each once.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
-        let of_members = self.members.iter().map(|member| {
-            let mut own = self.settings.iter().filter(|(folder, _)| folder == member);
+        // The project's own, too: `golden()` may be a member's.
+        let of_manifests = self.manifests().map(|manifest| {
+            let mut own = self.settings.iter().filter(|(folder, _)| folder == manifest);
             let golden = own.find_map(|(_, settings)| settings.golden.as_deref());
-            member.join(golden.unwrap_or(Path::new("golden")))
+            manifest.join(golden.unwrap_or(Path::new("golden")))
         });
         let (mut all, mut places) = (Vec::new(), BTreeSet::new());
-        for folder in [self.golden()].into_iter().chain(of_members).chain(self.used_goldens()) {
+        for folder in [self.golden()].into_iter().chain(of_manifests).chain(self.used_goldens()) {
             if folder.is_dir() && folder.canonicalize().is_ok_and(|place| places.insert(place)) {
                 all.push(folder);
             }

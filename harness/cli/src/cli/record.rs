@@ -86,7 +86,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if passed {
         tables::expect_some(&records, None)?;
     }
-    // Which tests another runner leaves out nobody knows.
     let words: Vec<_> = args.command.iter().map(|word| word.to_string_lossy()).collect();
     let Heard { not_run, stopped } = heard;
     let selected = vec![words.join(" ")];
@@ -103,7 +102,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// What another runner says of tests that it left out after a failure.
+/// Tests that another runner left out after a failure, as far as it says so.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Heard {
     /// How many, if it says so.
@@ -116,7 +115,7 @@ impl Heard {
     /// Runs the command; whether it succeeds.
     fn run(&mut self, command: &mut Command, out: &mut dyn Write) -> anyhow::Result<bool> {
         let is_seen = std::io::stderr().is_terminal();
-        // It writes through a pipe, and to somebody who sees it.
+        // The command writes through a pipe, but a person reads it on a terminal.
         if is_seen && std::env::var_os("CARGO_TERM_COLOR").is_none() {
             command.env("CARGO_TERM_COLOR", "always");
         }
@@ -133,7 +132,8 @@ impl Heard {
     }
 
     /// Of a line on standard error. nextest: `warning: 4/5 tests were not run due to test failure`; Cargo
-    /// stops at the first program of tests that fails: `error: test failed, to rerun pass ..`.
+    /// stops at the first program of tests that fails: `error: test failed, to rerun pass ..`. With
+    /// `--no-fail-fast` it says so, too, but runs all, and ends with `error: 2 targets failed:`.
     fn hear(&mut self, line: &str) {
         let line = anstream::adapter::strip_str(line).to_string();
         if let Some((count, _)) = line.split_once(" were not run due to ") {
@@ -141,7 +141,12 @@ impl Heard {
             self.not_run = count.split(['/', ' ']).next().and_then(|n| n.parse().ok()).unwrap_or(0);
             self.stopped |= self.not_run == 0;
         }
-        self.stopped |= line.starts_with("error: test failed, to rerun pass ");
+        let Some(error) = line.strip_prefix("error: ") else { return };
+        let failed = ["test failed, to rerun pass ", "doctest failed, to rerun pass "];
+        self.stopped |= failed.iter().any(|failed| error.starts_with(failed));
+        if error.ends_with(" target failed:") || error.ends_with(" targets failed:") {
+            self.stopped = false;
+        }
     }
 }
 
@@ -151,9 +156,9 @@ mod tests {
 
     #[test]
     fn runners_say_what_they_left_out() {
-        let heard = |line: &str| {
+        let heard = |lines: &str| {
             let mut heard = Heard::default();
-            heard.hear(line);
+            lines.lines().for_each(|line| heard.hear(line));
             heard
         };
         let nextest =
@@ -163,6 +168,15 @@ mod tests {
         assert_eq!(heard(coloured), Heard { not_run: 12, stopped: false });
         let cargo = "error: test failed, to rerun pass `--lib`";
         assert_eq!(heard(cargo), Heard { not_run: 0, stopped: true });
+        let doctest = "error: doctest failed, to rerun pass `--doc`";
+        assert_eq!(heard(doctest), Heard { not_run: 0, stopped: true });
         assert_eq!(heard("test a ... FAILED"), Heard::default());
+        // With --no-fail-fast Cargo runs all.
+        for end in ["1 target failed:", "2 targets failed:\n    `--lib`\n    `--doc`"] {
+            let all = format!("{cargo}\n{doctest}\nerror: {end}\n");
+            assert_eq!(heard(&all), Heard::default(), "{all}");
+        }
+        let coloured = format!("{cargo}\n\u{1b}[1m\u{1b}[91merror\u{1b}[0m: 1 target failed:");
+        assert_eq!(heard(&coloured), Heard::default());
     }
 }

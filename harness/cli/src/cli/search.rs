@@ -6,7 +6,8 @@
 //!   workspace's for all members, a member's for itself.
 //! - Where none says, packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
-//! - Without Cargo a folder stands for its folder `shaders`, if there is one, or else for itself.
+//! - Without Cargo a command without a folder takes `shaders`, if there is one, or else the working directory. A
+//!   folder that is named stands for its `shaders` only if that has a karat.toml and all modules.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -105,7 +106,7 @@ impl Project {
         if !found.is_empty() {
             return Ok(found);
         }
-        let none = match self.declares_none() {
+        let none = match self.lists_packages() {
             true => "`metadata.karat` lists no shader package".to_owned(),
             false => format!(
                 "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \

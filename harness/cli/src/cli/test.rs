@@ -653,7 +653,7 @@ fn write_silent(
 const MOST_NAMES: usize = 5;
 
 /// The first names of a list, and how many more there are.
-fn some(names: &[&str]) -> String {
+pub(super) fn some(names: &[&str]) -> String {
     some_of(names, false)
 }
 

@@ -382,3 +382,35 @@ fn texels_are_data_where_they_are_no_colours() {
     write(folder.path(), "six.bin", "123456");
     told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }
+
+/// Without values a call makes them up, and says which.
+#[test]
+fn what_is_not_given_is_made_up() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "struct P { groups: u32, gain: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
+                fn f(n_dot_l: f32, id: u32) -> f32 { return n_dot_l * p.gain + f32(id % p.groups); }\n";
+    write(folder.path(), "m.wgsl", text);
+    let call = |more: &[&str]| {
+        karat(
+            folder.path(),
+            &[&["call", "f", "--package", "m.wgsl", "--path", "cpu"][..], more].concat(),
+        )
+    };
+    let error = call(&["0.5", "3"]).error();
+    assert!(error.contains("--made-up"), "{error}");
+    let made = call(&["--made-up"]).good();
+    for part in [
+        "made up: n_dot_l = ",
+        "made up: id = ",
+        "made up: p.groups = ",
+        "drawn from 0 to 1.0000001: n_dot_l",
+    ] {
+        assert!(made.contains(part), "no `{part}` in {made}");
+    }
+    assert_eq!(made, call(&["--made-up"]).good(), "the same in each run");
+    assert_ne!(made, call(&["--made-up=7"]).good());
+    let bound = call(&["--made-up", "--bind", "p={\"groups\": 1, \"gain\": 0}"]).good();
+    assert!(!bound.contains("made up: p."), "{bound}");
+    assert!(call(&["--made-up=5000"]).error().contains("cases, from 0"));
+    assert!(call(&["0.5", "3", "--made-up"]).error().contains("cannot be used with"));
+}

@@ -1,4 +1,4 @@
-//! What would do nothing, or can't fail, is refused at its key; what is hidden is told all the same.
+//! Karat refuses at its key a check that would do nothing or can't fail, and reports a hazard that is hidden.
 
 use super::*;
 
@@ -58,9 +58,16 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
 #[test]
 fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     let folder = shaders();
-    let ran = karat(folder.path(), &["call", "open", "1", "2", "--package", "m.wgsl"]);
+    let paths = open_paths(folder.path());
+    let asked: Vec<&str> = paths.iter().flat_map(|path| ["--path", path.as_str()]).collect();
+    let call = ["call", "open", "1", "2", "--package", "m.wgsl"];
+    let ran = karat(folder.path(), &[&call[..], &asked].concat());
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
-    assert!(ran.out.contains("cpu "), "{ran:?}");
+    assert!(paths.iter().any(|path| path == "cpu"), "{paths:?}");
+    for path in &paths {
+        let has_result = |line: &str| line.split_whitespace().next() == Some(path.as_str());
+        assert!(ran.out.lines().any(has_result), "no {path} in {ran:?}");
+    }
 }
 
 /// A hazard that a later operation hides is one.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::report::{frame, function};
 use super::*;
 
-/// What breaks a format or a line: characters that XML hasn't, ends of lines before a command, marks of each
+/// Names that break a format or a line: characters that XML hasn't, ends of lines before a command, marks of each
 /// language, what a shell reads, and lengths that no command line takes.
 fn nasty() -> Vec<String> {
     // Linux takes 128 KiB for an argument or a variable.

@@ -351,12 +351,45 @@ fn a_first_golden_goes_to_its_own_crate() {
     assert!(folder.join("crates/sky/golden/dusk.toml").is_file());
     assert!(!folder.join("golden").exists());
     assert_eq!(std::fs::read_dir(folder.join("crates/lamp/golden")).expect("there").count(), 0);
-    // Another folder is refused, whoever names it.
+    // Naming another folder is refused, too.
     let other = [&accept[..], &["--golden", "crates/lamp/golden"]].concat();
     let error = karat(folder, &other).failure(1);
     assert!(error.contains("compared with goldens of `crates/sky/golden`"), "{error}");
     let may = [&accept[..], &["--ci-may-write"]].concat();
     output(command(folder, &may).env("CI", "true")).good();
+}
+
+/// A member that declares its folder of goldens leaves the project its own.
+#[test]
+fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
+    let project = workspace();
+    let folder = project.path();
+    let manifest = "[package]\nname = \"the-sky\"\n[package.metadata.karat]\ngolden = \"frames\"\n";
+    write(folder, "crates/sky/Cargo.toml", manifest);
+    for (golden, case) in [("golden", "scene"), ("crates/sky/frames", "dusk")] {
+        std::fs::create_dir_all(folder.join(golden)).expect("a folder");
+        pending_frame(&folder.join(golden), case, LAVAPIPE);
+    }
+    let pending = karat(folder, &["pending"]);
+    assert_eq!(pending.code, Some(3), "{pending:?}");
+    for case in ["scene", "dusk", "crates/sky/frames"] {
+        assert!(pending.out.contains(case), "no {case} in {pending:?}");
+    }
+}
+
+/// Two folders of goldens in one crate are told apart by their places in the project, as in reports.
+#[test]
+fn frames_of_one_name_and_crate_are_named_by_their_folders() {
+    let project = workspace();
+    let folder = project.path();
+    for golden in ["crates/lamp/golden", "crates/lamp/other"] {
+        let place = folder.join("ci/pending").join(golden);
+        write_of(&place, "dusk", ("the-lamp", golden), new("dusk"));
+    }
+    let name = "crates/lamp/other::dusk";
+    let accept = ["accept", name, "--from", "ci", "--because", "x"];
+    assert_eq!(karat(folder, &accept).good(), format!("accepted {name}\n"));
+    assert!(folder.join("crates/lamp/other/dusk.exr").is_file());
 }
 
 /// Frames of one name in two crates are told apart by their crates' names.
@@ -418,7 +451,7 @@ fn a_frame_that_belongs_outside_of_the_project_is_refused() {
     assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
 }
 
-/// Whatever writes into sources refuses to in CI.
+/// Commands that write into sources refuse to in CI.
 #[test]
 fn commands_that_write_refuse_to_in_ci() {
     let project = with_goldens();

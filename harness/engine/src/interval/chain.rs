@@ -17,7 +17,7 @@ use super::{Interval, LEAST_DIVISOR, greatest, least, lower_sum, upper_sum};
 /// The least and the greatest of a term or a factor, with zero where it may be flushed.
 pub(super) type Ends = (f64, f64);
 
-/// What a value was computed of last.
+/// The operands of a value's last operation.
 #[derive(Clone, Copy, Default)]
 pub(super) enum Chain {
     /// Neither a sum nor a product.
@@ -150,7 +150,7 @@ pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interv
     }
 }
 
-/// What `written` says of two values, divided, in any order.
+/// The quotient that `written` gives of two values, in any order.
 pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     if !written.is_bounded() {
@@ -167,9 +167,9 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
 /// Some terms of a sum.
 #[derive(Clone, Copy)]
 pub(super) struct Sum {
-    /// What they add up to, exactly.
+    /// Their exact sum.
     exact: Ends,
-    /// What any of them add up to lies between these.
+    /// The sums of any of them lie between these.
     least: f32,
     most: f32,
     count: u32,
@@ -262,7 +262,7 @@ fn significand(x: f64) -> (u32, i16) {
 /// Some factors of a product, of which some are divisors.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
-    /// What they make, exactly.
+    /// Their exact product.
     exact: Ends,
     /// The size of what any of them make lies between these.
     least: f32,

@@ -283,8 +283,6 @@ impl Scale {
     }
 }
 
-/// WGSL converts to the nearest value of the type that a float has, so that 2^31 becomes the
-/// greatest f32 below it, 2147483520, as naga's back ends clamp.
 impl ToInt {
     /// The least and the greatest whole number that the integer holds, of what converts by value.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
@@ -296,6 +294,8 @@ impl ToInt {
     }
 }
 
+/// WGSL converts to the nearest value of the type that a float has, so that 2^31 becomes the
+/// greatest f32 below it, 2147483520, as naga's back ends clamp.
 fn saturate_signed(x: f64) -> i32 {
     x.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32
 }

@@ -34,7 +34,7 @@ impl Functions<'_> {
     }
 }
 
-/// What a path gave.
+/// The results of one path.
 struct Outcome {
     function: Function,
     configurations: u64,
@@ -131,18 +131,14 @@ pub(super) fn conclude(
             }
             let worst = sum.worst.as_ref().and_then(|worst| worst.histogram.as_ref());
             let record = PathRecord {
-                adapter: adapter.clone(),
                 cases: sum.configurations * settings.samples,
                 failures: sum.rejected,
                 worst: format!("p {:.2e}", sum.p),
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
                 asserted: hypothesis.text.clone(),
-                known_issue: None,
-                granted: None,
-                errors: None,
-                plot: None,
                 histogram: worst.map(|worst| worst.record(settings.support)),
                 configurations: Some(sum.configurations),
+                ..PathRecord::of(adapter.clone())
             };
             let path = session.called.ready.path;
             let told = !plan.known_issues.names(path, adapter);
@@ -184,9 +180,12 @@ pub(super) fn conclude(
             vec![Failure::Rejection(Box::new(rejection))]
         };
         let (agreeing, known_issues) = all.verdict(differ, |passes| plan.passes(passes))?;
-        let known = known_issues.iter().map(|issue| issue.cases);
-        let configurations =
-            agreeing.iter().map(|(_, one)| one.configurations).chain(known).min().unwrap_or(0);
+        // A path that refuses the sampler has no configurations, so known issues count by themselves.
+        let least = match agreeing.is_empty() {
+            true => known_issues.iter().map(|issue| issue.cases).min(),
+            false => agreeing.iter().map(|(_, one)| one.configurations).min(),
+        };
+        let configurations = least.unwrap_or(0);
         Ok(Fit {
             function: function.clone(),
             configurations,

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, anyhow, bail};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
+use karat::made_up::MadeUp;
 use karat::probe::Probed;
 use karat::reflect::BindingKind;
 use karat::value::Scalar;
@@ -52,7 +53,11 @@ fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)>
 }
 
 /// The fixtures of a function's variables.
-pub(super) fn fixtures(probed: &Probed, given: &[String]) -> anyhow::Result<Fixtures> {
+pub(super) fn fixtures(
+    probed: &Probed,
+    given: &[String],
+    made_up: Option<&MadeUp>,
+) -> anyhow::Result<Fixtures> {
     let bindings = &probed.function().bindings;
     let mut all = Fixtures::new();
     for text in given {
@@ -73,11 +78,21 @@ pub(super) fn fixtures(probed: &Probed, given: &[String]) -> anyhow::Result<Fixt
             .map_err(|error| anyhow!("--bind {text}: {error}"))?;
         all.push((name.to_owned(), fixture));
     }
+    let own = made_up.into_iter().flat_map(|made_up| &made_up.fixtures);
+    let is_given = |path: &str| {
+        let known = bindings.iter().find(|b| b.path == path);
+        known.is_some_and(|b| all.iter().any(|(name, _)| name == b.name() || *name == b.path))
+    };
+    let others: Vec<_> = own.filter(|(path, _)| !is_given(path)).cloned().collect();
+    all.extend(others);
     let missing = bindings.iter().find(|b| !all.iter().any(|(n, _)| n == b.name() || *n == b.path));
     if let Some(missing) = missing {
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
-        bail!("`{name}`, a {kind}, is used{place}: add --bind {name}={}", example(missing.kind));
+        bail!(
+            "`{name}`, a {kind}, is used{place}: add --bind {name}={}, or --made-up",
+            example(missing.kind)
+        );
     }
     Ok(all)
 }

@@ -16,14 +16,20 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     let Some(workspace) = manifest.get("workspace") else { return Ok(found) };
     let words = |key: &str| {
         let list = workspace.get(key).and_then(Value::as_array).into_iter().flatten();
-        list.filter_map(Value::as_str).map(|word| clean(&root.join(word))).collect::<Vec<_>>()
+        list.filter_map(Value::as_str)
     };
-    let excluded = words("exclude");
+    let excluded: Vec<PathBuf> = words("exclude").map(|word| clean(&root.join(word))).collect();
     let mut queue = paths(root, manifest);
-    for pattern in words("members") {
-        let listed = glob::glob(&pattern.to_string_lossy());
-        let listed = listed.with_context(|| format!("a member of `{}`", root.display()))?;
-        queue.extend(listed.filter_map(Result::ok));
+    for word in words("members") {
+        // The root's name is no pattern.
+        let pattern = match Path::new(word).is_absolute() {
+            true => word.to_owned(),
+            false => format!("{}/{word}", glob::Pattern::escape(&root.to_string_lossy())),
+        };
+        let file = root.join("Cargo.toml");
+        let listed = glob::glob(&pattern)
+            .with_context(|| format!("the member `{word}` in `{}`", file.display()))?;
+        queue.extend(listed.filter_map(Result::ok).map(|folder| clean(&folder)));
     }
     while let Some(folder) = queue.pop() {
         let is_out = excluded.iter().any(|excluded| folder.starts_with(excluded));
@@ -88,7 +94,24 @@ mod tests {
         let found = of(root, &text.parse().expect("TOML")).expect("they are read");
         let names = found.keys().map(|found| found.strip_prefix(root).expect("below").to_owned());
         assert_eq!(names.collect::<Vec<_>>(), ["crates/a", "crates/b", "far"].map(PathBuf::from));
+        let invalid = of(root, &"[workspace]\nmembers = [\"a**\"]".parse().expect("TOML"));
+        let error = format!("{:#}", invalid.expect_err("it is no pattern"));
+        let manifest = root.join("Cargo.toml");
+        let told = format!("the member `a**` in `{}`: ", manifest.display());
+        assert!(error.starts_with(&told), "{error}");
         let alone = of(root, &"[package]\nname = \"x\"".parse().expect("TOML"));
         assert!(alone.expect("it is read").is_empty(), "it is no workspace");
+    }
+
+    #[test]
+    fn a_folder_of_any_name_has_its_members() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().join("[work] in");
+        let member = root.join("crates/a");
+        std::fs::create_dir_all(&member).expect("a folder");
+        std::fs::write(member.join("Cargo.toml"), "").expect("a file");
+        let text = "[workspace]\nmembers = [\"crates/*\"]";
+        let found = of(&root, &text.parse().expect("TOML")).expect("they are read");
+        assert_eq!(found.into_keys().collect::<Vec<_>>(), [member]);
     }
 }

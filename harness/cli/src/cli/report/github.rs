@@ -23,12 +23,12 @@ const MOST_ANNOTATIONS: usize = 10;
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
-/// Whether GitHub's runner reads what is printed here.
+/// True if GitHub's runner reads what is printed here.
 pub(super) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
-/// A time in which GitHub's runner takes no line for a command. A word ends it that nobody can guess.
+/// Holds GitHub's commands back, until a random word releases them.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Held(Option<String>);
 

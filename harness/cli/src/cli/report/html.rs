@@ -112,7 +112,7 @@ fn head(
 /// A record with a name that addresses can end with: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
-    /// What it is about, in words.
+    /// Its subject, in words.
     name: String,
     anchor: String,
 }

@@ -45,7 +45,7 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
 }
 
-/// What each part lacks of what it was to run, in words.
+/// Lists what each part lacks of what it was to run, in words.
 pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     let of = |part: &Recorded| {
         let (folder, run) = (part.folder.display(), part.run.as_ref()?);

@@ -1,55 +1,104 @@
-//! What records are called, alike in every table, page and file. Crates of a workspace may have frames of one
-//! name: then each has its crate's name, too.
+//! Names of records, alike in every table, page and file, and for `karat accept`. Crates of a workspace may have
+//! frames of one name: then each has its crate's name, too.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use karat::Goldens;
+use karat::diagnostic::shown;
 use karat::record::{Record, Subject};
+
+/// A folder of goldens that has frames of a name which others have, too.
+#[derive(Clone, Debug)]
+pub(in crate::cli) struct Home {
+    /// Its Cargo package; empty if none is known.
+    pub(in crate::cli) krate: String,
+    /// The folder, as its project names it.
+    pub(in crate::cli) folder: String,
+}
+
+impl Home {
+    /// The home of the goldens that a record's frame was compared with.
+    fn of(record: &Record, folder: &str) -> Self {
+        // A record of another machine has its test's package, and a folder that isn't here.
+        if !Path::new(folder).is_dir() {
+            return Self { krate: record.cargo_package.clone(), folder: folder.to_owned() };
+        }
+        let goldens = Goldens::open(Path::new(folder));
+        let krate = match goldens.cargo_package() {
+            none if none.is_empty() => record.cargo_package.clone(),
+            own => own,
+        };
+        Self { krate, folder: below_project(&goldens) }
+    }
+}
+
+/// Names of the frames that several folders have under one name, by folder: `lamp::dusk`, or with the folder
+/// where two of them are of one crate. None if there is one folder.
+pub(in crate::cli) fn told_apart(
+    case: &str,
+    homes: &BTreeMap<PathBuf, Home>,
+) -> BTreeMap<PathBuf, String> {
+    if homes.len() < 2 {
+        return BTreeMap::new();
+    }
+    let crates: BTreeSet<&str> = homes.values().map(|home| &*home.krate).collect();
+    let distinct = crates.len() == homes.len();
+    let names = homes.iter().map(|(place, home)| {
+        let of = if distinct && !home.krate.is_empty() { &home.krate } else { &home.folder };
+        (place.clone(), format!("{of}::{case}"))
+    });
+    names.collect()
+}
+
+/// The folder of goldens as seen from its project's root, with `/`; elsewhere as seen from here.
+pub(in crate::cli) fn below_project(goldens: &Goldens) -> String {
+    let folder = goldens.folder();
+    let below = || {
+        let (project, place) = (goldens.project()?, folder.canonicalize().ok()?);
+        let below = place.strip_prefix(project).ok()?;
+        let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
+        Some(parts.join("/")).filter(|below| !below.is_empty())
+    };
+    below().unwrap_or_else(|| shown(&folder))
+}
 
 /// Names of frames that several folders of goldens have.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Names {
     /// By golden and folder: `lamp::dusk`.
-    told_apart: BTreeMap<(String, String), String>,
+    told_apart: BTreeMap<(String, PathBuf), String>,
 }
 
 impl Names {
     pub(in crate::cli) fn of(records: &[Record]) -> Self {
-        let mut folders: BTreeMap<&str, BTreeMap<&str, &str>> = BTreeMap::new();
+        let mut folders: BTreeMap<&str, BTreeMap<&str, &Record>> = BTreeMap::new();
         for record in records {
             if let Subject::Frame { golden, folder, .. } = &record.subject {
                 let known = folders.entry(golden).or_default();
-                known.entry(folder).or_insert(&record.cargo_package);
+                known.entry(folder).or_insert(record);
             }
         }
-        let mut told_apart = BTreeMap::new();
+        let mut names = BTreeMap::new();
         for (golden, folders) in folders.into_iter().filter(|(_, folders)| folders.len() > 1) {
-            // The folder's own package, or that of the test where the record is of another machine.
-            let of = |(folder, tests): (&&str, &&str)| match &*Goldens::open(Path::new(folder))
-                .cargo_package()
-            {
-                own if Path::new(folder).is_dir() && !own.is_empty() => own.to_owned(),
-                _ => (*tests).to_owned(),
+            let home = |(folder, record): (&str, &Record)| {
+                (PathBuf::from(folder), Home::of(record, folder))
             };
-            let crates: Vec<String> = folders.iter().map(of).collect();
-            let distinct = crates.iter().collect::<BTreeSet<_>>().len() == crates.len();
-            for (folder, krate) in folders.keys().zip(&crates) {
-                let krate = if distinct && !krate.is_empty() { krate } else { *folder };
-                let name = format!("{krate}::{golden}");
-                told_apart.insert((golden.to_owned(), (*folder).to_owned()), name);
+            let homes: BTreeMap<PathBuf, Home> = folders.into_iter().map(home).collect();
+            for (folder, name) in told_apart(golden, &homes) {
+                names.insert((golden.to_owned(), folder), name);
             }
         }
-        Self { told_apart }
+        Self { told_apart: names }
     }
 
     /// The name of a frame.
     pub(in crate::cli) fn frame(&self, golden: &str, folder: &str) -> String {
-        let known = self.told_apart.get(&(golden.to_owned(), folder.to_owned()));
+        let known = self.told_apart.get(&(golden.to_owned(), PathBuf::from(folder)));
         known.map_or_else(|| golden.to_owned(), String::clone)
     }
 
-    /// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.
+    /// The subject of a record, in words: `fresnel::schlick agrees_with`, `frame scene`.
     pub(in crate::cli) fn subject(&self, record: &Record) -> String {
         match &record.subject {
             Subject::Function { function, check, .. } => format!("{function} {check}"),
@@ -87,5 +136,15 @@ mod tests {
         // One crate may have two folders.
         let all = names(&[a, frame("dusk", "/w/a/other", "a")]);
         assert_eq!(all, ["frame /w/a/golden::dusk", "frame /w/a/other::dusk"]);
+        // A folder that is here goes by its place in the project.
+        let project = tempfile::tempdir().expect("a folder");
+        std::fs::write(project.path().join("Cargo.lock"), "").expect("a file");
+        let here = |name: &str| {
+            let folder = project.path().join("a").join(name);
+            std::fs::create_dir_all(&folder).expect("a folder");
+            frame("dusk", &folder.display().to_string(), "a")
+        };
+        let all = names(&[here("golden"), here("other")]);
+        assert_eq!(all, ["frame a/golden::dusk", "frame a/other::dusk"]);
     }
 }

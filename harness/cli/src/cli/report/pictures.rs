@@ -30,10 +30,6 @@ const COARSE: Duration = Duration::from_secs(1);
 pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Result<()> {
     let Subject::Frame { golden, folder: goldens, .. } = &record.subject else { return Ok(()) };
     let case = &file_name(golden, goldens, names);
-    // A record may come from another machine.
-    if !Path::new(case).components().all(|part| matches!(part, Component::Normal(_))) {
-        return Ok(());
-    }
     for name in NAMES {
         let file = picture(folder, case, name);
         match std::fs::remove_file(&file) {
@@ -51,8 +47,12 @@ pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Re
 /// How the files of a frame's pictures begin: with its name, and its crate's where several have it.
 fn file_name(golden: &str, goldens: &str, names: &Names) -> String {
     let name = names.frame(golden, goldens).replace("::", "/");
-    // A folder that stands for a crate, in a file's name.
-    name.trim_start_matches('/').to_owned()
+    // A record may come from another machine, with a name that leads out of the folder of pictures.
+    let parts = Path::new(&name).components().filter_map(|part| match part {
+        Component::Normal(part) => part.to_str(),
+        _ => None,
+    });
+    parts.collect::<Vec<_>>().join("/")
 }
 
 fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
@@ -148,4 +148,43 @@ fn small(image: &Image) -> Image {
     let at = |x: u32, y: u32| image.pixels()[(y * step * image.width() + x * step) as usize];
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y));
     Image::new(width, height, pixels.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tables::tests::record;
+    use super::*;
+    use karat::record::Verdict;
+
+    #[test]
+    fn pictures_stay_in_their_folder() {
+        let frame = |golden: &str, folder: &str| {
+            let (golden, folder, location) = (golden.into(), folder.into(), String::new());
+            let mut frame = record(Verdict::Fail, 1, None);
+            frame.subject = Subject::Frame { golden, folder, location };
+            frame.cargo_package = "a".to_owned();
+            frame
+        };
+        let place = tempfile::tempdir().expect("a folder");
+        let pictures = place.path().join("target/karat/report");
+        std::fs::create_dir_all(&pictures).expect("a folder");
+        // One name in two folders of a crate, so that a folder stands in the name; and a name that leads out.
+        let out = format!("{}/none/../../golden", place.path().display());
+        let (one, other) = (frame("dusk", "../../../w/golden"), frame("dusk", &out));
+        let records = [one, other, frame("../../../dusk", ""), frame("/dusk", "")];
+        let names = Names::of(&records);
+        for record in &records {
+            let Subject::Frame { golden, folder, .. } = &record.subject else { continue };
+            let file = picture(&pictures, &file_name(golden, folder, &names), "actual");
+            let below = file.strip_prefix(&pictures).expect("it is below");
+            let is_normal = |part: Component<'_>| matches!(part, Component::Normal(_));
+            assert!(below.components().all(is_normal), "{}", file.display());
+        }
+        let kept = place.path().join("dusk.actual.png");
+        std::fs::write(&kept, "").expect("a file");
+        for record in &records {
+            clear(record, &names, &pictures).expect("nothing is in the way");
+        }
+        assert!(kept.is_file(), "it is none of these pictures");
+    }
 }

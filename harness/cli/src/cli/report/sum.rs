@@ -1,4 +1,4 @@
-//! What a run came to, in one line.
+//! The outcome of a run, in one line.
 //!
 //! The line, its colour and the exit code of each command are made of one count, so none of them can
 //! contradict another: "0 failed" stands in a line that is good, and in no other.
@@ -11,6 +11,7 @@ use karat::record::{Record, Run, Verdict};
 use super::{is_failure, outside};
 use crate::cli::Ending;
 use crate::cli::table::{BAD, GOOD};
+use crate::cli::test::some;
 
 /// The count of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,18 +22,14 @@ pub(in crate::cli) struct Sum {
     cases: u64,
     /// Tests that failed although each of their checks passed, by their names.
     outside: Vec<String>,
-    /// What else is wrong: modules that aren't valid, tests that weren't run.
+    /// Other reasons: modules that aren't valid, tests that weren't run.
     others: Vec<String>,
 }
 
-/// Names that a reason shows.
-const SHOWN: usize = 4;
-
-/// The first of some names.
-fn some(names: &[String]) -> String {
-    let more = if names.len() > SHOWN { ", ..." } else { "" };
-    let names = names.iter().take(SHOWN).map(|name| one_line(name));
-    names.collect::<Vec<_>>().join(", ") + more
+/// The first of some names, in one line.
+fn first(names: &[String]) -> String {
+    let names: Vec<_> = names.iter().map(|name| one_line(name)).collect();
+    some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
 impl Sum {
@@ -56,7 +53,7 @@ impl Sum {
         if !run.invalid.is_empty() {
             let are = if run.invalid.len() == 1 { "isn't" } else { "aren't" };
             let modules = counted(run.invalid.len(), "module");
-            sum = sum.with(format!("{modules} {are} valid: {}", some(&run.invalid)));
+            sum = sum.with(format!("{modules} {are} valid: {}", first(&run.invalid)));
         }
         if run.not_run > 0 {
             let tests = counted(run.not_run, "test");
@@ -79,7 +76,7 @@ impl Sum {
         self
     }
 
-    /// Whether all is as it should be.
+    /// True if all is as it should be.
     pub(in crate::cli) fn is_good(&self) -> bool {
         self.checks > 0 && self.failed == 0 && self.outside.is_empty() && self.others.is_empty()
     }
@@ -97,17 +94,17 @@ impl Sum {
         &self.outside
     }
 
-    /// What is wrong besides checks and tests that fail.
+    /// Reasons besides checks and tests that fail.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// What is wrong besides checks that fail, in words.
+    /// Reasons besides checks that fail, in words.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {
             let tests = counted(self.outside.len(), "test");
-            all.push(format!("{tests} failed outside of Karat's checks: {}", some(&self.outside)));
+            all.push(format!("{tests} failed outside of Karat's checks: {}", first(&self.outside)));
         }
         all
     }
@@ -204,8 +201,9 @@ mod tests {
 
     #[test]
     fn many_names_are_cut() {
-        let failed = names(&["a", "b", "c", "d", "e"]);
+        let failed = names(&["a", "b", "c", "d", "e", "f", "g"]);
         let sum = Sum::of(&[], Some(&Run { failed, passed: false, ..Run::default() }));
-        assert_eq!(sum.reasons(), ["5 tests failed outside of Karat's checks: a, b, c, d, ..."]);
+        let told = "7 tests failed outside of Karat's checks: a, b, c, d, e and 2 more";
+        assert_eq!(sum.reasons(), [told]);
     }
 }
