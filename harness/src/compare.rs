@@ -397,6 +397,14 @@ fn interface(before: &Probed, after: &Probed) -> Vec<String> {
         if (old.group, old.binding) != (new.group, new.binding) {
             all.push(format!("`{name}` is bound at {}, and was at {}", at(new), at(old)));
         }
+        if old.kind != new.kind {
+            all.push(format!("`{name}` is a {}, and was a {}", new.kind, old.kind));
+        }
+        let bytes = |probed: &Probed, binding: &Binding| probed.program.least_bytes(binding);
+        if bytes(before, old) != bytes(after, new) {
+            let (was, is) = (bytes(before, old), bytes(after, new));
+            all.push(format!("`{name}` takes {is} bytes, and took {was}"));
+        }
         let (was, is) = (before.program.places(old), after.program.places(new));
         let moved = is.iter().find_map(|(path, place)| {
             let (_, old) = was.iter().find(|(known, _)| known == path)?;
@@ -706,7 +714,12 @@ mod tests {
         let aligned = "struct P { x: f32, y: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
                        fn f(x: f32) -> f32 { return x * p.y; }\n";
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
-        assert_eq!(moved, ["`p.y` lies at byte 16, and was at 4"]);
+        assert_eq!(
+            moved,
+            ["`p` takes 32 bytes, and took 8", "`p.y` lies at byte 16, and was at 4"]
+        );
+        let space = interface(buffer, "var<storage>", "var<storage, read_write>");
+        assert_eq!(space.len(), 1, "{space:?}");
     }
 
     /// Textures differ in size and levels, numbers are those that `karat.toml` declares, and cosines round

@@ -472,7 +472,9 @@ impl Look<'_> {
                         let row = rows.get(case * width..(case + 1) * width).unwrap_or_default();
                         let hazard = endless(self.probed, &diagnostic, row, count);
                         found.insert((hazard.location.clone(), hazard.kind), (hazard, true));
-                        return Ok(0);
+                        // The loop ends the search for all of them.
+                        self.seen.cut += all;
+                        return Ok(count);
                     }
                     other => other?,
                 }

@@ -320,6 +320,11 @@ fn inputs_are_declared_and_hazards_accepted() {
         }
         other => panic!("{other:?}"),
     }
+    // A range that is none is an error for everything that reads it.
+    write("karat.toml", "[inputs]\nt = [1, 0.5]\n");
+    let error = look().expect_err("no range").to_string();
+    assert!(error.contains("`t` is declared from 1 to 0.5: no range"), "{error}");
+    assert!(package.try_is_valid().is_err());
     let accepted = |function: &str| {
         format!(
             "[[hazard]]\nfunctions = [\"{function}\"]\ntext = \"1.0 / t\"\nreason = \"callers know\"\n"

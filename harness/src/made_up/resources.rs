@@ -25,6 +25,9 @@ pub(crate) fn rows(probed: &Probed, ranges: &Ranges, cases: usize) -> Result<Vec
         rows = arguments.few(&rows);
     }
     let width = arguments.width();
+    if rows.is_empty() && width > 0 {
+        return Err("no arguments can be made up for it".to_owned());
+    }
     let words = if rows.is_empty() { 0 } else { cases * width };
     Ok(rows.iter().copied().cycle().take(words).collect())
 }
@@ -253,7 +256,8 @@ fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Op
         BindingKind::TEXTURE_CUBE => {
             // A power of two tells it from another one, and loses no digit.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
-            CubeMap::from_fn(sides[0], |d| own * (d * 0.5 + glam::Vec3::ONE)).with_mips().into()
+            let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
+            CubeMap::from_fn(sides[0], texel).with_mips().into()
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
@@ -286,6 +290,13 @@ fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Op
     })
 }
 
+/// The nearest numbers that textures of 16-bit floats hold, too, which GL filters in place of 32-bit ones.
+fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
+    /// Steps of halves below 8.
+    const STEPS: f32 = 128.0;
+    (texel * STEPS).round() / STEPS
+}
+
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
 /// curved, too, so that levels differ.
 fn texture(
@@ -303,7 +314,8 @@ fn texture(
         let [x, y] = [(x, sides[0]), (y, sides[1])].map(|(n, side)| n as f32 / side as f32);
         let z = z as f32 / LAYERS as f32;
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
-        glam::Vec4::new(x + own, y, 0.5 * (x + y) + 0.25 * z, 1.0)
+        let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
+        held_by_halves(texel).extend(1.0)
     };
     match texels {
         Texels::Float => {

@@ -52,11 +52,17 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let rows = made_up::rows(probed, &ranges, request.cases)?;
-        Ok((rows, made_up::fixtures(probed, &ranges)?))
+        Ok((rows, made_up::fixtures(probed, &ranges)))
     });
     let (rows, fixtures) = match drawn {
-        Ok((rows, fixtures)) => (rows, Ok(fixtures)),
-        Err(why) => (Vec::new(), Err(why)),
+        Ok(drawn) => drawn,
+        // Only a range that is declared has no value.
+        Err(why) => {
+            for cell in cells.iter_mut().filter(|cell| cell.stopped.is_none()) {
+                cell.stopped = Some(Stop::Broke(why.clone()));
+            }
+            return;
+        }
     };
     let mut ran: Vec<Ran<'_>> = Vec::new();
     // Where one driver says that a loop doesn't end, others would hang.

@@ -242,7 +242,12 @@ impl Manifest {
             }
         }
         let range = |(name, range): (String, Vec<f64>)| match *range {
-            [least, most] => Ok((name, (least, most))),
+            [least, most] if least <= most && least.is_finite() && most.is_finite() => {
+                Ok((name, (least, most)))
+            }
+            [least, most] => Err(error(format!(
+                "the input `{name}` is declared from {least} to {most}: no range"
+            ))),
             _ => Err(error(format!(
                 "the input `{name}` has a range of two numbers, and this one has {}",
                 range.len()

@@ -17,7 +17,7 @@ use karat::value::{Scalar, Shape};
 use super::doctor::profile::unoptimised;
 use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
-use super::project::Project;
+use super::project::{Project, text_of};
 use super::table::{DIM, GOOD, HEAD};
 use super::{Ending, Outcome, PackageArgs, check};
 
@@ -448,11 +448,7 @@ fn read_rust(folder: &Path, texts: &mut Vec<String>) {
 /// Adds to `.gitignore` what runs leave behind.
 fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     let file = Path::new(".gitignore");
-    let mut text = match std::fs::read_to_string(file) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => return Err(error).context("`.gitignore`"),
-    };
+    let mut text = text_of(file)?.unwrap_or_default();
     let missing: Vec<&str> = IGNORED
         .into_iter()
         // `.karat/` has the folder of runs in it.

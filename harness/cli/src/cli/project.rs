@@ -44,6 +44,16 @@ impl Settings {
     }
 }
 
+/// The text of a file; `None` if it isn't there. What isn't a file, such as a pipe, is an error.
+pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
+    use std::io::ErrorKind::{NotADirectory, NotFound};
+    match karat::diagnostic::read_file(file) {
+        Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
+        Err(error) if matches!(error.kind(), NotFound | NotADirectory) => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("can't read `{}`", file.display())),
+    }
+}
+
 /// How far below the working directory a folder without Cargo is looked for that was tested.
 const DEPTH: usize = 3;
 
@@ -111,7 +121,7 @@ impl Project {
         let mut nearest = None;
         for folder in here.ancestors() {
             let manifest = folder.join("Cargo.toml");
-            let Ok(text) = std::fs::read_to_string(&manifest) else { continue };
+            let Some(text) = text_of(&manifest)? else { continue };
             let table: toml::Table =
                 text.parse().with_context(|| format!("in `{}`", manifest.display()))?;
             let workspace = table.contains_key("workspace");

@@ -196,7 +196,9 @@ impl OutputArgs {
 
     /// Removes a report of a run before, which this one may not live to replace.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
-        self.files().try_for_each(|file| match std::fs::remove_file(file) {
+        // A device, a pipe and a link stay what they are: only a report of an earlier run goes.
+        let is_file = |file: &&Path| file.symlink_metadata().is_ok_and(|found| found.is_file());
+        self.files().filter(is_file).try_for_each(|file| match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 Err(error).with_context(|| format!("can't replace `{}`", file.display()))
             }

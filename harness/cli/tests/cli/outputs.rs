@@ -150,6 +150,20 @@ fn devices_and_links_stay_what_they_are() {
     table("link.csv");
     assert!(folder.join("link.csv").symlink_metadata().expect("there").is_symlink());
     assert!(std::fs::read_to_string(folder.join("real.csv")).expect("there").starts_with("x,"));
+    // A report of an earlier run goes before there is another; what isn't one stays.
+    std::fs::create_dir(folder.join("own")).expect("a folder");
+    write(
+        &folder.join("own"),
+        "m.wgsl",
+        "import karat::expect_true;\n@test fn t() { expect_true(true); }\n",
+    );
+    std::os::unix::fs::symlink("real.xml", folder.join("link.xml")).expect("a link");
+    let report = ["test", "own", "--paths", "cpu", "--junit", "link.xml"];
+    karat(folder, &report).good();
+    assert!(folder.join("link.xml").symlink_metadata().expect("there").is_symlink());
+    assert!(
+        std::fs::read_to_string(folder.join("real.xml")).expect("there").contains("<testsuite")
+    );
 }
 
 #[cfg(target_os = "linux")]

@@ -241,6 +241,9 @@ fn links_in_circles_and_pipes_hang_no_command() {
     assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
     pipe("karat.toml");
     assert!(run(path, &["check"]).error().contains(told));
+    pipe("Cargo.toml");
+    let error = run(path, &["check"]).error();
+    assert!(error.contains("Cargo.toml"), "{error}");
 }
 
 /// Tests alone, whose shaders are those of another package.

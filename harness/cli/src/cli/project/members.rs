@@ -38,7 +38,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
             continue;
         }
         let file = folder.join("Cargo.toml");
-        let Ok(text) = std::fs::read_to_string(&file) else { continue };
+        let Some(text) = super::text_of(&file)? else { continue };
         let table: Table = text.parse().with_context(|| format!("in `{}`", file.display()))?;
         queue.extend(paths(&folder, &table));
         found.insert(folder, table);
