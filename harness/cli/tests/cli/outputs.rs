@@ -158,6 +158,7 @@ fn devices_and_links_stay_what_they_are() {
         "import karat::expect_true;\n@test fn t() { expect_true(true); }\n",
     );
     std::os::unix::fs::symlink("real.xml", folder.join("link.xml")).expect("a link");
+    write(folder, "real.xml", "old");
     let report = ["test", "own", "--paths", "cpu", "--junit", "link.xml"];
     karat(folder, &report).good();
     assert!(folder.join("link.xml").symlink_metadata().expect("there").is_symlink());
