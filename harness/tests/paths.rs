@@ -417,7 +417,7 @@ fn a_known_issue_is_about_values() {
     }
 }
 
-/// A known issue that is gone on the second of two paths is told.
+/// A known issue that is gone on the second of two paths is a failure.
 #[test]
 fn a_known_issue_that_is_gone_on_the_second_path() {
     for found in declared(&two(Fault::Values, Fault::None), Declared::Fails) {
@@ -449,7 +449,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
     }
 }
 
-/// Errors are told apart by programs, too.
+/// Programs tell errors apart, too.
 #[test]
 fn failures_of_paths_are_data() {
     let fakes = two(Fault::Stops, Fault::Values);

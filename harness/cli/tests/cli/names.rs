@@ -189,7 +189,7 @@ fn no_file_breaks_the_page_of_translations() {
     assert!(page.contains("&lt;img") && !page.contains("<img"), "{page}");
 }
 
-/// A file whose name no module can have is told, and begins no line.
+/// A file whose name no module can have is reported, and begins no line.
 #[cfg(unix)]
 #[test]
 fn no_file_begins_a_line_with_a_command() {

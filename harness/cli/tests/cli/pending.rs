@@ -377,7 +377,7 @@ fn a_project_has_its_own_goldens_beside_those_that_a_member_declares() {
     }
 }
 
-/// Two folders of goldens in one crate are told apart by their places in the project, as in reports.
+/// Places in the project tell two folders of goldens in one crate apart, as in reports.
 #[test]
 fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     let project = workspace();
@@ -392,7 +392,7 @@ fn frames_of_one_name_and_crate_are_named_by_their_folders() {
     assert!(folder.join("crates/lamp/other/dusk.exr").is_file());
 }
 
-/// Frames of one name in two crates are told apart by their crates' names.
+/// The names of crates tell frames of one name apart.
 #[test]
 fn frames_of_one_name_are_named_by_their_crates() {
     let project = workspace();

@@ -92,7 +92,7 @@ fn what_looks_like_a_test_and_is_none_fails_every_command() {
     }
 }
 
-/// A slip in what a member says is told, and not taken for nothing.
+/// A slip in a member's manifest is an error, and not taken for nothing.
 #[test]
 fn a_slip_in_a_members_manifest_is_an_error() {
     let member = format!("{MEMBER}[package.metadata.karat]\npackage = [\"wgsl\"]\n");
@@ -190,7 +190,7 @@ fn the_folder_shaders_is_found_by_every_command() {
     }
 }
 
-/// Tests outside of `shaders` are told, though its karat.toml makes it a package by itself.
+/// `karat test` reports tests outside of `shaders`, though its karat.toml makes it a package by itself.
 #[test]
 fn tests_outside_of_shaders_are_told() {
     let folder =

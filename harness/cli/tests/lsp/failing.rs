@@ -42,7 +42,7 @@ fn tests_without_rust_run_after_each_save() {
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
-/// A file that was meant to declare tests and declares none is told at its place, whatever is wrong with it.
+/// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
 #[test]
 fn what_looks_like_a_test_and_is_none_is_told() {
     let folder = folder();
