@@ -1,4 +1,4 @@
-//! Whether code is compiled once: no dependency or library with two sets of features.
+//! A check that code is compiled once: no dependency or library with two sets of features.
 //!
 //! Cargo compiles a crate again for each set of its features, and which it chooses depends on the packages
 //! and targets that a command names. The commands below are those that `cargo ci demo` and

@@ -154,7 +154,7 @@ pub enum ComputeError {
     /// There is nothing to compare.
     #[error("nothing is compared: {0}")]
     Nothing(String),
-    /// What passes leave is what there was before.
+    /// Passes leave everything as it was before.
     #[error(
         "`{variable}` holds after the passes what it held before, word for word, so nothing shows that they \
          did anything: give it other contents"
@@ -193,7 +193,7 @@ pub enum ComputeError {
         variable: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// A path runs passes that it is declared to refuse.
@@ -206,7 +206,7 @@ pub enum ComputeError {
         variable: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// Several paths fail in several ways, or some have no verdict.
@@ -257,7 +257,7 @@ impl From<NotBegun> for ComputeError {
 }
 
 impl ComputeError {
-    /// Whether elements are wrong, or a declaration is: otherwise there is no verdict.
+    /// True if elements are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool {
         match self {
             Self::Differs(_) | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,

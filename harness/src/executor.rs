@@ -250,7 +250,7 @@ mod tests {
     use super::*;
     use crate::package::Package;
 
-    /// What WGSL leaves open may stay unwritten; what it bounds may not.
+    /// A value that WGSL leaves open may stay unwritten; one that it bounds may not.
     #[test]
     fn a_driver_may_drop_what_may_be_anything() {
         let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";

@@ -135,7 +135,7 @@ pub enum FrameError {
         case: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// No draw touches a pixel.
@@ -144,7 +144,7 @@ pub enum FrameError {
          vertex function returns, at culling and at depth"
     )]
     Untouched {
-        /// What the frame was cleared to.
+        /// The values that the frame was cleared to.
         clear: [f32; 4],
     },
     /// A path draws what it is declared to refuse.
@@ -157,7 +157,7 @@ pub enum FrameError {
         case: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// Several paths fail, or some have no verdict.
@@ -185,7 +185,7 @@ impl FrameError {
         }
     }
 
-    /// Whether pixels are wrong, or a declaration is: otherwise there is no verdict.
+    /// True if pixels are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool {
         match self {
             Self::Mean { .. } | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,

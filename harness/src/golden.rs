@@ -97,7 +97,7 @@ pub(crate) struct Rendered<'a> {
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
     /// Whether it is known to differ: there is nothing to review then.
     pub(crate) known_issue: bool,
-    /// Whether the frame of another path waits already: one is looked at, decided about, and the test runs
+    /// True if the frame of another path waits already: one is looked at, decided about, and the test runs
     /// again.
     pub(crate) other_waits: bool,
 }

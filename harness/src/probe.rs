@@ -400,7 +400,7 @@ pub enum ProbeError {
         count: usize,
         /// Of how many.
         words: usize,
-        /// What was written.
+        /// The text that was written.
         partial: Box<Partial>,
     },
     /// The executor has no room for even one case.

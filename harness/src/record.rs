@@ -290,7 +290,7 @@ pub struct Run {
     pub schema: u32,
     /// What selected the tests: a filter, packages, targets. If it is empty, every test ran.
     pub selected: Vec<String>,
-    /// Whether every test passed and each module is valid. A test that fails records nothing after its
+    /// True if every test passed and each module is valid. A test that fails records nothing after its
     /// failure.
     pub passed: bool,
     /// Tests that failed, as far as their runner named them, whether or not a check of theirs did.
@@ -302,7 +302,7 @@ pub struct Run {
     /// Tests that the runner left out after a failure, by its own word. They were to run.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// Whether the runner stopped at a failure, and didn't say how many tests it left out.
+    /// True if the runner stopped at a failure, and didn't say how many tests it left out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }

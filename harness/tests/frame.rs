@@ -95,7 +95,7 @@ fn levels_are_means() {
     }
 }
 
-/// Whether the mean is off on each path that opens.
+/// The mean is off on each path that opens.
 fn is_mean(error: &FrameError) -> bool {
     match error {
         FrameError::Mean { .. } => true,

@@ -30,7 +30,7 @@ fn sampled(u: f32) -> f32 { return u; }
 @fragment fn gray() -> @location(0) vec4f { return vec4f(0.5, 0.5, 0.5, 1.0); }
 ";
 
-/// What is planted in an executor.
+/// A fault that is planted in an executor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,

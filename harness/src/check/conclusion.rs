@@ -9,7 +9,7 @@ use crate::reflect::Function;
 use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
-/// What one path gave, with arguments from one source.
+/// The results of one path, with arguments from one source.
 pub(super) struct Outcome {
     function: Function,
     inputs: Inputs,
@@ -22,7 +22,7 @@ pub(super) struct Outcome {
 }
 
 impl Session<'_> {
-    /// Whether the path was compared on every case, and how it did. `told` says whether a failure is shown.
+    /// True if the path was compared on every case, and how it did. `told` says whether a failure is shown.
     pub(super) fn outcome(&self, tally: PathTally, told: bool) -> Result<Outcome, Failure> {
         let (compared, declared) = (tally.tally.census.cases, self.declared());
         if compared < declared {

@@ -177,7 +177,7 @@ impl Plan<'_> {
     }
 }
 
-/// What was left to be looked at.
+/// The golden or the pending values that are left to be looked at.
 #[derive(Default)]
 enum Left {
     #[default]
@@ -240,7 +240,7 @@ struct Comparison<'c> {
     /// The path that goldens are made on.
     canonical: Option<Path>,
     left: Cell<Left>,
-    /// Whether a path agrees with all of the golden.
+    /// True if a path agrees with all of the golden.
     agrees: Cell<bool>,
 }
 
@@ -322,7 +322,7 @@ impl Comparison<'_> {
         Ok(tally)
     }
 
-    /// What the function returns for these arguments.
+    /// Calls the function with these arguments.
     fn made<'a>(&self, session: &'a Session<'_>, rows: &[Vec<u32>]) -> Result<Made<'a>, Failure> {
         let called = &session.called;
         let mut words = Vec::new();

@@ -18,7 +18,7 @@ use crate::run::{Conclusion, Identity, Judged, Memory, Reporter, with_inputs};
 pub(super) type Last<'l> =
     &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
-/// What a verb does with a session: it sees one path at a time, so it can't leave one out.
+/// The work of a verb with a session: it sees one path at a time, so it can't leave one out.
 pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<PathTally, Failure>;
 
 impl Plan<'_> {

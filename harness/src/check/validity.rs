@@ -45,7 +45,7 @@ impl Package {
     }
 }
 
-/// What naga found: each module is a case. `None`: there was nothing to look at.
+/// Findings of naga: each module is a case. `None`: there was nothing to look at.
 fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecord> {
     let failures = match result {
         Ok(_) => 0,

@@ -70,7 +70,7 @@ pub enum Failure {
         function: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// A path runs a function that it is declared to refuse.
@@ -83,7 +83,7 @@ pub enum Failure {
         function: String,
         /// The path.
         path: Path,
-        /// What was declared.
+        /// The declaration.
         reason: String,
     },
     /// Several paths fail in several ways, or some have no verdict.
@@ -177,7 +177,7 @@ impl Failure {
         Self::Golden { disagreement: None, source: Box::new(source) }
     }
 
-    /// Whether values are wrong, or a declaration is: otherwise there is no verdict.
+    /// True if values are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool {
         match self {
             Self::Disagreement(_)

@@ -402,7 +402,7 @@ impl Draw {
         self
     }
 
-    /// Whether it is a triangle of Karat's own, which covers the frame.
+    /// True if it is a triangle of Karat's own, which covers the frame.
     pub(super) fn covers(&self) -> bool {
         self.vertex.is_none()
     }

@@ -39,7 +39,7 @@ pub struct Acceptance {
     /// adapter, and the golden for all has to fail there. `None`: the frame becomes the golden for
     /// all.
     pub profile: Option<String>,
-    /// Whether a golden may be written where `CI` is set. Otherwise nothing is written into sources there.
+    /// True if a golden may be written where `CI` is set. Otherwise nothing is written into sources there.
     pub ci_may_write: bool,
 }
 

@@ -181,7 +181,7 @@ pub struct Deviation {
 }
 
 impl FrameDifference {
-    /// Whether pixels have other values than the golden's. NaN and infinities are values.
+    /// True if pixels have other values than the golden's. NaN and infinities are values.
     pub(crate) fn is_of_values(&self) -> bool {
         matches!(self, Self::Values(_) | Self::NonFinite(_))
     }

@@ -1,4 +1,4 @@
-//! What is declared of paths, and one verdict of all of them.
+//! Declarations for paths, and one verdict of all of them.
 //!
 //! A path that is declared to fail must fail. If it passes, the check fails, so that no declaration
 //! outlives the bug that it names. Functions, frames and compute passes are judged here alike.

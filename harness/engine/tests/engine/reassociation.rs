@@ -325,7 +325,7 @@ fn one(result: &str, row: [f32; 4]) -> Interval {
     intervals(&source("", result), &row)[0]
 }
 
-/// What overflows in another order has no bound, and that it is the order is known.
+/// A sum that overflows in another order has no bound, and the order is named as the cause.
 #[test]
 fn an_order_that_overflows_has_no_bound() {
     let large = [3e38, -3e38, 3e38, -3e38];

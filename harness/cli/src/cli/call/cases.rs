@@ -84,7 +84,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
 /// A path's results, each case a row.
 pub(super) type OfPath = (Path, Vec<Vec<u32>>);
 
-/// What paths gave.
+/// The results of paths.
 pub(super) struct Given {
     pub(super) results: Vec<OfPath>,
     /// Paths that gave nothing, and why.
