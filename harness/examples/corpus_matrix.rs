@@ -2,18 +2,18 @@
 //!
 //! `cargo run --features routes --example corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of
 //! each crate and folder of a list (see `corpus.rs`), and prints a table. `cargo ci corpus --routes`
-//! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row. A row that passes
-//! the deadline ends the process, which begins again without it: `--overdue FILE` is where that is noted.
+//! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row. Each crate is made
+//! by a process of its own, which begins again without a row that hangs or crashes a driver.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use karat::matrix::{Column, Matrix, Status, Stop, restarted};
+use serde::{Deserialize, Serialize};
 
 #[path = "corpus/list.rs"]
 mod list;
@@ -24,107 +24,123 @@ use list::{List, Wanted};
 const CASES: usize = 64;
 
 /// Words of a cell that are findings, behind those of the statuses.
-const WRONG: [&str; 4] = ["DIFFERS", "INVALID", "PANICS", "unsupported"];
+const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
-/// All crates together.
-#[derive(Default)]
-struct All {
+/// A crate, or all of them together.
+#[derive(Default, Serialize, Deserialize)]
+struct Sum {
     rows: usize,
     judged: usize,
-    modules: usize,
+    wrong: usize,
     /// How many rows got how far, by column.
-    counts: BTreeMap<String, BTreeMap<&'static str, usize>>,
+    counts: BTreeMap<String, BTreeMap<String, usize>>,
     /// What is wrong, by its first line: how often, and where first.
     reasons: BTreeMap<String, (usize, String)>,
-    faults: Vec<String>,
+    /// Why there is no matrix.
+    error: Option<String>,
+}
+
+/// What the process that makes one crate is told, behind the list.
+struct One {
+    index: usize,
+    journal: PathBuf,
+    /// Where its sum goes.
+    sum: PathBuf,
 }
 
 fn main() -> ExitCode {
-    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let Some(at) = arguments.iter().position(|argument| argument == "--overdue") else {
-        return supervise(&arguments);
-    };
-    let overdue = PathBuf::from(arguments.drain(at..).nth(1).unwrap_or_default());
-    let (list, folder) = match &*arguments {
-        [list] => (list, None),
-        [list, json, folder] if json == "--json" => (list, Some(folder)),
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let (list, json, one) = match *arguments {
+        [list] => (list, None, None),
+        [list, "--json", folder] => (list, Some(folder), None),
+        [list, "--one", index, journal, sum, ref json @ ..] => {
+            let (journal, sum) = (PathBuf::from(journal), PathBuf::from(sum));
+            let index = index.parse().expect("an index");
+            (list, json.first().copied(), Some(One { index, journal, sum }))
+        }
         _ => {
             eprintln!("error: name a list of crates: `corpus_matrix ci/corpus.toml`");
             return ExitCode::from(2);
         }
     };
-    let wanted = match List::read(list) {
-        Ok(wanted) => wanted,
+    let done = List::read(list).map_err(|error| error.to_string()).and_then(|wanted| match &one {
+        Some(one) => make_one(&wanted[one.index], one, json).map(|()| true),
+        None => make_all(list, &wanted, json),
+    });
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("error: {error}");
-            return ExitCode::from(2);
-        }
-    };
-    let mut all = All::default();
-    let mut text = String::from(
-        "| crate | rows | in the matrix | wrong | seconds |\n|---|---:|---:|---:|---:|\n",
-    );
-    for wanted in &wanted {
-        let (name, began) = (wanted.name(), Instant::now());
-        match catch_unwind(|| make(wanted, &overdue)) {
-            Ok(Ok(matrix)) => {
-                let line = all.add(&name, &matrix, began.elapsed());
-                eprint!("{line}");
-                text += &line;
-                if let Some(folder) = folder {
-                    let file = format!("{folder}/{}.json", name.replace(['/', '@'], "-"));
-                    let json = serde_json::to_string(&matrix).expect("a matrix is plain data");
-                    if let Err(error) = std::fs::write(&file, json) {
-                        eprintln!("error: `{file}`: {error}");
-                        return ExitCode::from(2);
-                    }
-                }
-            }
-            Ok(Err(error)) => {
-                eprintln!("{name}: {error}");
-                writeln!(text, "| {name} | | | {} | |", first_line(&error))
-                    .expect("text takes text");
-            }
-            Err(_) => all.faults.push(format!("{name}: it panics")),
-        }
-    }
-    text += &all.table();
-    let written = std::io::stdout().write_all(text.as_bytes());
-    if written.is_ok() && all.faults.is_empty() && all.judged > 0 {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    }
-}
-
-/// Runs this program in a process of its own, again as often as a row passes the deadline.
-fn supervise(arguments: &[String]) -> ExitCode {
-    let run = || {
-        let folder = tempfile::tempdir()?;
-        let file = folder.path().join("overdue.jsonl");
-        let mut program = Command::new(std::env::current_exe()?);
-        restarted(&file, program.args(arguments).arg("--overdue").arg(&file))
-    };
-    match run() {
-        Ok(status) => {
-            let code = status.code().and_then(|code| u8::try_from(code).ok());
-            code.map_or(ExitCode::FAILURE, ExitCode::from)
-        }
-        Err(error) => {
-            eprintln!("error: this program can't be run again: {error}");
             ExitCode::from(2)
         }
     }
 }
 
-fn make(wanted: &Wanted, overdue: &Path) -> Result<Matrix, String> {
+/// Prints the table. True if nothing panicked, and something was judged.
+fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let this = std::env::current_exe().map_err(|error| error.to_string())?;
+    let (mut all, mut faults) = (Sum::default(), Vec::new());
+    let mut text = String::from(
+        "| crate | rows | in the matrix | wrong | seconds |\n|---|---:|---:|---:|---:|\n",
+    );
+    for (index, wanted) in wanted.iter().enumerate() {
+        let (name, began) = (wanted.name(), Instant::now());
+        let [journal, file] =
+            ["journal", "sum"].map(|kind| folder.path().join(format!("{index}.{kind}")));
+        let mut program = Command::new(&this);
+        program.args([list, "--one", &index.to_string()]).arg(&journal).arg(&file).args(json);
+        let status = restarted(&journal, &mut program).map_err(|error| error.to_string())?;
+        let read = || serde_json::from_slice::<Sum>(&std::fs::read(&file).ok()?).ok();
+        let Some(sum) = read().filter(|_| status.success()) else {
+            faults.push(format!("{name}: the process that makes its matrix ended: {status}"));
+            continue;
+        };
+        let line = match &sum.error {
+            Some(error) => format!("| {name} | | | {} | |\n", first_line(error)),
+            None => {
+                let Sum { rows, judged, wrong, .. } = &sum;
+                let seconds = began.elapsed().as_secs_f64();
+                format!("| {name} | {rows} | {judged} | {wrong} | {seconds:.1} |\n")
+            }
+        };
+        eprint!("{line}");
+        text += &line;
+        all.merge(sum);
+    }
+    text += &all.table(wanted.len(), &faults);
+    let written = std::io::stdout().write_all(text.as_bytes());
+    Ok(written.is_ok() && faults.is_empty() && all.judged > 0)
+}
+
+/// Makes the matrix of one crate, and writes down its sum.
+fn make_one(wanted: &Wanted, one: &One, json: Option<&str>) -> Result<(), String> {
+    let mut sum = Sum::default();
+    match make(wanted, &one.journal) {
+        Ok(matrix) => {
+            sum.add(&wanted.name(), &matrix);
+            if let Some(folder) = json {
+                let file = format!("{folder}/{}.json", wanted.name().replace(['/', '@'], "-"));
+                let json = serde_json::to_string(&matrix).expect("a matrix is plain data");
+                std::fs::write(&file, json).map_err(|error| format!("`{file}`: {error}"))?;
+            }
+        }
+        Err(error) => sum.error = Some(error),
+    }
+    let sum = serde_json::to_string(&sum).expect("a sum is plain data");
+    std::fs::write(&one.sum, sum).map_err(|error| error.to_string())
+}
+
+fn make(wanted: &Wanted, journal: &Path) -> Result<Matrix, String> {
     let package = wanted.open().map_err(|error| error.to_string())?;
     let with = |package: karat::Package, (module, features): (&String, &Vec<String>)| {
         let features: Vec<&str> = features.iter().map(String::as_str).collect();
         package.validated_with(module, &features)
     };
     let package = wanted.with.iter().fold(package, with);
-    let request = package.matrix().columns(Column::usual()).cases(CASES).overdue(overdue);
+    let request = package.matrix().columns(Column::usual()).cases(CASES).journal(journal);
     request.run().map_err(|error| error.to_string())
 }
 
@@ -133,36 +149,29 @@ fn first_line(text: &str) -> String {
     line.replace('|', "\\|")
 }
 
-impl All {
-    /// Adds a crate; its line in the table.
-    fn add(&mut self, name: &str, matrix: &Matrix, took: Duration) -> String {
+impl Sum {
+    /// Adds a crate's rows.
+    fn add(&mut self, name: &str, matrix: &Matrix) {
         let judged: Vec<_> = matrix.rows.iter().filter(|row| row.error.is_none()).collect();
-        let mut wrong = 0;
         for row in &judged {
             for (head, cell) in matrix.columns.iter().zip(&row.cells) {
                 let counts = self.counts.entry(head.name.clone()).or_default();
                 for status in Status::ALL.into_iter().filter(|s| cell.status >= Some(*s)) {
-                    *counts.entry(status.name()).or_default() += 1;
+                    *counts.entry(status.name().to_owned()).or_default() += 1;
                 }
-                if let Some(
-                    stop @ (Stop::Differs(_)
-                    | Stop::Rejected(_)
-                    | Stop::Broke(_)
-                    | Stop::Panicked(_)
-                    | Stop::Unsupported(_)),
-                ) = &cell.stopped
-                {
-                    wrong += 1;
-                    let word = match stop {
-                        Stop::Differs(_) => WRONG[0],
-                        Stop::Rejected(_) | Stop::Broke(_) => WRONG[1],
-                        Stop::Panicked(_) => WRONG[2],
-                        _ => WRONG[3],
-                    };
-                    *counts.entry(word).or_default() += 1;
-                    let known = self.reasons.entry(reason(&head.name, stop));
-                    known.or_insert_with(|| (0, format!("{name}, {}", row.name))).0 += 1;
-                }
+                let Some(stop) = &cell.stopped else { continue };
+                let word = match stop {
+                    Stop::Differs(_) => WRONG[0],
+                    Stop::Rejected(_) => WRONG[1],
+                    Stop::Broke(_) => WRONG[2],
+                    Stop::Panicked(_) => WRONG[3],
+                    Stop::Unsupported(_) => WRONG[4],
+                    _ => continue,
+                };
+                self.wrong += 1;
+                *counts.entry(word.to_owned()).or_default() += 1;
+                let known = self.reasons.entry(reason(&head.name, stop));
+                known.or_insert_with(|| (0, format!("{name}, {}", row.name))).0 += 1;
             }
         }
         for row in matrix.rows.iter().filter(|row| row.kind != "not callable") {
@@ -173,15 +182,25 @@ impl All {
         }
         self.rows += matrix.rows.len();
         self.judged += judged.len();
-        self.modules += 1;
-        let seconds = took.as_secs_f64();
-        format!("| {name} | {} | {} | {wrong} | {seconds:.1} |\n", matrix.rows.len(), judged.len())
     }
 
-    fn table(&self) -> String {
+    fn merge(&mut self, other: Self) {
+        self.rows += other.rows;
+        self.judged += other.judged;
+        self.wrong += other.wrong;
+        for (column, counts) in other.counts {
+            let all = self.counts.entry(column).or_default();
+            counts.into_iter().for_each(|(word, count)| *all.entry(word).or_default() += count);
+        }
+        for (reason, (count, first)) in other.reasons {
+            self.reasons.entry(reason).or_insert((0, first)).0 += count;
+        }
+    }
+
+    fn table(&self, packages: usize, faults: &[String]) -> String {
         let mut text = format!(
-            "\n{} packages, {} functions and entry points, {} of them in the matrix.\n\n| column |",
-            self.modules, self.rows, self.judged
+            "\n{packages} packages, {} functions and entry points, {} of them in the matrix.\n\n| column |",
+            self.rows, self.judged
         );
         let words: Vec<&str> = Status::ALL.map(Status::name).into_iter().chain(WRONG).collect();
         for word in &words {
@@ -189,8 +208,10 @@ impl All {
         }
         writeln!(text, "\n|---|{}", "---:|".repeat(words.len())).expect("text takes text");
         for (column, counts) in &self.counts {
-            let cells: Vec<String> =
-                words.iter().map(|w| counts.get(w).map_or(0, |count| *count).to_string()).collect();
+            let cells: Vec<String> = words
+                .iter()
+                .map(|w| counts.get(*w).map_or(0, |count| *count).to_string())
+                .collect();
             writeln!(text, "| {column} | {} |", cells.join(" | ")).expect("text takes text");
         }
         let mut reasons: Vec<_> = self.reasons.iter().collect();
@@ -199,7 +220,7 @@ impl All {
         for (reason, (count, first)) in reasons {
             writeln!(text, "| {reason} | {count} | {first} |").expect("text takes text");
         }
-        for fault in &self.faults {
+        for fault in faults {
             writeln!(text, "fault: {fault}").expect("text takes text");
         }
         text

@@ -14,11 +14,11 @@ mod compute;
 mod divergence;
 mod excerpt;
 mod execute;
+mod journal;
 mod judge;
 mod known;
 mod leeway;
 mod markdown;
-mod overdue;
 mod reduce;
 mod reference;
 mod row;
@@ -34,10 +34,10 @@ use serde::Serialize;
 pub use allowed::Allowed;
 pub use column::Column;
 pub use divergence::{Divergence, Intermediate};
+pub use journal::restarted;
 pub use judge::{Outcome, Said};
 pub use karat_translate::Code;
 pub use known::{Finding, Known};
-pub use overdue::restarted;
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
@@ -353,7 +353,7 @@ pub struct Request {
     within: Tolerance,
     only: Vec<String>,
     known: Vec<Known>,
-    overdue: Option<PathBuf>,
+    journal: Option<PathBuf>,
 }
 
 /// Cases that each function is called with. They are there to tell translations apart, not to find
@@ -386,7 +386,7 @@ impl Package {
             within: Rel(WITHIN).or(Abs(WITHIN)),
             only: Vec::new(),
             known: Vec::new(),
-            overdue: None,
+            journal: None,
         }
     }
 }
@@ -474,22 +474,22 @@ impl Request {
         self
     }
 
-    /// Notes in a file which row was running when the deadline ended the process, as nothing else can
-    /// be done about a driver that hangs. A row that is noted there runs alone, and if it is noted once
+    /// Writes to a file which row runs where, as nothing else can be done about a driver that hangs or
+    /// crashes than to begin again. A row that ran as a process ended runs alone, and if it ends one once
     /// more it isn't run: its cells say why. [`restarted`] runs a program that does this.
     ///
     /// ```
     /// # use karat::Package;
     /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
     /// # let folder = tempfile::tempdir()?;
-    /// let file = folder.path().join("overdue.jsonl");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).overdue(&file).run()?;
-    /// assert!(!file.exists(), "each row ended in time");
+    /// let file = folder.path().join("journal.jsonl");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).journal(&file).run()?;
+    /// assert!(file.exists(), "each row began and ended");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
-    pub fn overdue(self, file: &Path) -> Self {
-        Self { overdue: Some(file.to_owned()), ..self }
+    pub fn journal(self, file: &Path) -> Self {
+        Self { journal: Some(file.to_owned()), ..self }
     }
 
     /// Makes the matrix.
@@ -507,7 +507,7 @@ impl Request {
     ///
     /// # Errors
     /// If the package can't be read, has no function and no entry point, a setting is wrong, or the
-    /// file of [`overdue`](Self::overdue) isn't one.
+    /// file of [`journal`](Self::journal) isn't one.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
         self.run_with(&|_, _| {})
     }

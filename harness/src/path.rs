@@ -29,9 +29,9 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
-#[cfg(feature = "routes")]
-pub(crate) use deadline::on_deadline;
 pub(crate) use deadline::{Guard, guard, guard_opening};
+#[cfg(feature = "routes")]
+pub(crate) use deadline::{Moment, watched};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};

@@ -51,13 +51,31 @@ impl Alone {
         Self { fuel, ..self }
     }
 
+    /// Which of the words depend on what is read or written outside of an array: WGSL leaves open what
+    /// that is.
+    #[cfg(feature = "routes")]
+    pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
+        super::differing(|outside| {
+            self.words_with(cases, arguments, &Options { outside, ..Options::default() })
+        })
+    }
+
     /// For each case the words of what the function returns, of what its pointers point to and of the
     /// resources that it writes.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
+        self.words_with(cases, arguments, &Options::default())
+    }
+
+    fn words_with(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
+    ) -> Result<Vec<u32>, ProbeError> {
         let mut rows = Vec::new();
         for case in 0..cases {
             let own = &arguments[case * self.words_in..][..self.words_in];
-            let words = self.case(own).map_err(|error| match error {
+            let words = self.case(own, options).map_err(|error| match error {
                 ProbeError::Rounds { diagnostic, .. } => ProbeError::Rounds { case, diagnostic },
                 error => error,
             });
@@ -66,14 +84,14 @@ impl Alone {
         Ok(rows)
     }
 
-    fn case(&self, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
+    fn case(&self, arguments: &[u32], options: &Options) -> Result<Vec<u32>, ProbeError> {
         let mut resources = self.resources.clone();
         let bytes = |words: &[u32]| bytemuck::cast_slice::<u32, u8>(words).to_vec();
         resources.set_buffer(0, self.first, bytes(arguments));
         resources.set_buffer(0, self.first + 1, vec![0; 4 * (self.words_out + 1)]);
         resources.set_buffer(0, self.first + 2, bytes(&[1, 0, 0, 0]));
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
-        let options = Options { fuel: self.fuel, deadline, ..Options::default() };
+        let options = Options { fuel: self.fuel, deadline, ..options.clone() };
         self.lowered
             .dispatch::<F32>([1; 3], &mut resources, &options, &())
             .map_err(|stop| stopped(&self.program, &self.name, &stop))?;

@@ -11,6 +11,22 @@ use crate::probe::{ProbeError, Probed};
 #[derive(Debug)]
 pub(crate) enum Interpreted {}
 
+/// Nor for functions that write what is seen outside of them.
+#[cfg(feature = "routes")]
+#[derive(Debug)]
+pub(crate) enum Alone {}
+
+#[cfg(feature = "routes")]
+impl Alone {
+    pub(crate) fn new(_: &Probed, _: &Fixtures) -> Result<Self, ProbeError> {
+        Err(missing())
+    }
+
+    pub(crate) fn strays(&self, _: usize, _: &[u32]) -> Result<Vec<bool>, ProbeError> {
+        match *self {}
+    }
+}
+
 /// How exact an adapter was measured to be.
 #[derive(Clone, Debug)]
 pub(crate) enum Accuracy {}

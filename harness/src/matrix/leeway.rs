@@ -1,14 +1,20 @@
 //! Results that WGSL leaves open: two columns that differ there are both right.
 
 use crate::fixture::Fixtures;
-use crate::interpret::{Bound, Interpreted};
+use crate::interpret::{Alone, Bound, Interpreted};
 use crate::probe::Probed;
 use crate::value::Scalar;
 
 /// A function in Karat's engine, which knows what WGSL leaves open; nothing is known of one that the
 /// engine doesn't execute.
 #[derive(Default)]
-pub(super) struct Leeway(Option<Interpreted>);
+pub(super) enum Leeway {
+    #[default]
+    Unknown,
+    Function(Interpreted),
+    /// Each case is a dispatch.
+    Alone(Alone),
+}
 
 /// The lanes of some cases that WGSL leaves open.
 pub(super) struct Latitude {
@@ -41,14 +47,24 @@ pub(super) enum Freedom {
 
 impl Leeway {
     pub(super) fn of(probed: &Probed, fixtures: &Fixtures) -> Self {
-        Self(Interpreted::new(probed, fixtures).ok())
+        match probed.function().form.alone {
+            true => Alone::new(probed, fixtures).map_or(Self::Unknown, Self::Alone),
+            false => Interpreted::new(probed, fixtures).map_or(Self::Unknown, Self::Function),
+        }
     }
 
     /// The open lanes of these cases; `None`: nothing is known of them.
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
-        let interpreted = self.0.as_ref()?;
-        let strays = interpreted.strays(cases, rows).ok()?;
-        Some(Latitude { bounds: interpreted.bounds(cases, rows).ok(), strays })
+        match self {
+            Self::Unknown => None,
+            Self::Function(function) => {
+                let strays = function.strays(cases, rows).ok()?;
+                Some(Latitude { bounds: function.bounds(cases, rows).ok(), strays })
+            }
+            Self::Alone(function) => {
+                Some(Latitude { bounds: None, strays: function.strays(cases, rows).ok()? })
+            }
+        }
     }
 }
 
@@ -118,6 +134,25 @@ mod tests {
         let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
         assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
         assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
+    }
+
+    /// An atomic operation outside of its array may be one of another element, or none.
+    #[test]
+    fn what_an_atomic_does_outside_is_open_in_what_it_returns_and_leaves() {
+        let text = "@group(0) @binding(0) var<storage, read_write> b: array<atomic<u32>, 4>;
+                    fn f(i: u32) -> u32 { return atomicAdd(&b[i], 1u); }";
+        let package = Package::from_source("p", text);
+        let probed = Probed::new(&package, "f").expect("it is called");
+        let held = crate::fixture::Storage::new([7_u32, 8, 9, 10]);
+        let fixtures = vec![("b".to_owned(), held.into())];
+        let leeway = Leeway::of(&probed, &fixtures);
+        for (i, result, freedom) in [(1_u32, 8_u32, Freedom::Unknown), (5, 10, Freedom::Any)] {
+            let latitude = leeway.at(&[i], 1).expect("it is known");
+            let case = latitude.case(0, 5);
+            assert_eq!(case.freedom(0, Scalar::U32, [result, 0]), freedom, "returned of {i}");
+            assert_eq!(case.freedom(4, Scalar::U32, [10, 11]), freedom, "left by {i}");
+            assert_eq!(case.freedom(1, Scalar::U32, [7, 8]), Freedom::Unknown, "untouched by {i}");
+        }
     }
 
     #[test]

@@ -7,9 +7,9 @@ use karat_translate::{NAGA_VERSION, Tool};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::journal::Journal;
 use super::judge::Judged;
 use super::known::{Known, declare};
-use super::overdue::Overdue;
 use super::subject::{Ready, Subject, prepare};
 use super::{Cell, Column, Request, Row, Source, Status, row};
 use crate::diagnostic::nearest;
@@ -105,9 +105,9 @@ pub enum MatrixError {
         /// What is possible.
         most: usize,
     },
-    /// Rows that have passed the deadline are noted in a file that can't be read.
-    #[error("can't read `{file}`, where rows that passed the deadline are noted: {why}")]
-    Overdue {
+    /// The file that says which row ran as a process ended can't be read.
+    #[error("can't read `{file}`, which says what ran as a process ended: {why}")]
+    Journal {
         /// The file.
         file: String,
         /// Why.
@@ -164,20 +164,20 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
-    let overdue = Overdue::read(request.overdue.as_deref(), &package).map_err(|error| {
-        let file = request.overdue.as_ref().map_or_else(String::new, |f| f.display().to_string());
-        MatrixError::Overdue { file, why: error.to_string() }
+    let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
+        let file = request.journal.as_ref().map_or_else(String::new, |f| f.display().to_string());
+        MatrixError::Journal { file, why: error.to_string() }
     })?;
     let all = items.len();
     let order: BTreeMap<String, usize> =
         items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
-    // Last, each alone.
+    // First, each alone: who ends the process again does so before the others have run.
     let suspected: Vec<FunctionItem> =
-        items.extract_if(.., |item| overdue.is_suspected(&item.name)).collect();
+        items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
     // Devices are opened before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
-    let together = items.chunks(TOGETHER).chain(suspected.chunks(1));
+    let together = suspected.chunks(1).chain(items.chunks(TOGETHER));
     let rows = together.flat_map(|items| {
         let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
         let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
@@ -193,9 +193,9 @@ pub(super) fn make(
             let row = match (subject, cells) {
                 (Subject::Ready(ready), Some(mut cells)) => {
                     let name = ready.row.name.clone();
-                    match overdue.ends(&name, &request.columns, &mut cells) {
+                    match journal.ends(&name, &request.columns, &mut cells) {
                         true => ready.row(cells),
-                        false => overdue.watched(&name, || row::run(request, *ready, cells)),
+                        false => journal.watched(&name, || row::run(request, *ready, cells)),
                     }
                 }
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),

@@ -18,27 +18,45 @@ use crate::settings;
 pub(crate) struct Guard {
     /// Dropping the sender tells the watch that the work is done.
     _done: Sender<()>,
+    path: Path,
+    watcher: Option<Watcher>,
 }
 
-/// Is given the path and a sentence on what didn't finish, before the process ends.
-pub(crate) type OnDeadline = Arc<dyn Fn(Path, &str) + Send + Sync>;
+impl Drop for Guard {
+    fn drop(&mut self) {
+        self.watcher.iter().for_each(|watcher| watcher(self.path, Moment::Ends));
+    }
+}
+
+/// What a watcher hears of a guard.
+pub(crate) enum Moment<'a> {
+    Begins,
+    /// A sentence on what didn't finish, before the process ends.
+    Overdue(
+        #[cfg_attr(not(feature = "routes"), expect(dead_code, reason = "nobody listens"))] &'a str,
+    ),
+    Ends,
+}
+
+/// Hears of the guards that live while some work runs.
+pub(crate) type Watcher = Arc<dyn Fn(Path, Moment<'_>) + Send + Sync>;
 
 thread_local! {
     /// For guards that this thread makes.
-    static ON_DEADLINE: RefCell<Option<OnDeadline>> = const { RefCell::new(None) };
+    static WATCHER: RefCell<Option<Watcher>> = const { RefCell::new(None) };
 }
 
-/// Runs `work`, and calls `note` if a guard of it passes the deadline.
+/// Runs `work`, and tells the watcher of its guards.
 #[cfg(feature = "routes")]
-pub(crate) fn on_deadline<T>(note: OnDeadline, work: impl FnOnce() -> T) -> T {
+pub(crate) fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
     /// Puts back what was there, also where the work panics.
-    struct Before(Option<OnDeadline>);
+    struct Before(Option<Watcher>);
     impl Drop for Before {
         fn drop(&mut self) {
-            ON_DEADLINE.set(self.0.take());
+            WATCHER.set(self.0.take());
         }
     }
-    let _before = Before(ON_DEADLINE.replace(Some(note)));
+    let _before = Before(WATCHER.replace(Some(watcher)));
     work()
 }
 
@@ -55,7 +73,9 @@ pub(crate) fn guard_opening(path: Path) -> Guard {
 }
 
 fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
-    let note = ON_DEADLINE.with_borrow(Clone::clone);
+    let watcher = WATCHER.with_borrow(Clone::clone);
+    watcher.iter().for_each(|watcher| watcher(path, Moment::Begins));
+    let late = watcher.clone();
     let (done, wait) = channel::<()>();
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
@@ -66,8 +86,8 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
                 what(),
                 limit.as_secs_f64()
             );
-            if let Some(note) = note {
-                note(path, &why);
+            if let Some(late) = late {
+                late(path, Moment::Overdue(&why));
             }
             let message = format!("\nerror: {why}\n");
             let mut stderr = std::io::stderr();
@@ -78,5 +98,5 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
             std::process::abort();
         }
     });
-    Guard { _done: done }
+    Guard { _done: done, path, watcher }
 }

@@ -58,9 +58,9 @@ pub(super) struct Args {
     /// Judge functions by what their tests found on the same paths, in the record of the last run
     #[arg(long)]
     tests: bool,
-    /// Note in this file which row passed the deadline, which ends the process
+    /// Write to this file which row runs where, for when one ends the process
     #[arg(long, hide = true)]
-    overdue: Option<PathBuf>,
+    journal: Option<PathBuf>,
     #[command(flatten)]
     package: PackageArgs,
 }
@@ -80,20 +80,20 @@ fn bound(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    match &args.overdue {
+    match &args.journal {
         Some(file) => make(args, file, out),
         None => supervise(),
     }
 }
 
-/// Runs this command in a process of its own, which the deadline may end: then it begins again without
-/// the row that passed it.
+/// Runs this command in a process of its own, which a driver that hangs or crashes may end: then it begins
+/// again without that row.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
-    let file = folder.path().join("overdue.jsonl");
+    let file = folder.path().join("journal.jsonl");
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
-    command.args(std::env::args_os().skip(1)).arg("--overdue").arg(&file);
+    command.args(std::env::args_os().skip(1)).arg("--journal").arg(&file);
     let status = restarted(&file, &mut command).context("can't run this program again")?;
     match status.code() {
         Some(0) => Ok(Ending::Good),
@@ -104,7 +104,7 @@ fn supervise() -> Outcome {
     }
 }
 
-fn make(args: &Args, overdue: &Path, out: &mut dyn Write) -> Outcome {
+fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.package)?;
     expect_outputs(args, &packages)?;
@@ -127,7 +127,7 @@ fn make(args: &Args, overdue: &Path, out: &mut dyn Write) -> Outcome {
             .cases(args.cases)
             .within(Rel(args.within).or(Abs(args.within)))
             .only(args.only.iter().map(String::as_str))
-            .overdue(overdue);
+            .journal(journal);
         let matrix = request.run_with(&|done, of| {
             bar.set_length(of as u64);
             bar.set_position(done as u64);

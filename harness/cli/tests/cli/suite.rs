@@ -542,7 +542,8 @@ fn what_was_tested_below_is_known_above() {
     assert!(ran.out.contains(place), "{ran:?}");
     let pending = karat(path, &["pending"]);
     assert!(pending.code == Some(3) && pending.out.contains("grey"), "{pending:?}");
-    let accepted = karat(path, &["accept", "grey", "--because", "it is grey"]).good();
+    let accepted =
+        karat(path, &["accept", "grey", "--any-adapter", "--because", "it is grey"]).good();
     assert_eq!(accepted, "accepted grey\n");
     karat(path, &["test", "--paths", "vulkan"]).good();
     let listed = karat(path, &["list"]).good();
@@ -597,7 +598,8 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert_eq!(missing.code, Some(1), "{missing:?}");
     assert!(missing.out.contains("frame `gradient` has no golden"), "{missing:?}");
     assert!(!missing.err.contains("panicked"), "{missing:?}");
-    karat(folder.path(), &["accept", "gradient", "--because", "it is the first"]).good();
+    karat(folder.path(), &["accept", "gradient", "--any-adapter", "--because", "it is the first"])
+        .good();
     assert!(declared(tint).good().contains("1 check, 0 failed"));
     let brighter = declared("tint = { color = [1.0, 0.5, 0.25], gain = 3 }");
     assert_eq!(brighter.code, Some(1), "{brighter:?}");
@@ -647,7 +649,7 @@ fn declared_values_are_compared_with_their_golden() {
     assert_eq!(pending.code, Some(3), "{pending:?}");
     assert!(pending.out.contains("20 rows") && pending.out.contains("cpu: "), "{pending:?}");
     // What Karat's engine returns is the same on each machine.
-    karat(folder, &["accept", "tone/*", "--because", "it is linear"]).good();
+    karat(folder, &["accept", "tone/*", "--any-adapter", "--because", "it is linear"]).good();
     assert!(run().good().contains("1 check, 0 failed"));
     let golden = folder.join("golden/tone/linear.csv");
     assert!(golden.is_file() && !golden.with_extension("toml").exists());
@@ -720,7 +722,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
         declare(&[&a, &b, &d])
     };
     assert_eq!(all(2).code, Some(1), "no golden");
-    karat(folder, &["accept", "*", "--because", "the first"]).good();
+    karat(folder, &["accept", "*", "--any-adapter", "--because", "the first"]).good();
     assert!(all(2).good().contains("3 checks, 0 failed"));
     let changed = all(3);
     assert!(changed.out.contains("3 checks, 1 failed"), "{changed:?}");

@@ -14,6 +14,11 @@ fn accept(browser: &mut Browser, tab: &Tab, because: &str) {
     browser.press(tab, "a");
     browser.wait(tab, "document.getElementById('accept-dialog').open");
     browser.write(tab, because);
+    // Shown for what wasn't rendered on lavapipe: for everybody.
+    for (choice, shown) in [("any-adapter", "any-adapter-line"), ("of-all", "of-which")] {
+        let [choice, shown] = [choice, shown].map(|id| format!("document.getElementById('{id}')"));
+        browser.value(tab, &format!("if (!{shown}.hidden) {choice}.checked = true"));
+    }
     browser.press(tab, "Enter");
 }
 

@@ -231,9 +231,11 @@ impl Sum {
     fn in_any_order(self) -> Interval {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
+        let flushed = if self.step < LEAST_NORMAL { power(LEAST_NORMAL) } else { 0.0 };
         if reach <= power(self.step.saturating_add(24)).min(f64::from(f32::MAX)) {
-            // No sum of terms is rounded.
-            return Interval::outwards(self.exact.0, self.exact.1);
+            // No sum of terms is rounded; a subnormal one may be flushed.
+            let error = (count - 2.0).max(0.0) * flushed;
+            return Interval::outwards(self.exact.0 - error, self.exact.1 + error);
         }
         // Rounding may add to a sum of terms.
         let reach = reach * (count / 4_194_304.0/* 2^22 */).exp();
@@ -241,7 +243,6 @@ impl Sum {
             return Interval::UNBOUNDED;
         }
         let spacing = power((libm::ilogb(reach) as i16 - 23).max(LEAST_STEP));
-        let flushed = if self.step < LEAST_NORMAL { power(LEAST_NORMAL) } else { 0.0 };
         let error = (spacing - power(self.step)).max(0.0) + flushed;
         let error = (count - 2.0).max(0.0) * error;
         Interval::outwards((self.exact.0 - error).next_down(), (self.exact.1 + error).next_up())

@@ -345,6 +345,21 @@ fn an_order_that_overflows_has_no_bound() {
     assert_eq!(one("x * y * z * w", [3.0, -4.0, 5.0, 0.5]), Interval::point(-30.0));
 }
 
+/// What operations give may be flushed to zero where it is subnormal (WGSL, 15.7.2 "Differences from
+/// IEEE-754"): a sum of some terms is, before the others are added.
+#[test]
+fn a_sum_of_some_terms_may_be_flushed() {
+    let m = f32::MIN_POSITIVE;
+    for (result, row, value) in [
+        ("x + y + z", [-m, 1.5 * m, -m, 0.0], -m),
+        ("x + y + z + w", [-m, 1.5 * m, -m, 4.0 * m], 3.0 * m),
+        ("mix(x, y, z) + x", [-m, 1.5, m, 0.0], -m),
+    ] {
+        let bound = one(result, row);
+        assert!(bound.contains(f64::from(value)), "{result}: {value:e} isn't in {bound:?}");
+    }
+}
+
 /// A product isn't distributed over a sum, and what isn't a sum or a product keeps its order.
 #[test]
 fn only_sums_and_products_have_several_orders() {

@@ -1,0 +1,257 @@
+//! Rows that end the process: a driver that hangs can't be torn down, and one that crashes takes the process
+//! with it. So a file says which row runs where, and who begins again does it without that row.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Cell, Column, Stop};
+use crate::path::{Moment, watched};
+
+/// A line of the file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Line {
+    Began(At),
+    /// The sentence says what passed the deadline.
+    Overdue(At, String),
+    Ended(At),
+    /// The process ended, as the sentence says.
+    Process(String),
+}
+
+/// A row on a path; without one it is prepared or compared.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct At {
+    package: String,
+    row: String,
+    path: Option<String>,
+}
+
+/// A row that ran when a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Culprit {
+    at: At,
+    /// How the process ended, in a sentence.
+    why: String,
+}
+
+/// What earlier processes say of a package.
+#[derive(Debug, Default)]
+pub(super) struct Journal {
+    file: Option<PathBuf>,
+    package: String,
+    /// Once for each process that a row may have ended.
+    culprits: BTreeMap<String, Vec<Culprit>>,
+}
+
+impl Journal {
+    /// Reads a file; nothing has ended where there is none.
+    pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
+        let mut journal = Self { package: package.to_owned(), ..Self::default() };
+        let Some(file) = file else { return Ok(journal) };
+        journal.file = Some(file.to_owned());
+        for culprit in culprits(&lines(file)?) {
+            if culprit.at.package == package {
+                journal.culprits.entry(culprit.at.row.clone()).or_default().push(culprit);
+            }
+        }
+        Ok(journal)
+    }
+
+    /// True if a row is suspected, so that it runs alone: another one that ran beside it may have been
+    /// what ended the process.
+    pub(super) fn is_suspected(&self, row: &str) -> bool {
+        self.culprits.contains_key(row)
+    }
+
+    /// True if a row isn't run, as it has ended the process alone: its cells then say so.
+    pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
+        let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
+        for (column, cell) in columns.iter().zip(cells) {
+            let Some(path) = column.path().filter(|_| cell.stopped.is_none()) else { continue };
+            let path = path.to_string();
+            cell.stopped = Some(match &last.at.path {
+                Some(ended) if *ended != path => Stop::NotRun(format!(
+                    "it isn't run, as it ends the process on `{ended}`: {}",
+                    last.why
+                )),
+                _ => Stop::Broke(last.why.clone()),
+            });
+        }
+        true
+    }
+
+    /// Runs a row, and writes down where it is.
+    pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
+        let Some(file) = self.file.clone() else { return work() };
+        let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
+        // A process that ends without a line doesn't begin again, and says how it ended.
+        let write = move |line: Line| drop(line.write(&file));
+        let note = {
+            let (write, row) = (write.clone(), row.clone());
+            move |path: crate::path::Path, moment: Moment<'_>| {
+                let at = At { path: Some(path.to_string()), ..row.clone() };
+                write(match moment {
+                    Moment::Begins => Line::Began(at),
+                    Moment::Overdue(why) => Line::Overdue(at, why.to_owned()),
+                    Moment::Ends => Line::Ended(at),
+                });
+            }
+        };
+        write(Line::Began(row.clone()));
+        let result = watched(Arc::new(note), work);
+        write(Line::Ended(row));
+        result
+    }
+}
+
+impl Line {
+    fn write(&self, file: &Path) -> io::Result<()> {
+        let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
+        file.write_all(format!("{}\n", serde_json::to_string(self)?).as_bytes())
+    }
+}
+
+/// The lines of a file; none where there is no file.
+fn lines(file: &Path) -> io::Result<Vec<Line>> {
+    let text = match std::fs::read_to_string(file) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+        text => text?,
+    };
+    text.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
+}
+
+/// What ran as each process ended. Where one passed the deadline, it alone.
+fn culprits(lines: &[Line]) -> Vec<Culprit> {
+    let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
+    for line in lines {
+        match line {
+            Line::Began(at) => running.push(at.clone()),
+            Line::Ended(at) => {
+                let last = running.iter().rposition(|one| one == at);
+                last.map(|last| running.remove(last));
+            }
+            Line::Overdue(at, why) => overdue.push(Culprit { at: at.clone(), why: why.clone() }),
+            Line::Process(how) => {
+                let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
+                // Behind the row stands the path that it is on.
+                for at in running.drain(..) {
+                    rows.insert((at.package.clone(), at.row.clone()), at);
+                }
+                let crashed = rows.into_values().map(|at| {
+                    let on =
+                        at.path.as_ref().map_or_else(String::new, |path| format!(" on `{path}`"));
+                    let why = format!("the process ended as `{}` ran{on}: {how}", at.row);
+                    Culprit { at, why }
+                });
+                match overdue.is_empty() {
+                    true => culprits.extend(crashed),
+                    false => culprits.append(&mut overdue),
+                }
+            }
+        }
+    }
+    culprits
+}
+
+/// Runs a program that makes matrices, and again as often as a row of them ends it: by the deadline, or
+/// because a driver crashes. It passes the same file to [`Request::journal`](super::Request::journal). How
+/// the last one ended.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use std::process::Command;
+///
+/// let file = Path::new("target/journal.jsonl"); // which isn't there yet
+/// let mut program = Command::new("makes-matrices");
+/// let status = karat::matrix::restarted(file, program.arg(file))?;
+/// assert!(status.success());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the program can't be run, or the file isn't a journal.
+pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
+    loop {
+        let before = culprits(&lines(file)?).len();
+        let status = program.status()?;
+        // What ends by itself has a small code; a crash has none, or a large one on Windows.
+        if status.code().is_some_and(|code| (0..=255).contains(&code)) {
+            return Ok(status);
+        }
+        Line::Process(status.to_string()).write(file)?;
+        if culprits(&lines(file)?).len() == before {
+            return Ok(status);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::Status;
+
+    fn at(package: &str, row: &str, path: Option<&str>) -> At {
+        let [package, row] = [package, row].map(str::to_owned);
+        At { package, row, path: path.map(str::to_owned) }
+    }
+
+    /// The one that was noted first may have waited for the one that hung.
+    #[test]
+    fn a_row_is_given_up_when_it_ends_the_process_alone() {
+        let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
+        let hangs = |package: &str| {
+            let at = at(package, "slow", Some("vulkan"));
+            vec![
+                Line::Began(at.clone()),
+                Line::Overdue(at, "it hangs".to_owned()),
+                Line::Process("signal: 6".to_owned()),
+            ]
+        };
+        let crashes = |package: &str| {
+            // One is over, and one waits for the other.
+            let over = at(package, "fast", Some("vulkan"));
+            vec![
+                Line::Began(at(package, "slow", None)),
+                Line::Began(over.clone()),
+                Line::Began(at(package, "slow", Some("vulkan"))),
+                Line::Ended(over),
+                Line::Process("signal: 11".to_owned()),
+            ]
+        };
+        let crashed = "the process ended as `slow` ran on `vulkan`: signal: 11";
+        for why in ["it hangs", crashed] {
+            let lines = |package| if why == crashed { crashes(package) } else { hangs(package) };
+            let folder = tempfile::tempdir().expect("a folder");
+            let file = folder.path().join("journal");
+            let read = || Journal::read(Some(&file), "p").expect("it is read");
+            let cell = Cell { status: Some(Status::Valid), ..Cell::default() };
+            let mut cells = [cell.clone(), cell.clone(), cell];
+            assert!(!read().is_suspected("slow"), "there is no file yet");
+            for (times, package) in [(1, "p"), (1, "other"), (2, "p")] {
+                for line in lines(package) {
+                    line.write(&file).expect("written");
+                }
+                assert!(read().is_suspected("slow") && !read().is_suspected("fast"));
+                assert_eq!(read().ends("slow", &columns, &mut cells), times == 2);
+            }
+            let [gl, vulkan, msl] = cells.map(|cell| cell.stopped);
+            assert_eq!(vulkan, Some(Stop::Broke(why.to_owned())));
+            assert!(gl.is_some_and(|stop| !stop.is_wrong() && stop.text().contains("`vulkan`")));
+            assert_eq!(msl, None, "nothing runs there");
+        }
+    }
+
+    /// What ends with nothing running isn't any row's fault.
+    #[test]
+    fn a_process_that_ends_between_rows_has_no_culprit() {
+        let row = at("p", "r", None);
+        let lines = [Line::Began(row.clone()), Line::Ended(row), Line::Process("no".to_owned())];
+        assert_eq!(culprits(&lines), []);
+    }
+}
