@@ -140,7 +140,12 @@ fn what_stops_passes_is_no_known_issue() {
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
     assert!(error.contains("remove `.refused_on(...)`"), "{error}");
-    for entry_point in ["endless", "large"] {
+    // Lavapipe ends an endless loop; another driver hangs, and the deadline ends the process.
+    let ends = selected().iter().all(|path| {
+        karat::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
+    });
+    let stop: &[&str] = if ends { &["endless", "large"] } else { &["large"] };
+    for &entry_point in stop {
         for refuses in [false, true] {
             let error = declared(entry_point, refuses).expect_err("it gives no values").to_string();
             assert!(!error.contains("off by one"), "{entry_point}: {error}");

@@ -228,8 +228,12 @@ fn an_endless_loop() {
         let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        assert!(text.contains(&format!("`endless` (<planted>:1:1) on path {path}")), "{text}");
-        assert!(text.contains("did not finish within 1.5 s"), "{text}");
+        // A driver that makes rounds fast is ended by their number, and the engine then finds the loop.
+        let driver =
+            format!("`endless` (<planted>:1:1) on path {path} did not finish within 1.5 s");
+        let engine =
+            "`endless` was stopped: after 1.5 s it was still in this loop\n  --> <planted>:1:";
+        assert!(text.contains(&driver) || text.contains(engine), "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }

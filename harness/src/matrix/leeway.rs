@@ -3,6 +3,7 @@
 use crate::fixture::Fixtures;
 use crate::interpret::{Alone, Bound, Interpreted};
 use crate::probe::Probed;
+use crate::reflect::BindingKind;
 use crate::value::Scalar;
 
 /// A function in Karat's engine, which knows what WGSL leaves open; nothing is known of one that the
@@ -11,7 +12,10 @@ use crate::value::Scalar;
 pub(super) enum Leeway {
     #[default]
     Unknown,
-    Function(Interpreted),
+    Function {
+        function: Interpreted,
+        loose: bool,
+    },
     /// Each case is a dispatch.
     Alone(Alone),
 }
@@ -22,6 +26,8 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
+    /// Whether bounds may be wider than what WGSL allows: those of a texture hold all of its texels.
+    loose: bool,
 }
 
 /// The lanes of one case that WGSL leaves open.
@@ -29,15 +35,15 @@ pub(super) struct Latitude {
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
     strays: &'l [bool],
+    loose: bool,
 }
 
 /// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
-    /// Any value is allowed: results that differ are both right.
+    /// WGSL allows both results: where they differ, both are right.
     Any,
-    /// Both results are within bounds. These may be wider than what WGSL allows: those of a texture hold
-    /// all of its texels.
+    /// Both results are within bounds that may be wider than what WGSL allows.
     Both,
     /// One of them isn't allowed.
     NotBoth,
@@ -49,7 +55,11 @@ impl Leeway {
     pub(super) fn of(probed: &Probed, fixtures: &Fixtures) -> Self {
         match probed.function().form.alone {
             true => Alone::new(probed, fixtures).map_or(Self::Unknown, Self::Alone),
-            false => Interpreted::new(probed, fixtures).map_or(Self::Unknown, Self::Function),
+            false => Interpreted::new(probed, fixtures).map_or(Self::Unknown, |function| {
+                let bindings = &probed.function().bindings;
+                let loose = bindings.iter().any(|one| matches!(one.kind, BindingKind::Texture(_)));
+                Self::Function { function, loose }
+            }),
         }
     }
 
@@ -57,12 +67,14 @@ impl Leeway {
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
         match self {
             Self::Unknown => None,
-            Self::Function(function) => {
+            Self::Function { function, loose } => {
                 let strays = function.strays(cases, rows).ok()?;
-                Some(Latitude { bounds: function.bounds(cases, rows).ok(), strays })
+                let bounds = function.bounds(cases, rows).ok();
+                Some(Latitude { bounds, strays, loose: *loose })
             }
             Self::Alone(function) => {
-                Some(Latitude { bounds: None, strays: function.strays(cases, rows).ok()? })
+                let strays = function.strays(cases, rows).ok()?;
+                Some(Latitude { bounds: None, strays, loose: false })
             }
         }
     }
@@ -73,7 +85,8 @@ impl Latitude {
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
-        OfCase { bounds, strays: self.strays.get(lanes).unwrap_or_default() }
+        let strays = self.strays.get(lanes).unwrap_or_default();
+        OfCase { bounds, strays, loose: self.loose }
     }
 }
 
@@ -95,6 +108,7 @@ impl OfCase<'_> {
         });
         match results.iter().all(|word| bound.allows(scalar.decode(*word))) {
             _ if is_any => Freedom::Any,
+            true if !self.loose => Freedom::Any,
             true => Freedom::Both,
             false => Freedom::NotBoth,
         }
@@ -127,12 +141,12 @@ mod tests {
         let [two, three, one] = [2.0_f32, 3.0, 1.0].map(f32::to_bits);
         // a[1] is 2, and 3 / 3 is 1.
         let f = |i: u32, lane| freedom("f", [i, three], Scalar::F32, [[two, lane], [one, one]]);
-        assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
-        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
+        assert_eq!(f(1, two), [Freedom::Any, Freedom::Any]);
+        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Any]);
         assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
         // What is written outside may be seen in any element; a division by zero is defined.
         let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
-        assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
+        assert_eq!(g(1, 0), [Freedom::Any, Freedom::NotBoth]);
         assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
     }
 
@@ -163,7 +177,9 @@ mod tests {
         for (x, open) in [(-1.0_f32, true), (0.0, true), (4.0, false)] {
             let latitude = leeway.at(&[x.to_bits()], 1).expect("it is known");
             let half = 0.5_f32.to_bits();
-            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, half]);
+            // Half is right of 4, where WGSL leaves room for a few steps.
+            let other = 0.75_f32.to_bits();
+            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, other]);
             assert_eq!(seen == Freedom::Any, open, "{x}");
         }
     }
