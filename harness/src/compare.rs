@@ -331,8 +331,9 @@ impl Request {
         for variant in 0..VARIANTS {
             let (count, rows) = arguments.part(&rows, count, variant);
             // What one of them reads and the other doesn't is made up for the one that reads it.
-            let old = Resources::of(before, &ranges, variant)?;
+            let mut old = Resources::of(before, &ranges, variant)?;
             let new = Resources::of(after, &ranges, variant)?;
+            hold_the_same(&mut old.fixtures, &new.fixtures, before, after);
             ran.drawn.merge(new.drawn);
             for path in &self.paths {
                 let both = || -> Result<_, ProbeError> {
@@ -385,12 +386,40 @@ struct Ran {
     cut: usize,
 }
 
+/// The resource before an edit: that of the same name, or one that isn't there any more and was bound where
+/// this one is.
+fn was<'b>(before: &'b Probed, after: &Probed, new: &Binding) -> Option<&'b Binding> {
+    let olds = &before.function.bindings;
+    let is_gone = |old: &Binding| after.function.bindings.iter().all(|new| new.path != old.path);
+    let place = |one: &Binding| (one.group, one.binding, one.kind);
+    olds.iter()
+        .find(|old| old.path == new.path)
+        .or_else(|| olds.iter().find(|old| place(old) == place(new) && is_gone(old)))
+}
+
+/// A resource with another name holds the same, if it is laid out in the same way: contents come from names.
+fn hold_the_same(old: &mut Fixtures, new: &Fixtures, before: &Probed, after: &Probed) {
+    for is in &after.function.bindings {
+        let Some(was) = was(before, after, is).filter(|was| was.path != is.path) else { continue };
+        let layout = |probed: &Probed, binding| {
+            (probed.program.least_bytes(binding), probed.program.places(binding))
+        };
+        let of =
+            |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
+        let (from, to) = (of(new, &is.path), of(old, &was.path));
+        if let (Some(from), Some(to)) = (from, to)
+            && layout(before, was) == layout(after, is)
+        {
+            old[to].1 = new[from].1.clone();
+        }
+    }
+}
+
 /// How the host has to supply resources in another way after an edit: bindings and places of members.
 fn interface(before: &Probed, after: &Probed) -> Vec<String> {
     let mut all = Vec::new();
     for new in &after.function.bindings {
-        let old = before.function.bindings.iter().find(|old| old.path == new.path);
-        let Some(old) = old else { continue };
+        let Some(old) = was(before, after, new) else { continue };
         let name = new.name();
         let at =
             |binding: &Binding| format!("@group({}) @binding({})", binding.group, binding.binding);
@@ -720,6 +749,11 @@ mod tests {
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
+        // Another name says nothing to the host, and holds the same.
+        let renamed = buffer.replace("d: array", "data: array").replace("d[i]", "data[i]");
+        assert_eq!(interface(buffer, buffer, &renamed), [""; 0]);
+        let renamed = aligned.replace("> p:", "> params:").replace("p.y", "params.y");
+        assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
     /// Textures differ in size and levels, numbers are those that `karat.toml` declares, and cosines round
