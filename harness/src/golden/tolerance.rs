@@ -91,15 +91,21 @@ impl FrameTolerance {
     /// The first bound that bounds nothing.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
+        // Black for a colour is off by 1, and so is FLIP's largest error.
+        let share = |bound: f64| !(bound >= 0.0 && bound < 1.0);
         match self {
-            Self::Gate(Gate { relative, .. }) if number(f64::from(*relative)) => {
-                Some(format!("{relative}; it is a relative difference of at least 0"))
+            Self::Gate(Gate { relative, .. }) if share(f64::from(*relative)) => {
+                Some(format!("{relative}; it is a relative difference from 0 to below 1"))
             }
             Self::Gate(Gate { absolute: Some(absolute), .. }) if number(f64::from(*absolute)) => {
                 Some(format!("{absolute}; it is a difference of at least 0"))
             }
             Self::Gate(_) => None,
-            Self::FlipTile(bound) | Self::FlipMean(bound) | Self::Metric(_, bound) => {
+            Self::FlipTile(bound) | Self::FlipMean(bound) if share(*bound) => {
+                Some(format!("{bound}; errors of FLIP are from 0 to 1, and a bound is below 1"))
+            }
+            Self::FlipTile(_) | Self::FlipMean(_) => None,
+            Self::Metric(_, bound) => {
                 let no_bound = format!("{bound}; a bound is a number of at least 0");
                 number(*bound).then_some(no_bound)
             }

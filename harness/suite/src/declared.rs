@@ -467,25 +467,27 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
 
 /// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
 /// has a `slack` in place of a tolerance.
-const TAKEN: [(&str, &[&str]); 3] = [
-    (
-        "over",
-        &[
-            "agrees_with",
-            "golden",
-            "equals",
-            "finite",
-            "in_range",
-            "symmetric_in",
-            "monotone",
-            "limit",
-            "integral",
-            "integral at_most",
-            "no_hazards",
-        ],
-    ),
+const TAKEN: [(&str, &[&str]); 5] = [
+    ("over", &DRAWN),
+    ("cases", &DRAWN),
+    ("seed", &DRAWN),
     ("tolerance", &WITHIN),
     ("tolerance_on", &WITHIN),
+];
+
+/// The assertions whose arguments are drawn: a table has its own.
+const DRAWN: [&str; 11] = [
+    "agrees_with",
+    "golden",
+    "equals",
+    "finite",
+    "in_range",
+    "symmetric_in",
+    "monotone",
+    "limit",
+    "integral",
+    "integral at_most",
+    "no_hazards",
 ];
 
 /// The assertions that take a tolerance.
@@ -674,6 +676,14 @@ mod tests {
             (
                 "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\n\
                  over = { x = \"0..1\" }\n",
+                "brdf.test.toml:5:1",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\ncases = 9\n",
+                "`cases` does nothing here: `table` takes none",
+            ),
+            (
+                "[[test]]\nfunction = \"f\"\ntable = \"f.csv\"\ntolerance = \"4 ulp\"\nseed = 9\n",
                 "brdf.test.toml:5:1",
             ),
             (

@@ -97,6 +97,7 @@ fn stem_of(name: &str) -> Option<&str> {
     let meant = match ending {
         "toml" => is_test || means_test,
         // An editor's copy is none: `brdf.test.toml~`.
+        "yaml" | "yml" | "json" => is_test && rest.as_bytes()[stem.len()] == b'.',
         other => is_test && !other.ends_with('~') && nearest(other, ["toml"]).is_some(),
     };
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
@@ -157,6 +158,8 @@ mod tests {
             "a-tests.toml",
             "a.test.tml",
             "A.TEST.TOML",
+            "a.test.yaml",
+            "a.tests.json",
         ] {
             assert_eq!(stem_of(name).map(str::to_lowercase).as_deref(), Some("a"), "{name}");
         }

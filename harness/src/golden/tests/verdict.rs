@@ -128,9 +128,18 @@ fn tolerances_are_trees() {
     assert_eq!((decided.decided_by, decided.ratio), (Criterion::Metric, 0.98));
     assert_eq!(decided.tolerance, "rel 1e-3 or (FLIP tile 0.01 and red 0.5)");
     for (useless, reason) in [
-        (FrameTolerance::gate(f32::NAN), "NaN; it is a relative difference of at least 0"),
-        (FrameTolerance::gate(-1.0), "-1; it is a relative difference of at least 0"),
-        (Any(vec![gate(), FlipTile(f64::INFINITY)]), "inf; a bound is a number of at least 0"),
+        (FrameTolerance::gate(f32::NAN), "NaN; it is a relative difference from 0 to below 1"),
+        (FrameTolerance::gate(-1.0), "-1; it is a relative difference from 0 to below 1"),
+        (FrameTolerance::gate(1.0), "1; it is a relative difference from 0 to below 1"),
+        (
+            Any(vec![gate(), FlipTile(f64::INFINITY)]),
+            "inf; errors of FLIP are from 0 to 1, and a bound is below 1",
+        ),
+        (
+            All(vec![gate(), FlipMean(1.0)]),
+            "1; errors of FLIP are from 0 to 1, and a bound is below 1",
+        ),
+        (red(-1.0), "-1; a bound is a number of at least 0"),
         (All(vec![]), "a list of no bounds; name at least one"),
         (red(1.0), ""),
     ] {
