@@ -44,6 +44,7 @@ pub(crate) use library::LinkedModule;
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;
+pub(crate) use manifest::Declared;
 #[cfg(feature = "routes")]
 pub(crate) use manifest::KnownRows;
 #[cfg(feature = "engine")]

@@ -1,19 +1,20 @@
 //! `karat.toml` beside the modules of a folder: features, what expands modules, what is known not to
 //! work in the matrix of translations, what arguments are and which hazards are accepted.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
 use super::feature::{Feature, Features};
+use super::functions::FunctionItem;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, read_file, shown};
+use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
 use crate::settings;
 
 /// The file's name.
@@ -168,6 +169,85 @@ impl Package {
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| manifest.expands())
+    }
+}
+
+/// What a `karat.toml` says of functions and arguments, and what of that a package has.
+#[derive(Debug)]
+pub(crate) struct Declared {
+    file: String,
+    /// Paths of inputs that weren't seen yet: `alpha`, `params.groups`.
+    inputs: Vec<String>,
+    /// Functions and rows that weren't seen yet: `module::name`, `module::*`.
+    functions: Vec<String>,
+    /// Functions and entry points that are there.
+    names: Vec<String>,
+}
+
+impl Package {
+    /// What is declared of a folder's functions and arguments; `None`: nothing.
+    pub(crate) fn declared(&self) -> Result<Option<Declared>, PackageError> {
+        let manifest = Manifest::of(self)?;
+        let Origin::Folder { .. } = self.origin else { return Ok(None) };
+        let root = self.root();
+        let Some(read) = manifest.read else {
+            // A file system that tells letters apart reads no `Karat.toml`.
+            let entries = std::fs::read_dir(&root).into_iter().flatten().flatten();
+            let mut names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+            return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
+                Some(name) => Err(PackageError::Manifest {
+                    file: shown(&root.join(name)),
+                    reason: format!("a folder's file is called `{NAME}`, and this one isn't read"),
+                }),
+                None => Ok(None),
+            };
+        };
+        let of_hazards = manifest.hazards.accepted.into_iter().flat_map(|one| one.functions);
+        let of_rows = manifest.matrix.into_iter().flat_map(|known| known.rows);
+        Ok(Some(Declared {
+            file: shown(&read.file),
+            inputs: manifest.hazards.inputs.into_keys().collect(),
+            functions: of_hazards.chain(of_rows).collect(),
+            names: Vec::new(),
+        }))
+    }
+}
+
+impl Declared {
+    /// Takes a module: its functions and entry points, its author's text, and what is linked of it and of
+    /// all that it uses.
+    pub(crate) fn see(&mut self, functions: Vec<FunctionItem>, linked: &str) {
+        let own = functions.first().map(|item| Arc::clone(&item.span.file));
+        self.names.extend(functions.into_iter().map(|item| item.name));
+        if self.inputs.is_empty() && self.functions.is_empty() {
+            return;
+        }
+        let texts = [linked, own.as_ref().map_or("", |file| &file.text)];
+        let words = texts.map(|text| text.split(|c: char| c != '_' && !c.is_alphanumeric()));
+        let words: BTreeSet<&str> = words.into_iter().flatten().collect();
+        self.inputs.retain(|path| path.split('.').any(|part| !words.contains(part)));
+        // What a condition leaves out is there for others.
+        self.functions.retain(|path| {
+            let names = &self.names;
+            match path.strip_suffix('*') {
+                Some(module) => !names.iter().any(|own| own.starts_with(module)),
+                None => !words.contains(path.rsplit("::").next().unwrap_or_default()),
+            }
+        });
+    }
+
+    /// Refuses a name that nothing has: it would be declared of nothing.
+    pub(crate) fn conclude(self) -> Result<(), PackageError> {
+        let reason = if let Some(name) = self.inputs.first() {
+            format!("the input `{name}` is declared, and nothing in the package has this name")
+        } else if let Some(name) = self.functions.first() {
+            let near = nearest(name, self.names.iter().map(String::as_str));
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            format!("something is declared of `{name}`, and the package has no such function{near}")
+        } else {
+            return Ok(());
+        };
+        Err(PackageError::Manifest { file: self.file, reason })
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{Program, ReflectError, kept};
 use crate::output::counted;
-use crate::package::{Package, PackageError};
+use crate::package::{self, Package, PackageError};
 
 /// What was found valid.
 ///
@@ -92,6 +92,7 @@ impl Package {
         let mut found =
             Validated { modules: modules.len(), functions: 0, entry_points: 0, tests: 0 };
         let mut errors = Vec::new();
+        let mut declared = self.declared().map_err(Invalid::Package)?;
         for module in &modules {
             match Program::of_module(&self.for_validating(module), module) {
                 Ok(program) => {
@@ -101,6 +102,10 @@ impl Package {
                     found.functions += functions.filter(|name| own(name)).count();
                     found.entry_points += linked.entry_points.len();
                     found.tests += self.for_validating(module).tests_of(module);
+                    if let Some(declared) = &mut declared {
+                        let own = self.functions_in(module).map_err(Invalid::Package)?;
+                        declared.see(own, program.linked.spliced.text());
+                    }
                 }
                 Err(error) => errors.push((module.clone(), error)),
             }
@@ -112,6 +117,7 @@ impl Package {
         if found.functions + found.entry_points + found.tests == 0 {
             return Err(Invalid::Nothing { package: self.name() });
         }
+        declared.map_or(Ok(()), package::Declared::conclude).map_err(Invalid::Package)?;
         Ok(found)
     }
 }

@@ -95,3 +95,49 @@ fn a_package_of_nothing_is_no_success() {
     let ran = karat(project.path(), &["check", "--package", "empty"]);
     assert!(ran.code != Some(0), "{ran:?}");
 }
+
+/// What is declared of a name that nothing has would be declared of nothing.
+#[test]
+fn names_in_karat_toml_are_those_of_the_package() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "struct Params { groups: u32 }\n@group(0) @binding(0) var<uniform> params: Params;\n\
+                fn half(alpha: f32) -> f32 { return 0.5 * alpha * f32(params.groups); }\n";
+    write(folder.path(), "shaders/calc.wgsl", text);
+    let check = |file: &str, declared: &str| {
+        write(folder.path(), &format!("shaders/{file}"), declared);
+        let ran = karat(folder.path(), &["check", "--package", "shaders"]);
+        std::fs::remove_file(folder.path().join("shaders").join(file)).expect("it is there");
+        ran
+    };
+    let hazard =
+        |name: &str| format!("[[hazard]]\nfunctions = [\"{name}\"]\nreason = \"as planned\"\n");
+    let row = |name: &str| {
+        format!(
+            "[[matrix]]\nrows = [\"{name}\"]\ncolumns = [\"gl\"]\nstatus = \"valid\"\nreason = \"x\"\n"
+        )
+    };
+    for declared in [
+        "[inputs]\nalpha = [0, 1]\nparams.groups = [1, 8]\n",
+        &hazard("calc::half"),
+        &hazard("calc::*"),
+        &row("calc::half"),
+    ] {
+        check("karat.toml", declared).good();
+    }
+    for (declared, part) in [
+        ("[inputs]\nalhpa = [0, 1]\n", "the input `alhpa` is declared, and nothing"),
+        ("[inputs]\nparams.gruops = [1, 8]\n", "the input `params.gruops` is declared"),
+        (
+            &hazard("calc::hlaf"),
+            "of `calc::hlaf`, and the package has no such function; did you mean",
+        ),
+        (&hazard("clac::*"), "of `clac::*`, and the package has no such function"),
+        (&row("calc::hlaf"), "did you mean `calc::half`?"),
+    ] {
+        let ran = check("karat.toml", declared);
+        assert!(ran.code == Some(2) && ran.err.contains(part), "{declared}: {ran:?}");
+        assert!(ran.err.contains("shaders/karat.toml"), "{ran:?}");
+    }
+    let ran = check("Karat.toml", "[inputs]\nalpha = [0, 1]\n");
+    assert!(ran.code == Some(2) && ran.err.contains("is called `karat.toml`"), "{ran:?}");
+}
