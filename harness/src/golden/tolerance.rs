@@ -92,7 +92,7 @@ impl FrameTolerance {
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
         // Black for a colour is off by 1, and so is FLIP's largest error.
-        let share = |bound: f64| !(bound >= 0.0 && bound < 1.0);
+        let share = |bound: f64| !(0.0..1.0).contains(&bound);
         match self {
             Self::Gate(Gate { relative, .. }) if share(f64::from(*relative)) => {
                 Some(format!("{relative}; it is a relative difference from 0 to below 1"))
