@@ -308,7 +308,7 @@ impl DynamicCheck<'_> {
     /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
     /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
     /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
-    /// let text = "fn turned(x: f32) -> vec2f { return vec2f(cos(x), sin(x)); }";
+    /// let text = "fn turned(x: f32) -> vec2f { return vec2f(x, sqrt(1.0 - x * x)); }";
     /// let package = Package::from_source("m", text);
     /// package.function("turned").over_dynamic(x).is_unit()?;
     /// # Ok::<(), karat::check::Failure>(())
