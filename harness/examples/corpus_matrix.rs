@@ -82,7 +82,7 @@ fn main() -> ExitCode {
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
-    let (mut all, mut faults) = (Sum::default(), Vec::new());
+    let (mut all, mut faults, mut packages) = (Sum::default(), Vec::new(), 0);
     let mut text = String::from(
         "| crate | rows | in the matrix | wrong | seconds |\n|---|---:|---:|---:|---:|\n",
     );
@@ -96,7 +96,9 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
         let read = || serde_json::from_slice::<Sum>(&std::fs::read(&file).ok()?).ok();
         // It is written last, whole: a driver that crashes as it is unloaded takes nothing along.
         let Some(sum) = read() else {
-            faults.push(format!("{name}: the process that makes its matrix ended: {status}"));
+            let fault = format!("{name}: the process that makes its matrix ended: {status}");
+            eprintln!("{fault}");
+            faults.push(fault);
             continue;
         };
         let line = match &sum.error {
@@ -109,9 +111,10 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
         };
         eprint!("{line}");
         text += &line;
+        packages += usize::from(sum.error.is_none());
         all.merge(sum);
     }
-    text += &all.table(wanted.len(), &faults);
+    text += &all.table(packages, &faults);
     let written = std::io::stdout().write_all(text.as_bytes());
     Ok(written.is_ok() && faults.is_empty() && all.judged > 0)
 }

@@ -401,8 +401,9 @@ fn was<'b>(before: &'b Probed, after: &Probed, new: &Binding) -> Option<&'b Bind
 fn hold_the_same(old: &mut Fixtures, new: &Fixtures, before: &Probed, after: &Probed) {
     for is in &after.function.bindings {
         let Some(was) = was(before, after, is).filter(|was| was.path != is.path) else { continue };
-        let layout = |probed: &Probed, binding| {
-            (probed.program.least_bytes(binding), probed.program.places(binding))
+        let layout = |probed: &Probed, binding: &Binding| {
+            let lanes = probed.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
+            (lanes, probed.program.least_bytes(binding), probed.program.places(binding))
         };
         let of =
             |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);

@@ -233,7 +233,8 @@ fn an_endless_loop() {
             format!("`endless` (<planted>:1:1) on path {path} did not finish within 1.5 s");
         let engine =
             "`endless` was stopped: after 1.5 s it was still in this loop\n  --> <planted>:1:";
-        assert!(text.contains(&driver) || text.contains(engine), "{text}");
+        let slow = karat::path::adapter(path).is_ok_and(|adapter| adapter.family() == "llvmpipe");
+        assert!(text.contains(&driver) || !slow && text.contains(engine), "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }

@@ -11,7 +11,7 @@ use crate::probe::{Call, ProbeError, Probed};
 use crate::{image, settings};
 
 /// Which arguments are measured, and how what is found is kept. Another number asks anew.
-const EDITION: u32 = 2;
+const EDITION: u32 = 3;
 
 /// How exact the built-in functions of an executor are. `kept`: what is found outlives this process.
 pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {

@@ -91,7 +91,7 @@ impl FrameTolerance {
     /// The first bound that bounds nothing.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
-        // Black for a colour is off by 1, and so is FLIP's largest error.
+        // With 1 a black frame passes, and so does each frame by FLIP, whose errors end there.
         let share = |bound: f64| !(0.0..1.0).contains(&bound);
         match self {
             Self::Gate(Gate { relative, .. }) if share(f64::from(*relative)) => {

@@ -84,7 +84,8 @@ pub(super) struct Comparison {
     pub(super) differing: Vec<usize>,
     /// How many of these differ within what WGSL allows, as far as intervals show that.
     pub(super) allowed: usize,
-    /// Cases with a lane that differs where WGSL leaves open what it is.
+    /// Cases with a lane that differs where WGSL leaves open what it is; and those that differ within bounds, if
+    /// they are rare.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
@@ -92,6 +93,10 @@ pub(super) struct Comparison {
 /// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
 /// is usual, 1e-6 of it, some 8 steps of `f32`.
 const CANCELLED: f64 = 1e-3;
+
+/// Of so many cases one may differ within the bounds of both results. Where a translation is wrong many do; where
+/// rounding is magnified, as between nearly equal numbers, few.
+const RARELY: usize = 50;
 
 /// How results of a function are compared.
 #[derive(Clone, Debug)]
@@ -138,6 +143,13 @@ impl<'j> Judge<'j> {
                 comparison.differing.push(index);
                 comparison.allowed += usize::from(!seen.forbidden);
             }
+        }
+        let rare = comparison.allowed == comparison.differing.len()
+            && comparison.allowed * RARELY <= comparison.compared;
+        if rare && latitude.is_some_and(|latitude| !latitude.loose) {
+            comparison.open += comparison.allowed;
+            comparison.allowed = 0;
+            comparison.differing.clear();
         }
         comparison
     }

@@ -72,15 +72,22 @@ impl Journal {
     /// True if a row isn't run, as it has ended the process alone: its cells then say so.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
-        for (column, cell) in columns.iter().zip(cells) {
-            let Some(path) = column.path().filter(|_| cell.stopped.is_none()) else { continue };
-            let path = path.to_string();
-            cell.stopped = Some(match &last.at.path {
-                Some(ended) if *ended != path => Stop::NotRun(format!(
-                    "it isn't run, as it ends the process on `{ended}`: {}",
+        let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
+            None => column.path().map(|path| path.to_string()),
+            Some(_) => None,
+        };
+        let mut open: Vec<_> =
+            columns.iter().zip(cells).filter(|pair| runs(pair).is_some()).collect();
+        // Where no path is known, or another one, the row is to blame all the same, once.
+        let blamed = open.iter().position(|pair| runs(pair) == last.at.path).unwrap_or(0);
+        let on = open.get(blamed).map_or_else(String::new, |(column, _)| column.to_string());
+        for (index, (_, cell)) in open.iter_mut().enumerate() {
+            cell.stopped = Some(match index == blamed {
+                true => Stop::Broke(last.why.clone()),
+                false => Stop::NotRun(format!(
+                    "it isn't run, as it ends the process on `{on}`: {}",
                     last.why
                 )),
-                _ => Stop::Broke(last.why.clone()),
             });
         }
         true
@@ -113,7 +120,9 @@ impl Journal {
 impl Line {
     fn write(&self, file: &Path) -> io::Result<()> {
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-        file.write_all(format!("{}\n", serde_json::to_string(self)?).as_bytes())
+        // Behind half a line a new one begins.
+        let begin = if matches!(self, Self::Process(_)) { "\n" } else { "" };
+        file.write_all(format!("{begin}{}\n", serde_json::to_string(self)?).as_bytes())
     }
 }
 
@@ -123,7 +132,8 @@ fn lines(file: &Path) -> io::Result<Vec<Line>> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
         text => text?,
     };
-    text.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
+    // A process that ended as it wrote left half a line.
+    Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
 /// What ran as each process ended. Where one passed the deadline, it alone.
@@ -136,7 +146,12 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
                 let last = running.iter().rposition(|one| one == at);
                 last.map(|last| running.remove(last));
             }
-            Line::Overdue(at, why) => overdue.push(Culprit { at: at.clone(), why: why.clone() }),
+            Line::Overdue(at, why) => {
+                let same = |one: &Culprit| (&one.at.package, &one.at.row) == (&at.package, &at.row);
+                if !overdue.iter().any(same) {
+                    overdue.push(Culprit { at: at.clone(), why: why.clone() });
+                }
+            }
             Line::Process(how) => {
                 let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
                 // Behind the row stands the path that it is on.
@@ -181,7 +196,7 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
         let before = culprits(&lines(file)?).len();
         let status = program.status()?;
         // What ends by itself has a small code; a crash has none, or a large one on Windows.
-        if status.code().is_some_and(|code| (0..=255).contains(&code)) {
+        if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
             return Ok(status);
         }
         Line::Process(status.to_string()).write(file)?;
@@ -189,6 +204,20 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
             return Ok(status);
         }
     }
+}
+
+/// Whether somebody ended a process on purpose.
+#[cfg(unix)]
+fn is_asked_to_end(status: ExitStatus) -> bool {
+    /// SIGHUP, SIGINT and SIGTERM, which have these numbers by POSIX.
+    const ASKING: [i32; 3] = [1, 2, 15];
+    let signal = std::os::unix::process::ExitStatusExt::signal(&status);
+    signal.is_some_and(|signal| ASKING.contains(&signal))
+}
+
+#[cfg(not(unix))]
+fn is_asked_to_end(_: ExitStatus) -> bool {
+    false
 }
 
 #[cfg(test)]
@@ -245,6 +274,25 @@ mod tests {
             assert!(gl.is_some_and(|stop| !stop.is_wrong() && stop.text().contains("`vulkan`")));
             assert_eq!(msl, None, "nothing runs there");
         }
+    }
+
+    /// A row that crashes beside its dispatches is one finding, and half a line hides no other.
+    #[test]
+    fn a_row_that_runs_nowhere_is_blamed_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        for _ in 0..2 {
+            Line::Began(at("p", "r", None)).write(&file).expect("written");
+            let mut half = std::fs::OpenOptions::new().append(true).open(&file).expect("there");
+            half.write_all(b"{\"ended\":{\"pack").expect("written");
+            Line::Process("signal: 11".to_owned()).write(&file).expect("written");
+        }
+        let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
+        let cell = Cell { status: Some(Status::Valid), ..Cell::default() };
+        let mut cells = [cell.clone(), cell.clone(), cell];
+        assert!(Journal::read(Some(&file), "p").expect("read").ends("r", &columns, &mut cells));
+        let wrong = cells.iter().filter(|cell| cell.stopped.as_ref().is_some_and(Stop::is_wrong));
+        assert_eq!(wrong.count(), 1, "{cells:?}");
     }
 
     /// What ends with nothing running isn't any row's fault.

@@ -26,8 +26,8 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
-    /// Whether bounds may be wider than what WGSL allows: those of a texture hold all of its texels.
-    loose: bool,
+    /// Whether bounds are wide by themselves: those of a texture hold all of its texels.
+    pub(super) loose: bool,
 }
 
 /// The lanes of one case that WGSL leaves open.
@@ -35,15 +35,15 @@ pub(super) struct Latitude {
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
     strays: &'l [bool],
-    loose: bool,
 }
 
 /// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
-    /// WGSL allows both results: where they differ, both are right.
+    /// Any value is allowed: results that differ are both right.
     Any,
-    /// Both results are within bounds that may be wider than what WGSL allows.
+    /// Both results are within bounds. These may be wider than what WGSL allows: an interval holds all that lies
+    /// between its ends.
     Both,
     /// One of them isn't allowed.
     NotBoth,
@@ -57,7 +57,9 @@ impl Leeway {
             true => Alone::new(probed, fixtures).map_or(Self::Unknown, Self::Alone),
             false => Interpreted::new(probed, fixtures).map_or(Self::Unknown, |function| {
                 let bindings = &probed.function().bindings;
-                let loose = bindings.iter().any(|one| matches!(one.kind, BindingKind::Texture(_)));
+                let loose = bindings.iter().any(|one| {
+                    matches!(one.kind, BindingKind::Texture(_) | BindingKind::StorageTexture { .. })
+                });
                 Self::Function { function, loose }
             }),
         }
@@ -85,8 +87,7 @@ impl Latitude {
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
-        let strays = self.strays.get(lanes).unwrap_or_default();
-        OfCase { bounds, strays, loose: self.loose }
+        OfCase { bounds, strays: self.strays.get(lanes).unwrap_or_default() }
     }
 }
 
@@ -108,7 +109,6 @@ impl OfCase<'_> {
         });
         match results.iter().all(|word| bound.allows(scalar.decode(*word))) {
             _ if is_any => Freedom::Any,
-            true if !self.loose => Freedom::Any,
             true => Freedom::Both,
             false => Freedom::NotBoth,
         }
@@ -141,12 +141,12 @@ mod tests {
         let [two, three, one] = [2.0_f32, 3.0, 1.0].map(f32::to_bits);
         // a[1] is 2, and 3 / 3 is 1.
         let f = |i: u32, lane| freedom("f", [i, three], Scalar::F32, [[two, lane], [one, one]]);
-        assert_eq!(f(1, two), [Freedom::Any, Freedom::Any]);
-        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Any]);
+        assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
+        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
         assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
         // What is written outside may be seen in any element; a division by zero is defined.
         let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
-        assert_eq!(g(1, 0), [Freedom::Any, Freedom::NotBoth]);
+        assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
         assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
     }
 
@@ -177,9 +177,7 @@ mod tests {
         for (x, open) in [(-1.0_f32, true), (0.0, true), (4.0, false)] {
             let latitude = leeway.at(&[x.to_bits()], 1).expect("it is known");
             let half = 0.5_f32.to_bits();
-            // Half is right of 4, where WGSL leaves room for a few steps.
-            let other = 0.75_f32.to_bits();
-            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, other]);
+            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, half]);
             assert_eq!(seen == Freedom::Any, open, "{x}");
         }
     }

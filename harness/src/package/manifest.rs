@@ -6,13 +6,13 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
 use super::feature::{Feature, Features};
-use super::functions::FunctionItem;
+use super::functions::functions_of;
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
 use crate::settings;
@@ -178,9 +178,11 @@ pub(crate) struct Declared {
     file: String,
     /// Paths of inputs that weren't seen yet: `alpha`, `params.groups`.
     inputs: Vec<String>,
-    /// Functions and rows that weren't seen yet: `module::name`, `module::*`.
+    /// Functions whose hazards are accepted: `module::name`, `module::*`.
     functions: Vec<String>,
-    /// Functions and entry points that are there.
+    /// Rows of the matrix: `module::name`.
+    rows: Vec<String>,
+    /// What is declared in the package, also under conditions that don't hold.
     names: Vec<String>,
 }
 
@@ -202,45 +204,52 @@ impl Package {
                 None => Ok(None),
             };
         };
-        let of_hazards = manifest.hazards.accepted.into_iter().flat_map(|one| one.functions);
-        let of_rows = manifest.matrix.into_iter().flat_map(|known| known.rows);
+        let accepted = manifest.hazards.accepted.into_iter();
         Ok(Some(Declared {
             file: shown(&read.file),
             inputs: manifest.hazards.inputs.into_keys().collect(),
-            functions: of_hazards.chain(of_rows).collect(),
+            functions: accepted.flat_map(|one| one.functions).collect(),
+            rows: manifest.matrix.into_iter().flat_map(|known| known.rows).collect(),
             names: Vec::new(),
         }))
     }
 }
 
 impl Declared {
-    /// Takes a module: its functions and entry points, its author's text, and what is linked of it and of
-    /// all that it uses.
-    pub(crate) fn see(&mut self, functions: Vec<FunctionItem>, linked: &str) {
-        let own = functions.first().map(|item| Arc::clone(&item.span.file));
-        self.names.extend(functions.into_iter().map(|item| item.name));
-        if self.inputs.is_empty() && self.functions.is_empty() {
-            return;
-        }
-        let texts = [linked, own.as_ref().map_or("", |file| &file.text)];
+    /// Takes a module, and what is linked of it and of all that it uses.
+    pub(crate) fn see(
+        &mut self,
+        package: &Package,
+        name: &str,
+        linked: &str,
+    ) -> Result<(), PackageError> {
+        let module = package.parsed(name)?;
+        let inactive = module.inactive.iter().map(|one| one.name.as_str());
+        let path = |item: &str| match name {
+            "" => item.to_owned(),
+            module => format!("{module}::{item}"),
+        };
+        self.names.extend(functions_of(name, &module).into_iter().map(|item| item.name));
+        self.names.extend(inactive.map(path));
+        let texts = [linked, &module.file.text];
         let words = texts.map(|text| text.split(|c: char| c != '_' && !c.is_alphanumeric()));
         let words: BTreeSet<&str> = words.into_iter().flatten().collect();
         self.inputs.retain(|path| path.split('.').any(|part| !words.contains(part)));
-        // What a condition leaves out is there for others.
-        self.functions.retain(|path| {
-            let names = &self.names;
-            match path.strip_suffix('*') {
-                Some(module) => !names.iter().any(|own| own.starts_with(module)),
-                None => !words.contains(path.rsplit("::").next().unwrap_or_default()),
-            }
-        });
+        Ok(())
     }
 
     /// Refuses a name that nothing has: it would be declared of nothing.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
+        // All of a module, and of those below it.
+        let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);
+        let lacks = |name: &&String| match name.strip_suffix('*') {
+            Some(all) => !self.names.iter().any(|own| is_of(all, own)),
+            None => !self.names.contains(name),
+        };
+        let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let reason = if let Some(name) = self.inputs.first() {
             format!("the input `{name}` is declared, and nothing in the package has this name")
-        } else if let Some(name) = self.functions.first() {
+        } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             format!("something is declared of `{name}`, and the package has no such function{near}")

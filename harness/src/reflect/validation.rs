@@ -103,8 +103,8 @@ impl Package {
                     found.entry_points += linked.entry_points.len();
                     found.tests += self.for_validating(module).tests_of(module);
                     if let Some(declared) = &mut declared {
-                        let own = self.functions_in(module).map_err(Invalid::Package)?;
-                        declared.see(own, program.linked.spliced.text());
+                        let linked = program.linked.spliced.text();
+                        declared.see(self, module, linked).map_err(Invalid::Package)?;
                     }
                 }
                 Err(error) => errors.push((module.clone(), error)),

@@ -100,9 +100,12 @@ fn a_package_of_nothing_is_no_success() {
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let text = "struct Params { groups: u32 }\n@group(0) @binding(0) var<uniform> params: Params;\n\
+    let text = "// A half of what was.\nstruct Params { groups: u32 }\n\
+                @group(0) @binding(0) var<uniform> params: Params;\n\
                 fn half(alpha: f32) -> f32 { return 0.5 * alpha * f32(params.groups); }\n";
     write(folder.path(), "shaders/calc.wgsl", text);
+    let view = "const ONE = 1.0;\n@if(debug) fn shown(hidden: f32) -> f32 { return hidden; }\n";
+    write(folder.path(), "shaders/view.wgsl", view);
     let check = |file: &str, declared: &str| {
         write(folder.path(), &format!("shaders/{file}"), declared);
         let ran = karat(folder.path(), &["check", "--package", "shaders"]);
@@ -121,6 +124,11 @@ fn names_in_karat_toml_are_those_of_the_package() {
         &hazard("calc::half"),
         &hazard("calc::*"),
         &row("calc::half"),
+        // There is more under another condition.
+        &hazard("view::shown"),
+        &hazard("view::*"),
+        &row("view::shown"),
+        "[inputs]\nhidden = [0, 1]\n",
     ] {
         check("karat.toml", declared).good();
     }
@@ -132,6 +140,10 @@ fn names_in_karat_toml_are_those_of_the_package() {
             "of `calc::hlaf`, and the package has no such function; did you mean",
         ),
         (&hazard("clac::*"), "of `clac::*`, and the package has no such function"),
+        (&hazard("clac::half"), "of `clac::half`"),
+        (&hazard("calc::was"), "of `calc::was`"),
+        (&hazard("*"), "of `*`"),
+        (&row("calc::*"), "of `calc::*`"),
         (&row("calc::hlaf"), "did you mean `calc::half`?"),
     ] {
         let ran = check("karat.toml", declared);
