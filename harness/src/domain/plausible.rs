@@ -1,6 +1,7 @@
 //! Numbers of which nothing is known but their type.
 
 use std::ops::RangeInclusive;
+use std::sync::LazyLock;
 
 use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
 use crate::value::Scalar;
@@ -167,9 +168,12 @@ macro_rules! integer {
             type Value = $integer;
 
             fn draw(&self, $source: &mut Source) -> Option<$integer> {
+                // Buffers have millions of elements.
+                static ENDS: LazyLock<Edges<$integer>> =
+                    LazyLock::new(Edges::<$integer>::$constructor);
                 match $source.below(8) {
                     0..=3 => Integers($small).draw($source),
-                    4..=5 => Edges::<$integer>::$constructor().draw($source),
+                    4..=5 => ENDS.draw($source),
                     _ => Some($any),
                 }
             }
