@@ -229,12 +229,12 @@ fn an_endless_loop() {
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
         // A driver that makes rounds fast is ended by their number, and the engine then finds the loop.
-        let driver =
-            format!("`endless` (<planted>:1:1) on path {path} did not finish within 1.5 s");
+        let driver = format!("`endless` (<planted>:1:1) on path {path}");
+        let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =
             "`endless` was stopped: after 1.5 s it was still in this loop\n  --> <planted>:1:";
         let slow = karat::path::adapter(path).is_ok_and(|adapter| adapter.family() == "llvmpipe");
-        assert!(text.contains(&driver) || !slow && text.contains(engine), "{text}");
+        assert!(by_driver || !slow && text.contains(engine), "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }
