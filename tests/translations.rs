@@ -164,7 +164,7 @@ fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &st
     let matrix = package.matrix().columns(columns).run().expect("it is valid");
     matrix.expect("vulkan", Status::Valid);
     if column == "vulkan:glsl" {
-        // What GLSL leaves undefined may have the right values here; the other rows have to.
+        // GLSL leaves values undefined that may be right here; those of the other rows have to be.
         matrix.expect(column, Status::Executed);
         let cells = matrix.rows.iter().filter(|other| other.name != row).flat_map(|row| &row.cells);
         assert!(cells.clone().count() > 0 && cells.clone().all(|cell| cell.status == Some(status)));

@@ -40,7 +40,7 @@ struct Sum {
     error: Option<String>,
 }
 
-/// What the process that makes one crate is told, behind the list.
+/// Arguments of the process that makes one crate, behind the list.
 struct One {
     index: usize,
     journal: PathBuf,

@@ -89,7 +89,7 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// What arguments are multiples of where it is 0; of a sine and a cosine those where it is 1, too. Of a tangent
+    /// The distance between arguments where it is 0; of a sine and a cosine those where it is 1, too. Of a tangent
     /// every other quarter turn is a pole.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {

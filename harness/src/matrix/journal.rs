@@ -40,7 +40,7 @@ struct Culprit {
     why: String,
 }
 
-/// What earlier processes say of a package.
+/// The rows of a package at which earlier processes ended.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     file: Option<PathBuf>,
@@ -136,7 +136,7 @@ fn lines(file: &Path) -> io::Result<Vec<Line>> {
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// What ran as each process ended. Where one passed the deadline, it alone.
+/// The rows that ran as each process ended. Where one passed the deadline, it alone.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -190,12 +190,12 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
 /// ```
 ///
 /// # Errors
-/// If the program can't be run, or the file isn't a journal.
+/// If the program can't be run, or the file can't be read or written.
 pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     loop {
         let before = culprits(&lines(file)?).len();
         let status = program.status()?;
-        // What ends by itself has a small code; a crash has none, or a large one on Windows.
+        // A process that ends by itself has a small code; a crash has none, or a large one on Windows.
         if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
             return Ok(status);
         }
@@ -206,7 +206,7 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     }
 }
 
-/// Whether somebody ended a process on purpose.
+/// True if a signal asked the process to end.
 #[cfg(unix)]
 fn is_asked_to_end(status: ExitStatus) -> bool {
     /// SIGHUP, SIGINT and SIGTERM, which have these numbers by POSIX.
@@ -295,7 +295,7 @@ mod tests {
         assert_eq!(wrong.count(), 1, "{cells:?}");
     }
 
-    /// What ends with nothing running isn't any row's fault.
+    /// A process that ends with nothing running is no row's fault.
     #[test]
     fn a_process_that_ends_between_rows_has_no_culprit() {
         let row = at("p", "r", None);

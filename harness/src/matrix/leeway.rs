@@ -26,7 +26,7 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
-    /// Whether bounds are wide by themselves: those of a texture hold all of its texels.
+    /// True if bounds are wide by themselves: those of a texture hold all of its texels.
     pub(super) loose: bool,
 }
 

@@ -172,7 +172,7 @@ impl Package {
     }
 }
 
-/// What a `karat.toml` says of functions and arguments, and what of that a package has.
+/// Names of functions and arguments in a `karat.toml`, beside those that the package has.
 #[derive(Debug)]
 pub(crate) struct Declared {
     file: String,
@@ -182,12 +182,12 @@ pub(crate) struct Declared {
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
     rows: Vec<String>,
-    /// What is declared in the package, also under conditions that don't hold.
+    /// Names that the package declares, also under conditions that don't hold.
     names: Vec<String>,
 }
 
 impl Package {
-    /// What is declared of a folder's functions and arguments; `None`: nothing.
+    /// The names in a folder's `karat.toml`; `None`: there are none.
     pub(crate) fn declared(&self) -> Result<Option<Declared>, PackageError> {
         let manifest = Manifest::of(self)?;
         let Origin::Folder { .. } = self.origin else { return Ok(None) };

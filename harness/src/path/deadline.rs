@@ -28,12 +28,12 @@ impl Drop for Guard {
     }
 }
 
-/// What a watcher hears of a guard.
+/// An event in the life of a guard, for its watcher.
 pub(crate) enum Moment<'a> {
     Begins,
     /// A sentence on what didn't finish, before the process ends.
     Overdue(
-        #[cfg_attr(not(feature = "routes"), expect(dead_code, reason = "nobody listens"))] &'a str,
+        #[cfg_attr(not(feature = "routes"), expect(dead_code, reason = "routes listen"))] &'a str,
     ),
     Ends,
 }

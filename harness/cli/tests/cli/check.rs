@@ -96,7 +96,7 @@ fn a_package_of_nothing_is_no_success() {
     assert!(ran.code != Some(0), "{ran:?}");
 }
 
-/// What is declared of a name that nothing has would be declared of nothing.
+/// A declaration of a name that nothing has would declare nothing.
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
     let folder = tempfile::tempdir().expect("a temporary folder");

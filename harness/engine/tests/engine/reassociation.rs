@@ -345,8 +345,8 @@ fn an_order_that_overflows_has_no_bound() {
     assert_eq!(one("x * y * z * w", [3.0, -4.0, 5.0, 0.5]), Interval::point(-30.0));
 }
 
-/// What operations give may be flushed to zero where it is subnormal (WGSL, 15.7.2 "Differences from
-/// IEEE-754"): a sum of some terms is, before the others are added.
+/// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from
+/// IEEE-754"): so may a sum of some terms, before the others are added.
 #[test]
 fn a_sum_of_some_terms_may_be_flushed() {
     let m = f32::MIN_POSITIVE;
