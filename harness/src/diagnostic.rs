@@ -175,7 +175,28 @@ impl Diagnostic {
         self.labels.first().map(|(span, _)| span)
     }
 
-    fn render(&self) -> Result<String, codespan_reporting::files::Error> {
+    /// The message as a warning: something to know that fails nothing.
+    ///
+    /// ```
+    /// use karat::diagnostic::Diagnostic;
+    ///
+    /// assert!(Diagnostic::new("nothing tests it").to_warning().starts_with("warning: nothing"));
+    /// ```
+    #[must_use]
+    pub fn to_warning(&self) -> String {
+        self.shown(codespan::Severity::Warning)
+    }
+
+    fn shown(&self, severity: codespan::Severity) -> String {
+        let text = self.render(severity).unwrap_or_else(|_| self.message.clone());
+        // Messages quote names of others.
+        visible(&text).trim_end().to_owned()
+    }
+
+    fn render(
+        &self,
+        severity: codespan::Severity,
+    ) -> Result<String, codespan_reporting::files::Error> {
         let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
@@ -208,7 +229,7 @@ impl Diagnostic {
             };
             labels.push(label.with_message(remark));
         }
-        let diagnostic = codespan::Diagnostic::error()
+        let diagnostic = codespan::Diagnostic::new(severity)
             .with_message(&self.message)
             .with_labels(labels)
             .with_notes(self.notes.clone());
@@ -219,9 +240,7 @@ impl Diagnostic {
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = self.render().unwrap_or_else(|_| self.message.clone());
-        // Messages quote names of others.
-        f.write_str(visible(&text).trim_end())
+        f.write_str(&self.shown(codespan::Severity::Error))
     }
 }
 

@@ -83,6 +83,7 @@ pub mod reflect;
 pub mod run;
 pub mod settings;
 pub mod stats;
+pub mod tint;
 pub mod tolerance;
 #[cfg(feature = "engine")]
 pub mod trace;

@@ -6,6 +6,7 @@
 //! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
 mod cargo;
+mod compilers;
 mod conditions;
 mod depth;
 mod directives;
@@ -16,6 +17,7 @@ mod fingerprint;
 mod functions;
 mod imports;
 mod lets;
+mod limits;
 mod lexer;
 mod library;
 mod link;
@@ -35,12 +37,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+pub(crate) use compilers::Compilers;
 pub use error::PackageError;
 pub use feature::Feature;
 pub(crate) use feature::Features;
 pub use functions::{FunctionItem, LeftOut};
 pub(crate) use lets::{LetStatement, let_statements};
 pub(crate) use library::LinkedModule;
+pub(crate) use limits::{Limit, Limits};
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;

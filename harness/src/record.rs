@@ -299,6 +299,9 @@ pub struct Run {
     /// Modules that aren't valid, whether or not a test uses them; a package that has none goes by its name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
+    /// What fails nothing and should be known: what Tint rejects, or that it wasn't asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// Tests that the runner left out after a failure, by its own word. They were to run.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
@@ -315,8 +318,9 @@ fn is_none(count: &u64) -> bool {
 impl Default for Run {
     /// Of every test, which passed.
     fn default() -> Self {
-        let (selected, failed, invalid) = Default::default();
-        Self { schema: SCHEMA, selected, passed: true, failed, invalid, not_run: 0, stopped: false }
+        let (selected, failed, invalid, remarks) = Default::default();
+        let (schema, passed, not_run, stopped) = (SCHEMA, true, 0, false);
+        Self { schema, selected, passed, failed, invalid, remarks, not_run, stopped }
     }
 }
 

@@ -12,11 +12,15 @@ mod essence;
 mod handles;
 mod kept;
 mod layout;
+mod limits;
 mod locals;
 mod message;
+mod native;
+mod opinion;
 mod outputs;
 mod overrides;
 mod parsed;
+mod pipelines;
 mod resource;
 mod rounds;
 mod signature;
@@ -41,6 +45,7 @@ use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};
 use message::{causes, to_author};
+pub use opinion::Opinion;
 pub(crate) use outputs::Output;
 pub(crate) use overrides::Overrides;
 pub(crate) use parsed::parsed_with;
@@ -116,9 +121,34 @@ pub enum ReflectError {
     /// naga rejects the shader.
     #[error("{0}")]
     Invalid(Box<Diagnostic>),
+    /// Tint rejects the shader, or it exceeds a limit, and `karat.toml` requires that it doesn't.
+    #[error("{0}")]
+    Refused(Box<Diagnostic>),
     /// The function is valid, but can't be called by a compute kernel.
     #[error("{0}")]
     Unprobeable(Box<Diagnostic>),
+}
+
+impl ReflectError {
+    /// The message with its places, if it has some.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
+    /// let error = Program::of_function(&wrong, "half").unwrap_err();
+    /// assert_eq!(error.diagnostic().unwrap().location().unwrap().to_string(), "<m>:1:33");
+    /// ```
+    #[must_use]
+    pub fn diagnostic(&self) -> Option<&Diagnostic> {
+        match self {
+            Self::Package(PackageError::Shader(found))
+            | Self::Invalid(found)
+            | Self::Refused(found)
+            | Self::Unprobeable(found) => Some(found),
+            Self::Package(_) => None,
+        }
+    }
 }
 
 impl Program {

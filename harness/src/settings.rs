@@ -17,7 +17,7 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 13] = [
+const VARIABLES: [(&str, &str); 14] = [
     (
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
@@ -32,6 +32,10 @@ const VARIABLES: [(&str, &str); 13] = [
     (FAILURES, "`off`: failing inputs are neither remembered nor tried again (on)"),
     (FRAMES, "`off`: frames are left out, as `karat test --functions` does (on)"),
     (OVERLAY, "folder whose files stand in for modules of the same name (none)"),
+    (
+        TINT,
+        "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: it isn't asked (the one that is found)",
+    ),
     (RECORD, "folder that verdicts are written into, as JSON lines (none; `karat test` sets it)"),
     (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
 ];
@@ -59,6 +63,7 @@ const FAILURES: &str = "KARAT_FAILURES";
 const FRAMES: &str = "KARAT_FRAMES";
 const OVERLAY: &str = "KARAT_OVERLAY";
 const RECORD: &str = "KARAT_RECORD";
+const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
 /// Far above what a pixel can afford, and some seconds at most until a loop without end is found.
@@ -183,6 +188,11 @@ fn set(name: &str) -> Option<OsString> {
 /// The folder whose files stand in for modules.
 pub(crate) fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
+}
+
+/// Where Tint is, or `off`.
+pub(crate) fn tint() -> Option<PathBuf> {
+    set(TINT).map(PathBuf::from)
 }
 
 /// The folder for verdicts. One that is about a wrong setting is written there, too.

@@ -1,10 +1,9 @@
 //! The check that a package is valid as a whole, with what no test calls.
 
-use crate::diagnostic::Diagnostic;
-use crate::package::{Package, PackageError};
+use crate::package::Package;
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject, Verdict};
-use crate::reflect::{Invalid, ReflectError, Validated};
+use crate::reflect::{Invalid, Validated};
 use crate::run::{Concluded, Reporter, or_panic};
 
 /// The check's name in records.
@@ -70,16 +69,7 @@ fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecor
 /// The first place where a package isn't valid.
 fn place(invalid: &Invalid) -> Option<String> {
     let Invalid::Modules { errors, .. } = invalid else { return None };
-    let diagnostic = |error: &ReflectError| -> Option<String> {
-        let found: &Diagnostic = match error {
-            ReflectError::Package(PackageError::Shader(found))
-            | ReflectError::Invalid(found)
-            | ReflectError::Unprobeable(found) => found,
-            _ => return None,
-        };
-        Some(found.location()?.to_string())
-    };
-    errors.iter().find_map(|(_, error)| diagnostic(error))
+    errors.iter().find_map(|(_, error)| Some(error.diagnostic()?.location()?.to_string()))
 }
 
 impl Concluded for Result<Validated, Invalid> {

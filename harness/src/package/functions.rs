@@ -98,6 +98,14 @@ impl Package {
         self.parsed(module).map_or(0, tests)
     }
 
+    /// Where the first test of a module is declared, and how many there are.
+    pub(crate) fn first_test(&self, module: &str) -> Option<(Span, usize)> {
+        let parsed = self.parsed(module).ok()?;
+        let mut tests = parsed.declarations.iter().filter(|one| one.test);
+        let first = tests.next()?;
+        Some((parsed.span(first.tokens.start), 1 + tests.count()))
+    }
+
     /// One module without what its conditions leave out.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));

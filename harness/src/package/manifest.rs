@@ -1,5 +1,6 @@
 //! `karat.toml` beside the modules of a folder: features, what expands modules, what is known not to
-//! work in the matrix of translations, what arguments are and which hazards are accepted.
+//! work in the matrix of translations, what arguments are, which hazards are accepted, and which compilers
+//! and limits the package is for.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::Read;
@@ -11,8 +12,10 @@ use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
+use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::functions::functions_of;
+use super::limits::Limits;
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
 use crate::settings;
@@ -36,6 +39,8 @@ pub(super) struct Manifest {
     matrix: Vec<KnownRows>,
     /// Ranges of arguments by name, and hazards that are accepted.
     hazards: Hazards,
+    /// Compilers besides naga, and limits.
+    pub(super) compilers: Compilers,
 }
 
 /// Another package, as it is written: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
@@ -128,6 +133,9 @@ struct Written {
     inputs: BTreeMap<String, Input>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
+    #[serde(default)]
+    compilers: compilers::Written,
+    limits: Option<BTreeMap<String, toml::Value>>,
 }
 
 /// A path from a folder, without the folders that it leaves again: packages that name each other are two.
@@ -296,9 +304,11 @@ impl Manifest {
 
     fn parsed(package: &Package, file: &Path, text: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Manifest { file: shown(file), reason };
-        let Written { dependencies, features, preprocess, matrix, inputs, hazards } =
-            toml::from_str(text)
-                .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
+        let written = toml::from_str(text);
+        let Written { dependencies, features, preprocess, matrix, inputs, hazards, compilers, limits } =
+            written.map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
+        let limits = limits.map_or_else(|| Ok(Limits::default()), Limits::of).map_err(error)?;
+        let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {
             if TAKEN.contains(&&**name) {
                 return Err(error(format!("no dependency can be called `{name}`")));
@@ -367,6 +377,7 @@ impl Manifest {
                     preprocess: command.unwrap_or_default(),
                     matrix,
                     hazards,
+                    compilers,
                 })
             }
         }

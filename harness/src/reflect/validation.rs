@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::opinion::{self, Judged, Opinion};
 use super::{Program, ReflectError, kept};
 use crate::output::counted;
 use crate::package::{self, Package, PackageError};
@@ -15,7 +16,7 @@ use crate::package::{self, Package, PackageError};
 /// let validated = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
 /// assert_eq!((validated.modules, validated.functions), (1, 1));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Validated {
     /// Modules.
     pub modules: usize,
@@ -25,11 +26,13 @@ pub struct Validated {
     pub entry_points: usize,
     /// Functions with `@test`. They are found, and validated when they run.
     pub tests: usize,
+    /// What others say of it: Tint, and WebGPU's limits. What `karat.toml` requires holds.
+    pub opinion: Opinion,
 }
 
 impl fmt::Display for Validated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { modules, functions, entry_points, tests } = self;
+        let Self { modules, functions, entry_points, tests, opinion: _ } = self;
         let (modules, functions) = (counted(*modules, "module"), counted(*functions, "function"));
         write!(f, "{modules}, {functions}, {}", counted(*entry_points, "entry point"))?;
         match tests {
@@ -57,6 +60,18 @@ pub enum Invalid {
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
+        /// What others than naga say of the modules.
+        opinion: Box<Opinion>,
+    },
+    /// `karat.toml` requires Tint's verdict, and there is none.
+    #[error("package `{package}` requires Tint's verdict, and there is none: {reason}\n{remedy}")]
+    NoVerdict {
+        /// The package.
+        package: String,
+        /// Why there is none.
+        reason: String,
+        /// What to do about it.
+        remedy: String,
     },
     /// There is nothing that could be run.
     #[error("package `{package}` declares no function, no entry point and no test")]
@@ -64,6 +79,24 @@ pub enum Invalid {
         /// The package.
         package: String,
     },
+}
+
+impl Invalid {
+    /// What others than naga say of the modules, where that is known.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
+    /// assert!(wrong.try_is_valid().unwrap_err().opinion().is_some());
+    /// ```
+    #[must_use]
+    pub fn opinion(&self) -> Option<&Opinion> {
+        match self {
+            Self::Modules { opinion, .. } => Some(opinion),
+            _ => None,
+        }
+    }
 }
 
 fn list(errors: &[(String, ReflectError)]) -> String {
@@ -89,33 +122,57 @@ impl Package {
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;
+        let compilers = self.compilers().map_err(Invalid::Package)?;
+        let count = modules.len();
+        let each = modules.into_iter().map(|module| {
+            let linked = Program::of_module(&self.for_validating(&module), &module);
+            (module, linked)
+        });
+        let mut each: Vec<_> = each.collect();
+        let judged = each.iter_mut().map(|(module, linked)| {
+            let judged = match linked {
+                Ok(program) => Judged::Valid(program),
+                Err(error) => Judged::Rejected(error),
+            };
+            (module.clone(), judged)
+        });
+        let opinion = opinion::of(self, &compilers, &mut judged.collect::<Vec<_>>())?;
         let mut found =
-            Validated { modules: modules.len(), functions: 0, entry_points: 0, tests: 0 };
+            Validated { modules: count, functions: 0, entry_points: 0, tests: 0, opinion };
         let mut errors = Vec::new();
         let mut declared = self.declared().map_err(Invalid::Package)?;
-        for module in &modules {
-            match Program::of_module(&self.for_validating(module), module) {
-                Ok(program) => {
-                    let linked = program.module();
-                    let own = |name: &str| program.declares(module, name);
-                    let functions = linked.functions.iter().filter_map(|(_, f)| f.name.as_deref());
-                    found.functions += functions.filter(|name| own(name)).count();
-                    found.entry_points += linked.entry_points.len();
-                    found.tests += self.for_validating(module).tests_of(module);
-                    if let Some(declared) = &mut declared {
-                        let linked = program.linked.spliced.text();
-                        declared.see(self, module, linked).map_err(Invalid::Package)?;
-                    }
+        for (module, linked) in each {
+            let program = match linked {
+                Ok(program) => program,
+                Err(error) => {
+                    errors.push((module, error));
+                    continue;
                 }
-                Err(error) => errors.push((module.clone(), error)),
+            };
+            let linked = program.module();
+            let own = |name: &str| program.declares(&module, name);
+            let functions = linked.functions.iter().filter_map(|(_, f)| f.name.as_deref());
+            found.functions += functions.filter(|name| own(name)).count();
+            found.entry_points += linked.entry_points.len();
+            found.tests += self.for_validating(&module).tests_of(&module);
+            if let Some(declared) = &mut declared {
+                let linked = program.linked.spliced.text();
+                declared.see(self, &module, linked).map_err(Invalid::Package)?;
             }
         }
+        let package = self.name();
+        errors.extend(found.opinion.faults(&compilers));
         if !errors.is_empty() {
-            let package = self.name();
-            return Err(Invalid::Modules { package, modules: modules.len(), errors });
+            let opinion = Box::new(found.opinion);
+            return Err(Invalid::Modules { package, modules: count, errors, opinion });
+        }
+        if compilers.require_tint
+            && let Some((reason, remedy)) = found.opinion.no_verdict()
+        {
+            return Err(Invalid::NoVerdict { package, reason, remedy });
         }
         if found.functions + found.entry_points + found.tests == 0 {
-            return Err(Invalid::Nothing { package: self.name() });
+            return Err(Invalid::Nothing { package });
         }
         declared.map_or(Ok(()), package::Declared::conclude).map_err(Invalid::Package)?;
         Ok(found)

@@ -5,19 +5,28 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
-use karat::output::name;
+use karat::output::{counted, name};
 use karat::record::Recorded;
-use karat::reflect::{Dependence, Invalid};
+use karat::reflect::{Dependence, Invalid, Opinion};
 
 use super::project::Project;
 use super::search::{self, Found};
-use super::table::{GOOD, HEAD};
+use super::table::{BAD, GOOD, HEAD};
 use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
+    /// Fail unless this compiler accepts each module, too, whatever karat.toml says
+    #[arg(long, value_name = "COMPILER")]
+    require: Option<Compiler>,
     #[command(flatten)]
     package: PackageArgs,
+}
+
+/// A compiler of WGSL besides naga.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Compiler {
+    Tint,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -27,10 +36,19 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         true => Vec::new(),
         false => recorded_uses(&project)?,
     };
-    let valid = validate_found(&found, &uses, true, out)?;
+    let (valid, opinion) = validate_found(&found, &uses, true, out)?;
     let broken = search::broken_files(found.iter().map(|one| &one.package))?;
     search::write_broken(&broken, out)?;
-    Ok(if valid && broken.is_empty() { Ending::Good } else { Ending::Bad })
+    let required = args.require.is_some();
+    let good = valid && broken.is_empty() && (!required || opinion.is_good(true));
+    let style = if good { GOOD } else { BAD };
+    let packages = counted(found.len(), "package");
+    let are = if valid { "valid" } else { "looked at, and not all valid" };
+    writeln!(out, "{style}{packages} {are}{style:#}; {opinion}")?;
+    if let Some(missing) = opinion.unasked.filter(|_| required) {
+        writeln!(out, "{}", missing.remedy)?;
+    }
+    Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 /// The packages as the tests of the last run used them; none if there was no run.
@@ -49,37 +67,68 @@ pub(super) fn validate(
     out: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let found: Vec<Found> = packages.iter().cloned().map(Found::stated).collect();
-    validate_found(&found, &[], all, out)
+    Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// [`validate`], by what tests use where no author states a package.
+/// [`validate`], by what tests use where no author states a package; with what others than naga say.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
     all: bool,
     out: &mut dyn Write,
-) -> anyhow::Result<bool> {
-    let mut valid = true;
+) -> anyhow::Result<(bool, Opinion)> {
+    let (mut valid, mut opinion) = (true, Opinion::default());
     for Found { package, stated } in found {
         match package.try_is_valid() {
-            Ok(found) if all => {
-                writeln!(out, "{GOOD}{}: valid{GOOD:#} ({found})", package.name())?;
+            Ok(found) => {
+                if all {
+                    writeln!(out, "{GOOD}{}: valid{GOOD:#} ({found})", package.name())?;
+                    write_remarks(&found.opinion, out)?;
+                }
+                opinion.add(&found.opinion);
             }
-            Ok(_) => {}
             Err(Invalid::Package(error)) => return Err(error.into()),
-            Err(invalid) => match if *stated { Some(invalid) } else { as_used(package, uses) } {
-                Some(invalid) => {
-                    valid = false;
-                    write(&[(package.name(), invalid)], out)?;
+            Err(invalid) => {
+                let own = invalid.opinion().cloned().unwrap_or_default();
+                let uses = if *stated { &[] } else { uses };
+                match as_used(invalid, package, uses) {
+                    Some(invalid) => {
+                        valid = false;
+                        write(&[(package.name(), invalid)], out)?;
+                    }
+                    None if all => {
+                        writeln!(out, "{GOOD}{}: valid{GOOD:#} as tests use it", package.name())?;
+                    }
+                    None => {}
                 }
-                None if all => {
-                    writeln!(out, "{GOOD}{}: valid{GOOD:#} as tests use it", package.name())?;
+                if all {
+                    write_remarks(&own, out)?;
                 }
-                None => {}
-            },
+                opinion.add(&own);
+            }
         }
     }
-    Ok(valid)
+    Ok((valid, opinion))
+}
+
+/// What stands against modules that naga accepts: in a line, and then each remark; `None`: nothing does.
+pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
+    let mut text = opinion.remark()?;
+    for remark in opinion.remarks() {
+        text = format!("{text}\n{}", remark.to_warning());
+    }
+    Some(text)
+}
+
+/// What others than naga say, each remark once.
+pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
+    for remark in opinion.remarks() {
+        writeln!(out, "{}\n", remark.to_warning())?;
+    }
+    for (module, how) in &opinion.broke {
+        writeln!(out, "{BAD}Tint has no verdict on `{module}`{BAD:#}: {how}")?;
+    }
+    Ok(())
 }
 
 /// Packages that aren't valid, by their names, as people read it.
@@ -103,26 +152,31 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
 }
 
 /// The packages that aren't valid: as their folders say where they are stated, or else as the tests of a run
-/// used them.
-pub(super) fn invalid(found: &[Found], run: &Path) -> anyhow::Result<Vec<(String, Invalid)>> {
-    let mut all = Vec::new();
+/// used them. With what others than naga say of all.
+pub(super) fn invalid(
+    found: &[Found],
+    run: &Path,
+) -> anyhow::Result<(Vec<(String, Invalid)>, Opinion)> {
+    let (mut all, mut opinion) = (Vec::new(), Opinion::default());
     let mut known: Option<Vec<Package>> = None;
     for Found { package, stated } in found {
-        let invalid = match (package.try_is_valid(), stated) {
-            (Ok(_), _) => continue,
-            (Err(Invalid::Package(error)), true) => return Err(error.into()),
-            (Err(invalid), true) => Some(invalid),
-            (Err(_), false) => {
-                let uses = match &mut known {
-                    Some(uses) => uses,
-                    none => none.insert(uses(run)?),
-                };
-                as_used(package, uses)
+        let invalid = match package.try_is_valid() {
+            Ok(found) => {
+                opinion.add(&found.opinion);
+                continue;
             }
+            Err(Invalid::Package(error)) if *stated => return Err(error.into()),
+            Err(invalid) => invalid,
+        };
+        opinion.add(invalid.opinion().unwrap_or(&Opinion::default()));
+        let invalid = match (stated, &mut known) {
+            (true, _) => Some(invalid),
+            (false, Some(uses)) => as_used(invalid, package, uses),
+            (false, none) => as_used(invalid, package, none.insert(uses(run)?)),
         };
         all.extend(invalid.map(|invalid| (package.name(), invalid)));
     }
-    Ok(all)
+    Ok((all, opinion))
 }
 
 /// The folders and files of shaders that the tests of a run linked.
@@ -141,11 +195,14 @@ pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// What isn't valid of a package. A module is valid if it is as its folder says, or as a test uses the
-/// package, with features and dependencies.
-pub(super) fn as_used(package: &Package, uses: &[Package]) -> Option<Invalid> {
+/// What isn't valid of a package, of which something isn't as its folder says. A module is valid if it is as
+/// its folder says, or as a test uses the package, with features and dependencies.
+pub(super) fn as_used(
+    mut invalid: Invalid,
+    package: &Package,
+    uses: &[Package],
+) -> Option<Invalid> {
     let place = |package: &Package| package.root().canonicalize().ok();
-    let mut invalid = package.try_is_valid().err()?;
     let mut tried: Vec<&Package> = vec![package];
     for used in uses.iter().filter(|used| place(used) == place(package)) {
         if tried.contains(&used) {

@@ -147,12 +147,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_used =
         |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
     let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
-    let invalid = check::invalid(&judged, running.folder())?;
+    let (invalid, opinion) = check::invalid(&judged, running.folder())?;
     let run = Run {
         selected: asked.selected(project.is_cargo()),
         passed: passed && invalid.is_empty(),
         failed: progress.failed().iter().map(|test| name(test).into_owned()).collect(),
         invalid: check::names(&invalid),
+        remarks: opinion.remark().into_iter().collect(),
         ..Run::default()
     };
     run.write(running.folder()).context("can't say how the run was made")?;
@@ -174,6 +175,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     check::write(&invalid, told)?;
+    check::write_remarks(&opinion, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
     if args.leaves_frames_out() {
         writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;

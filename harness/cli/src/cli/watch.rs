@@ -152,6 +152,8 @@ pub(super) struct Verdicts {
     pub(super) broken: Option<String>,
     /// Which modules aren't valid.
     pub(super) invalid: Option<String>,
+    /// What others than naga say of the modules, in a line, and then each remark.
+    pub(super) remarks: Option<String>,
 }
 
 /// One path with its process.
@@ -390,9 +392,10 @@ impl Watch {
                 }
                 return Ok(());
             }
-            Said::Done { tests, error, idle, invalid, reads } => {
+            Said::Done { tests, error, idle, invalid, remarks, reads } => {
                 lane.verdicts.idle = idle;
                 lane.verdicts.invalid = invalid;
+                lane.verdicts.remarks = remarks;
                 lane.reads = reads;
                 lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use karat::diagnostic as karats;
 use karat::record::Record;
-use karat::reflect::Invalid;
+use karat::reflect::{Invalid, Opinion};
 use lsp_types::{
     Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, Location, NumberOrString, Range,
 };
@@ -34,20 +34,33 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
     for (_, error) in errors {
-        let found = short::diagnostic(error);
+        let found = error.diagnostic();
         let placed = found.and_then(|found| Some((found, placed(found)?)));
         match placed {
-            // A module that others import is at fault in each of them.
-            Some((_, (file, diagnostic))) => {
-                let own = findings.entry(file).or_default();
-                if !own.contains(&diagnostic) {
-                    own.push(diagnostic);
-                }
-            }
+            Some((_, (file, diagnostic))) => insert(file, diagnostic, findings),
             None => placeless.push(error.to_string()),
         }
     }
     placeless
+}
+
+/// What others than naga say, as warnings. What `karat.toml` makes an error of is one already.
+pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
+    for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
+        let own = findings.get(&file).map_or(&[][..], Vec::as_slice);
+        if !own.contains(&diagnostic) {
+            diagnostic.severity = Some(DiagnosticSeverity::WARNING);
+            insert(file, diagnostic, findings);
+        }
+    }
+}
+
+/// Adds a finding once: a module that others import is at fault in each of them.
+fn insert(file: PathBuf, diagnostic: Diagnostic, findings: &mut Findings) {
+    let own = findings.entry(file).or_default();
+    if !own.contains(&diagnostic) {
+        own.push(diagnostic);
+    }
 }
 
 fn placed(found: &karats::Diagnostic) -> Option<(PathBuf, Diagnostic)> {
@@ -112,10 +125,7 @@ pub(super) fn add(
     let range = place::rest_of_line(&documents.text(&file), line, column);
     let mut diagnostic = error(range, message);
     diagnostic.code = name.map(NumberOrString::String);
-    let own = findings.entry(file).or_default();
-    if !own.contains(&diagnostic) {
-        own.push(diagnostic);
-    }
+    insert(file, diagnostic, findings);
 }
 
 /// What a message says at its places: `error: ...`, then ` --> file:line:column`.

@@ -5,7 +5,7 @@ use std::time::SystemTime;
 
 use karat::Package;
 use karat::record::{Record, Recorded, Subject};
-use karat::reflect::Invalid;
+use karat::reflect::{Invalid, Opinion};
 
 use super::super::PackageArgs;
 use super::super::check;
@@ -109,14 +109,23 @@ impl Root {
         Ok(true)
     }
 
-    /// What is wrong with the modules, as they are in the editor.
-    pub(super) fn invalid(&self, documents: &Documents) -> Vec<Invalid> {
+    /// What is wrong with the modules, as they are in the editor, and what others than naga say of them.
+    pub(super) fn invalid(&self, documents: &Documents) -> (Vec<Invalid>, Opinion) {
         let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
-        let packages = self.packages.iter().filter_map(|package| {
+        let (mut all, mut opinion) = (Vec::new(), Opinion::default());
+        for package in &self.packages {
             let of_tests = self.unstated.contains(&package.root());
-            check::as_used(&documents.applied(package), if of_tests { &uses } else { &[] })
-        });
-        packages.collect()
+            let package = documents.applied(package);
+            match package.try_is_valid() {
+                Ok(found) => opinion.add(&found.opinion),
+                Err(invalid) => {
+                    opinion.add(invalid.opinion().unwrap_or(&Opinion::default()));
+                    let uses = if of_tests { &*uses } else { &[] };
+                    all.extend(check::as_used(invalid, &package, uses));
+                }
+            }
+        }
+        (all, opinion)
     }
 
     /// What the runs say of the files as they are.

@@ -44,10 +44,15 @@ impl Server {
     fn find_invalid(&mut self) -> Findings {
         let mut found = Findings::new();
         for root in &self.roots {
-            for invalid in root.invalid(&self.documents) {
-                for placeless in findings::of_invalid(&invalid, &mut found) {
+            let (invalid, opinion) = root.invalid(&self.documents);
+            for invalid in &invalid {
+                for placeless in findings::of_invalid(invalid, &mut found) {
                     self.client.tell_once(&placeless);
                 }
+            }
+            findings::of_opinion(&opinion, &mut found);
+            if let Some(missing) = &opinion.unasked {
+                self.client.tell_once(&format!("Tint wasn't asked: {missing}"));
             }
         }
         found

@@ -3,11 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
-use karat::diagnostic::{Diagnostic, shown};
+use karat::diagnostic::shown;
 use karat::output::one_line;
-use karat::package::PackageError;
 use karat::record::{PathRecord, Record, Subject};
-use karat::reflect::{Invalid, ReflectError};
+use karat::reflect::Invalid;
 
 use super::{Place, Sum, failing, is_failure, located, place};
 
@@ -40,7 +39,7 @@ pub(in crate::cli) fn write(
             continue;
         };
         for (_, error) in errors {
-            let diagnostic = diagnostic(error);
+            let diagnostic = error.diagnostic();
             let place =
                 diagnostic.and_then(|found| found.location()).map(|span| format!("{span}: "));
             let message =
@@ -50,17 +49,7 @@ pub(in crate::cli) fn write(
     }
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
     let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };
-    writeln!(out, "{}{more}", sum.line())
-}
-
-/// What is wrong with a module, with its place.
-pub(in crate::cli) fn diagnostic(error: &ReflectError) -> Option<&Diagnostic> {
-    match error {
-        ReflectError::Package(PackageError::Shader(found))
-        | ReflectError::Invalid(found)
-        | ReflectError::Unprobeable(found) => Some(found),
-        _ => None,
-    }
+    writeln!(out, "{}{}{more}", sum.line(), sum.remarks())
 }
 
 /// What a failure says in a line: of a function in WGSL that has expectations, each that fails, where it

@@ -24,6 +24,8 @@ pub(in crate::cli) struct Sum {
     outside: Vec<String>,
     /// Other reasons: modules that aren't valid, tests that weren't run.
     others: Vec<String>,
+    /// What fails nothing and should be known.
+    remarks: Vec<String>,
 }
 
 /// The first of some names, in one line.
@@ -46,6 +48,7 @@ impl Sum {
                 .filter(|run| !run.passed)
                 .map_or_else(Vec::new, |run| outside(records, &run.failed)),
             others: Vec::new(),
+            remarks: run.map_or_else(Vec::new, |run| run.remarks.clone()),
         };
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
@@ -127,13 +130,19 @@ impl Sum {
         parts.join("; ")
     }
 
+    /// What fails nothing and should be known, behind the line.
+    pub(in crate::cli) fn remarks(&self) -> String {
+        self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
+    }
+
     /// Writes the line, with what was compared.
     pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
-        let (style, line) = (self.style(), self.line());
-        match self.checks {
-            0 => writeln!(out, "{style}{line}{style:#}"),
-            _ => writeln!(out, "{style}{line}{style:#}, {} compared", counted(self.cases, "case")),
-        }
+        let (style, line, remarks) = (self.style(), self.line(), self.remarks());
+        let cases = match self.checks {
+            0 => String::new(),
+            _ => format!(", {} compared", counted(self.cases, "case")),
+        };
+        writeln!(out, "{style}{line}{style:#}{cases}{remarks}")
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                     true => Reads::These(BTreeSet::new()),
                     false => Reads::Any,
                 };
-                Said::Done { tests, error, idle, invalid: None, reads }
+                Said::Done { tests, error, idle, invalid: None, remarks: None, reads }
             }
             Err(error) => {
                 // Who watches forgets all verdicts.

@@ -40,10 +40,11 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                 }
                 let mut said =
                     answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?;
-                if let Said::Done { error, invalid, .. } = &mut said
+                if let Said::Done { error, invalid, remarks, .. } = &mut said
                     && request.validate
                 {
-                    *invalid = whole.invalid(&suite, error.as_deref().unwrap_or_default());
+                    let told = error.as_deref().unwrap_or_default();
+                    (*invalid, *remarks) = whole.validity(&suite, told);
                 }
                 said
             }
@@ -120,7 +121,8 @@ fn answer(
         true => Reads::Any,
         false => Reads::These(suite.reads().iter().map(|file| resolved(file)).collect()),
     };
-    Ok(Said::Done { tests: all, error, idle: idle.len(), invalid: None, reads })
+    let (idle, invalid, remarks) = (idle.len(), None, None);
+    Ok(Said::Done { tests: all, error, idle, invalid, remarks, reads })
 }
 
 /// The whole package, as its project knows it: what no test links must be valid, too, as for `karat test`.
@@ -153,16 +155,20 @@ impl Whole {
         self.found.stated || !suite.tests.is_empty() || is_used()
     }
 
-    /// The modules that aren't valid, but for what has been told.
-    fn invalid(&self, suite: &Suite, told: &str) -> Option<String> {
-        let Found { package, stated } = &self.found;
-        let mut invalid = package.try_is_valid().err()?;
-        if !self.is_judged(suite) {
-            return None;
+    /// The modules that aren't valid, but for what has been told, and what others than naga say.
+    fn validity(&self, suite: &Suite, told: &str) -> (Option<String>, Option<String>) {
+        match self.found.package.try_is_valid() {
+            _ if !self.is_judged(suite) => (None, None),
+            Ok(found) => (None, check::remarks(&found.opinion)),
+            Err(invalid) => (self.invalid(invalid, told), None),
         }
+    }
+
+    fn invalid(&self, mut invalid: Invalid, told: &str) -> Option<String> {
+        let Found { package, stated } = &self.found;
         if !stated {
             let uses = check::recorded_uses(&self.project).unwrap_or_default();
-            invalid = check::as_used(package, &uses)?;
+            invalid = check::as_used(invalid, package, &uses)?;
         }
         let Invalid::Modules { errors, .. } = invalid else { return Some(invalid.to_string()) };
         let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();

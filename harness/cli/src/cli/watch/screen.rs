@@ -82,6 +82,8 @@ impl Screen {
         for why in lane.verdicts.broken.iter().chain(&lane.verdicts.invalid) {
             writeln!(out, "{}", why.trim_end())?;
         }
+        let remarks = lane.verdicts.remarks.iter().flat_map(|remarks| remarks.lines().skip(1));
+        remarks.into_iter().try_for_each(|line| writeln!(out, "{line}"))?;
         out.flush()
     }
 
@@ -206,8 +208,12 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
 }
 
 fn words(lane: &Lane) -> (karat::output::Style, String) {
-    let Verdicts { failing, count, ran, took, busy, idle, broken, invalid } = &lane.verdicts;
-    let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
+    let Verdicts { failing, count, ran, took, busy, idle, broken, invalid, remarks } =
+        &lane.verdicts;
+    let mut took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
+    if let Some(remark) = remarks.as_ref().and_then(|remarks| remarks.lines().next()) {
+        took = format!("{took}; {remark}");
+    }
     let (took, good) = match idle {
         0 => (took, GOOD),
         1 => (format!("{took}; 1 isn't judged here: a frame needs a driver"), KNOWN),

@@ -51,6 +51,9 @@ pub(in crate::cli) enum Said {
         /// Which modules aren't valid, whether or not a test links them.
         #[serde(default)]
         invalid: Option<String>,
+        /// What others than naga say of them, in a line, and then each remark.
+        #[serde(default)]
+        remarks: Option<String>,
         /// Files that matter besides modules and declared tests.
         #[serde(default)]
         reads: Reads,
@@ -65,7 +68,8 @@ impl Said {
     /// That no test can be found.
     pub(in crate::cli) fn failed(why: String) -> Self {
         let (tests, error) = (BTreeSet::new(), Some(why));
-        Self::Done { tests, error, idle: 0, invalid: None, reads: Reads::Any }
+        let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);
+        Self::Done { tests, error, idle, invalid, remarks, reads }
     }
 }
 

@@ -1,0 +1,51 @@
+//! The compilers that a package is for, besides naga: `[compilers]` in `karat.toml`.
+
+use serde::Deserialize;
+
+use super::limits::Limits;
+use super::manifest::Manifest;
+use super::{Package, PackageError};
+use crate::diagnostic::{nearest, shown};
+
+/// What `karat.toml` says of compilers and limits.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Compilers {
+    /// A shader that Tint rejects isn't valid, and without Tint there is no verdict.
+    pub(crate) require_tint: bool,
+    /// What shaders use on purpose that wgpu alone has, by naga's names of capabilities.
+    pub(crate) native: Vec<String>,
+    pub(crate) limits: Limits,
+    /// The file, for messages about what it says.
+    pub(crate) file: String,
+}
+
+/// As it is written.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Written {
+    #[serde(default)]
+    require: Vec<String>,
+    #[serde(default)]
+    native: Vec<String>,
+}
+
+impl Compilers {
+    pub(super) fn of(written: Written, limits: Limits, file: String) -> Result<Self, String> {
+        let Written { require, native } = written;
+        if let Some(other) = require.iter().find(|name| *name != "tint") {
+            let near = nearest(other, ["tint"]).map_or("", |_| "; did you mean `tint`?");
+            let other = format!("`[compilers] require` names `{other}`, and asks `tint` alone{near}");
+            return Err(other);
+        }
+        Ok(Self { require_tint: !require.is_empty(), native, limits, file })
+    }
+}
+
+impl Package {
+    /// What the folder's `karat.toml` says of compilers and limits.
+    pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
+        let manifest = Manifest::of(self)?;
+        let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
+        Ok(Compilers { file, ..manifest.compilers })
+    }
+}

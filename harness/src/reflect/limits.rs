@@ -1,0 +1,227 @@
+//! WebGPU's limits, compared with what entry points use.
+
+use std::collections::BTreeMap;
+
+use naga::{AddressSpace, GlobalVariable, Handle, ImageClass, ShaderStage, StorageAccess, TypeInner};
+
+use super::Program;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::output::counted;
+use crate::package::{Limit, Limits};
+
+/// Something that a limit is of.
+struct Used {
+    limit: Limit,
+    amount: u64,
+    /// `the compute entry point `main``, or a variable.
+    who: String,
+    what: String,
+    span: Option<Span>,
+}
+
+impl Program {
+    /// What exceeds limits, and what no limit allows: storage that a vertex stage writes.
+    pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Diagnostic> {
+        let mut found = Vec::new();
+        for used in self.used() {
+            let Used { limit, amount, who, what, span } = used;
+            let most = limits.value(limit);
+            if amount <= most {
+                continue;
+            }
+            let (name, source) = (limit.name, limits.source(limit));
+            let message = format!("{who} uses {what}, and {source} {name} is {most}");
+            let note = format!(
+                "if every device has more that your users have: request it (`requiredLimits`), and write \
+                 {name} = {amount} in `[limits]` of karat.toml"
+            );
+            let diagnostic = Diagnostic::new(message).note(note);
+            found.push(match span {
+                Some(span) => diagnostic.at(span, ""),
+                None => diagnostic,
+            });
+        }
+        found.extend(self.written_by_vertices());
+        found
+    }
+
+    fn used(&self) -> Vec<Used> {
+        let (module, info) = (&self.checked.module, &self.checked.info);
+        let mut all = Vec::new();
+        for (handle, variable) in module.global_variables.iter() {
+            self.of_variable(handle, variable, &mut all);
+        }
+        for (index, entry) in module.entry_points.iter().enumerate() {
+            let span = || self.entry_point_span(&entry.name);
+            let name = self.linked.names.get(&entry.name).unwrap_or(&entry.name);
+            let name = name.rsplit("::").next().unwrap_or(name);
+            let who = format!("the {} entry point `{name}`", stage(entry.stage));
+            let mut push = |limit: Limit, amount: u64, what: String| {
+                all.push(Used { limit, amount, who: who.clone(), what, span: span() });
+            };
+            let uses = info.get_entry_point(index);
+            let used = module.global_variables.iter();
+            let used: Vec<_> = used.filter(|(handle, _)| !uses[*handle].is_empty()).collect();
+            let mut counts: BTreeMap<Limit, u64> = BTreeMap::new();
+            for (_, variable) in &used {
+                for limit in self.counted_by(variable, entry.stage) {
+                    *counts.entry(limit).or_default() += 1;
+                }
+            }
+            for (limit, count) in counts {
+                push(limit, count, counted(usize::try_from(count).unwrap_or(usize::MAX), kind(limit)));
+            }
+            if entry.stage == ShaderStage::Compute {
+                let size = entry.workgroup_size.map(u64::from);
+                let shown = size.map(|one| one.to_string()).join(" x ");
+                let axes = [Limit::WORKGROUP_X, Limit::WORKGROUP_Y, Limit::WORKGROUP_Z];
+                for (limit, size) in axes.into_iter().zip(size) {
+                    push(limit, size, format!("a workgroup of {shown}"));
+                }
+                let all = size.iter().product();
+                push(Limit::INVOCATIONS, all, format!("{all} invocations a workgroup"));
+                let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
+                // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable is rounded up to 16.
+                let memory = memory.map(|(_, one)| self.size(one).next_multiple_of(16)).sum();
+                push(Limit::WORKGROUP_STORAGE, memory, format!("{memory} bytes of workgroup memory"));
+            }
+            let (inputs, outputs) = self.locations(entry);
+            let count = |all: &[u32]| {
+                // Both the number of them and the highest location are limited.
+                let highest = all.iter().max().map_or(0, |highest| highest + 1);
+                u64::from(highest).max(all.len() as u64)
+            };
+            match entry.stage {
+                ShaderStage::Vertex => {
+                    let (attributes, passed) = (count(&inputs), count(&outputs));
+                    push(Limit::VERTEX_ATTRIBUTES, attributes, format!("{attributes} vertex attributes"));
+                    push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
+                }
+                ShaderStage::Fragment => {
+                    let (passed, targets) = (count(&inputs), count(&outputs));
+                    push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
+                    push(Limit::COLOR_ATTACHMENTS, targets, format!("{targets} colour attachments"));
+                }
+                _ => {}
+            }
+        }
+        all
+    }
+
+    /// What limits say of a variable, whoever uses it.
+    fn of_variable(
+        &self,
+        handle: Handle<GlobalVariable>,
+        variable: &GlobalVariable,
+        all: &mut Vec<Used>,
+    ) {
+        let Some(binding) = variable.binding else { return };
+        let range = self.checked.module.global_variables.get_span(handle).to_range();
+        let span = range.and_then(|range| self.resolve(range)).map(|span| span.first_line());
+        let name = variable.name.as_deref().unwrap_or_default();
+        let who = format!("`{}`", self.author_path(name).unwrap_or(name));
+        let mut push = |limit: Limit, amount: u64, what: String| {
+            all.push(Used { limit, amount, who: who.clone(), what, span: span.clone() });
+        };
+        let group = u64::from(binding.group);
+        push(Limit::BIND_GROUPS, group + 1, format!("group {group}, so at least {}", group + 1));
+        let number = u64::from(binding.binding);
+        push(Limit::BINDINGS, number + 1, format!("binding {number}, so at least {}", number + 1));
+        let size = self.size(variable);
+        match variable.space {
+            AddressSpace::Uniform => push(Limit::UNIFORM_SIZE, size, format!("{size} bytes")),
+            AddressSpace::Storage { .. } => push(Limit::STORAGE_SIZE, size, format!("{size} bytes")),
+            _ => {}
+        }
+    }
+
+    /// The limits that count a variable in a stage.
+    fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<Limit> {
+        let inner = &self.checked.module.types[variable.ty].inner;
+        match (variable.space, inner) {
+            (AddressSpace::Uniform, _) => vec![Limit::UNIFORM_BUFFERS],
+            (AddressSpace::Storage { .. }, _) => match stage {
+                ShaderStage::Vertex => vec![Limit::STORAGE_BUFFERS, Limit::STORAGE_BUFFERS_IN_VERTEX],
+                ShaderStage::Fragment => {
+                    vec![Limit::STORAGE_BUFFERS, Limit::STORAGE_BUFFERS_IN_FRAGMENT]
+                }
+                _ => vec![Limit::STORAGE_BUFFERS],
+            },
+            (_, TypeInner::Sampler { .. }) => vec![Limit::SAMPLERS],
+            (_, TypeInner::Image { class: ImageClass::Storage { .. }, .. }) => match stage {
+                ShaderStage::Vertex => {
+                    vec![Limit::STORAGE_TEXTURES, Limit::STORAGE_TEXTURES_IN_VERTEX]
+                }
+                ShaderStage::Fragment => {
+                    vec![Limit::STORAGE_TEXTURES, Limit::STORAGE_TEXTURES_IN_FRAGMENT]
+                }
+                _ => vec![Limit::STORAGE_TEXTURES],
+            },
+            (_, TypeInner::Image { .. }) => vec![Limit::SAMPLED_TEXTURES],
+            _ => Vec::new(),
+        }
+    }
+
+    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage has no storage that it can write.
+    fn written_by_vertices(&self) -> Vec<Diagnostic> {
+        let (module, info) = (&self.checked.module, &self.checked.info);
+        let mut found = Vec::new();
+        for (index, entry) in module.entry_points.iter().enumerate() {
+            if entry.stage != ShaderStage::Vertex {
+                continue;
+            }
+            let uses = info.get_entry_point(index);
+            for (handle, variable) in module.global_variables.iter() {
+                let access = match (variable.space, &module.types[variable.ty].inner) {
+                    (AddressSpace::Storage { access }, _) => access,
+                    (_, TypeInner::Image { class: ImageClass::Storage { access, .. }, .. }) => *access,
+                    _ => continue,
+                };
+                if uses[handle].is_empty() || !access.contains(StorageAccess::STORE) {
+                    continue;
+                }
+                let name = variable.name.as_deref().unwrap_or_default();
+                let name = self.author_path(name).unwrap_or(name);
+                let message = format!(
+                    "the vertex entry point `{}` uses `{name}`, which can be written, and WebGPU gives vertex \
+                     stages none of that",
+                    entry.name
+                );
+                let note = "declare it `read`, or write it in a compute pass";
+                let diagnostic = Diagnostic::new(message).note(note);
+                found.push(match self.entry_point_span(&entry.name) {
+                    Some(span) => diagnostic.at(span, ""),
+                    None => diagnostic,
+                });
+            }
+        }
+        found
+    }
+
+    fn size(&self, variable: &GlobalVariable) -> u64 {
+        let module = &self.checked.module;
+        // A runtime-sized array counts as one element: the buffer decides.
+        u64::from(module.types[variable.ty].inner.size(module.to_ctx()))
+    }
+}
+
+fn stage(stage: ShaderStage) -> &'static str {
+    match stage {
+        ShaderStage::Vertex => "vertex",
+        ShaderStage::Fragment => "fragment",
+        ShaderStage::Compute => "compute",
+        _ => "mesh or ray",
+    }
+}
+
+fn kind(limit: Limit) -> &'static str {
+    match limit {
+        Limit::UNIFORM_BUFFERS => "uniform buffer",
+        Limit::SAMPLERS => "sampler",
+        Limit::SAMPLED_TEXTURES => "sampled texture",
+        Limit::STORAGE_TEXTURES
+        | Limit::STORAGE_TEXTURES_IN_VERTEX
+        | Limit::STORAGE_TEXTURES_IN_FRAGMENT => "storage texture",
+        _ => "storage buffer",
+    }
+}

@@ -1,0 +1,331 @@
+//! What others than naga say of a package: Tint, WebGPU's limits, and an engine that loads its files.
+
+use std::sync::Arc;
+
+use super::message::to_author;
+use super::{Invalid, Program, ReflectError, native};
+use crate::diagnostic::{Diagnostic, nearest, one_line};
+use crate::output::counted;
+use crate::package::{Compilers, Package, PackageError};
+use crate::tint::{Answer, Missing, NoVerdict, Question, Reason, Severity, Tint};
+
+/// The opinion of others than naga.
+///
+/// ```
+/// # use karat::Package;
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let opinion = package.is_valid().opinion;
+/// assert!(opinion.refused.is_empty() && opinion.limits.is_empty());
+/// println!("{opinion}"); // `Tint accepts 1 module`, or `Tint wasn't asked: not here`
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Opinion {
+    /// How many modules Tint accepts.
+    pub accepted: usize,
+    /// Modules that it rejects, each with the kind of reason and the place.
+    pub refused: Vec<(String, Reason, Diagnostic)>,
+    /// Modules on which it has no verdict, as it crashed, hung or said something unreadable; each with how.
+    pub broke: Vec<(String, String)>,
+    /// Modules on which it wasn't asked, as they use on purpose what wgpu alone has.
+    pub native: Vec<String>,
+    /// Why it wasn't asked at all.
+    pub unasked: Option<Missing>,
+    /// Modules in which something exceeds WebGPU's limits.
+    pub limits: Vec<(String, Diagnostic)>,
+    /// Modules that an engine would load, and that hold tests.
+    pub shipped: Vec<(String, Diagnostic)>,
+    /// What Tint warns of.
+    pub warnings: Vec<(String, Diagnostic)>,
+}
+
+impl std::fmt::Display for Opinion {
+    /// One line, for the last line of a command.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut parts = Vec::new();
+        if let Some(missing) = &self.unasked {
+            parts.push(format!("Tint wasn't asked: {missing}"));
+        }
+        for (count, verb) in [
+            (self.accepted, "Tint accepts"),
+            (self.refused.len(), "Tint rejects"),
+            (self.broke.len(), "Tint has no verdict on"),
+            (self.native.len(), "wgpu alone is meant by"),
+            (self.limits_of(), "WebGPU's limits are exceeded in"),
+            (self.shipped.len(), "tests stand in"),
+        ] {
+            if count > 0 {
+                parts.push(format!("{verb} {}", counted(count, "module")));
+            }
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
+impl Opinion {
+    /// What stands against the package, in a line: rejections, limits, and what there is no verdict on. `None`:
+    /// nothing does.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        let Self { refused, broke, unasked, limits, .. } = self.clone();
+        let against = Self { refused, broke, unasked, limits, ..Self::default() };
+        Some(against.to_string()).filter(|text| !text.is_empty())
+    }
+
+    fn limits_of(&self) -> usize {
+        let mut modules: Vec<&str> = self.limits.iter().map(|(module, _)| &**module).collect();
+        modules.dedup();
+        modules.len()
+    }
+
+    /// All remarks, each once: a module that others import is at fault in each of them.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// let package = Package::from_source("m", "@test fn is_one() { }\nfn one() -> f32 { return 1.0; }");
+    /// let opinion = package.is_valid().opinion;
+    /// assert!(opinion.remarks()[0].message.contains("an engine that loads this file"));
+    /// ```
+    #[must_use]
+    pub fn remarks(&self) -> Vec<&Diagnostic> {
+        let refused = self.refused.iter().map(|(_, _, diagnostic)| diagnostic);
+        let others = [&self.limits, &self.warnings, &self.shipped].into_iter().flatten();
+        let mut all: Vec<&Diagnostic> = Vec::new();
+        for diagnostic in refused.chain(others.map(|(_, diagnostic)| diagnostic)) {
+            if !all.contains(&diagnostic) {
+                all.push(diagnostic);
+            }
+        }
+        all
+    }
+
+    /// True if nothing stands against the package: no rejection, no limit exceeded, and a verdict on each module
+    /// if `required`.
+    #[must_use]
+    pub fn is_good(&self, required: bool) -> bool {
+        let all = self.unasked.is_none() && self.broke.is_empty();
+        self.refused.is_empty() && self.limits.is_empty() && (all || !required)
+    }
+
+    /// What is an error by `karat.toml`, by its module.
+    pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
+        let fault = |module: &str, diagnostic: &Diagnostic| {
+            (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
+        };
+        let refused = self.refused.iter().map(|(module, _, diagnostic)| fault(module, diagnostic));
+        let refused = refused.filter(|_| compilers.require_tint);
+        let limits = self.limits.iter().map(|(module, diagnostic)| fault(module, diagnostic));
+        let limits = limits.filter(|_| compilers.require_tint || compilers.limits.stated);
+        refused.chain(limits).collect()
+    }
+
+    /// Why there is no verdict of Tint on some module, and what to do about it.
+    pub(super) fn no_verdict(&self) -> Option<(String, String)> {
+        if let Some(Missing { reason, remedy }) = &self.unasked {
+            return Some((reason.clone(), remedy.clone()));
+        }
+        let (module, how) = self.broke.first()?;
+        let remedy = "run it again; `karat doctor` says which Tint it is".to_owned();
+        Some((format!("of module `{module}`: {how}"), remedy))
+    }
+
+    /// Adds another package's.
+    pub fn add(&mut self, other: &Self) {
+        let other = other.clone();
+        self.accepted += other.accepted;
+        self.refused.extend(other.refused);
+        self.broke.extend(other.broke);
+        self.native.extend(other.native);
+        self.unasked = self.unasked.take().or(other.unasked);
+        self.limits.extend(other.limits);
+        self.shipped.extend(other.shipped);
+        self.warnings.extend(other.warnings);
+    }
+}
+
+/// A module that was linked: with what naga made of it, or why it rejects it.
+pub(super) enum Judged<'p> {
+    Valid(&'p Program),
+    Rejected(&'p mut ReflectError),
+}
+
+/// Asks about all modules of a package.
+pub(super) fn of(
+    package: &Package,
+    compilers: &Compilers,
+    modules: &mut [(String, Judged<'_>)],
+) -> Result<Opinion, Invalid> {
+    let mut opinion = Opinion::default();
+    let unusable = |reason: String| {
+        let file = compilers.file.clone();
+        Invalid::Package(PackageError::Manifest { file, reason })
+    };
+    let names = native::names();
+    if let Some(unknown) = compilers.native.iter().find(|name| !names.contains(name)) {
+        let near = nearest(unknown, names.iter().map(String::as_str));
+        let near = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("they are {}", names.join(", ")),
+        };
+        return Err(unusable(format!("wgpu has no native feature `{unknown}`; {near}")));
+    }
+    let mut unused: Vec<&String> = compilers.native.iter().collect();
+    let folder = match package.root() {
+        root if root.as_os_str().is_empty() => std::env::current_dir().unwrap_or_default(),
+        root => root,
+    };
+    let tint = Tint::beside(&folder, compilers.require_tint);
+    let (mut asked, mut questions) = (Vec::new(), Vec::new());
+    for (index, (module, judged)) in modules.iter().enumerate() {
+        if let Some(diagnostic) = package.shipped_tests(module) {
+            opinion.shipped.push((module.clone(), diagnostic));
+        }
+        let (text, pipelines) = match judged {
+            Judged::Valid(program) => {
+                let over = program.over_limits(&compilers.limits);
+                opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
+                if !compilers.native.is_empty() {
+                    let used = program.native_features();
+                    unused.retain(|name| !used.contains(name));
+                    if used.iter().any(|name| compilers.native.contains(name)) {
+                        opinion.native.push(module.clone());
+                        continue;
+                    }
+                }
+                (program.text().to_owned(), program.pipelines())
+            }
+            // It may be what Tint accepts: of that its author hears.
+            Judged::Rejected(ReflectError::Invalid(_)) => {
+                match package.for_validating(module).link_module(module) {
+                    Ok(linked) => (linked.text().to_owned(), Vec::new()),
+                    Err(_) => continue,
+                }
+            }
+            Judged::Rejected(_) => continue,
+        };
+        let compatibility = compilers.limits.compatibility;
+        asked.push(index);
+        questions.push(Question { text, compatibility, pipelines });
+    }
+    if let Some(name) = unused.first() {
+        let all_valid = modules.iter().all(|(_, judged)| matches!(judged, Judged::Valid(_)));
+        if all_valid {
+            return Err(unusable(format!("`native` has `{name}`, and no module uses it")));
+        }
+    }
+    let answers = match tint {
+        Ok(tint) => tint.ask(&questions),
+        Err(missing) => {
+            opinion.unasked = Some(missing);
+            return Ok(opinion);
+        }
+    };
+    for (index, answer) in asked.into_iter().zip(answers) {
+        let (module, judged) = &mut modules[index];
+        match judged {
+            Judged::Valid(program) => opinion.take(module, program, answer),
+            Judged::Rejected(ReflectError::Invalid(diagnostic)) => {
+                if answer.is_ok_and(|answer| !answer.rejects()) {
+                    let note = "Tint accepts it: it runs in Chrome, and not in wgpu and Firefox";
+                    diagnostic.notes.push(note.to_owned());
+                }
+            }
+            Judged::Rejected(_) => {}
+        }
+    }
+    Ok(opinion)
+}
+
+impl Opinion {
+    fn take(&mut self, module: &str, program: &Program, answer: Result<Answer, NoVerdict>) {
+        let answer = match answer {
+            Ok(answer) => answer,
+            Err(error) => {
+                self.broke.push((module.to_owned(), error.to_string()));
+                return;
+            }
+        };
+        let linked = &program.linked;
+        let mut refused = Vec::new();
+        let mut messages = answer.messages.iter().peekable();
+        while let Some(message) = messages.next() {
+            let mut labels = vec![(message.range.clone(), String::new())];
+            let mut notes = Vec::new();
+            while let Some(note) = messages.next_if(|next| next.severity == Severity::Info) {
+                let resolved = note.range.clone().and_then(|range| linked.spliced.resolve(range));
+                match resolved {
+                    Some(_) => labels.push((note.range.clone(), note.text.clone())),
+                    None => notes.push(note.text.clone()),
+                }
+            }
+            let reason = Reason::of(&message.text);
+            let mut lines = message.text.lines();
+            let head = lines.next().unwrap_or_default();
+            // Lists of overloads and of all names that there are fill a screen.
+            let rest = lines.find(|line| line.starts_with("Did you mean"));
+            notes.extend(rest.map(str::to_owned));
+            let verb = match message.severity {
+                Severity::Error => {
+                    notes.push(reason.remedy().to_owned());
+                    "rejects this"
+                }
+                _ => "warns",
+            };
+            let text = format!("Tint {verb}: {head}");
+            let diagnostic = to_author(linked, text, labels.into_iter(), notes);
+            match message.severity {
+                Severity::Error => refused.push((module.to_owned(), reason, diagnostic)),
+                _ => self.warnings.push((module.to_owned(), diagnostic)),
+            }
+        }
+        for (entry_point, error) in &answer.pipelines {
+            // Dawn says in further lines which of its functions was called.
+            let text = error.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+            let path = linked.names.get(entry_point).unwrap_or(entry_point);
+            let name = path.rsplit("::").next().unwrap_or(path);
+            let message = format!("Tint makes no pipeline of `{name}`: {}", one_line(text));
+            let mut diagnostic = Diagnostic::new(message).note(Reason::Pipeline.remedy());
+            let place = program.entry_point_span(entry_point).or_else(|| {
+                Some(crate::diagnostic::Span { file: Arc::clone(&linked.file), range: 0..0 })
+            });
+            diagnostic.labels.extend(place.map(|span| (span, String::new())));
+            let reason = match Reason::of(text) {
+                Reason::Other => Reason::Pipeline,
+                reason => reason,
+            };
+            refused.push((module.to_owned(), reason, diagnostic));
+        }
+        // One count a module, whatever else is wrong with it.
+        match refused.is_empty() {
+            true => self.accepted += 1,
+            false => self.refused.push(first_of(refused)),
+        }
+    }
+}
+
+/// The first of several reasons, with the others as notes.
+fn first_of(mut refused: Vec<(String, Reason, Diagnostic)>) -> (String, Reason, Diagnostic) {
+    let (module, reason, mut first) = refused.remove(0);
+    for (_, _, other) in refused {
+        let place = other.location().map_or_else(String::new, |span| format!("{span}: "));
+        first.notes.push(format!("{place}{}", other.message));
+    }
+    (module, reason, first)
+}
+
+impl Package {
+    /// Where tests stand in a module that an engine loads: other compilers know no `@test`.
+    fn shipped_tests(&self, module: &str) -> Option<Diagnostic> {
+        if module.ends_with("_test") {
+            return None;
+        }
+        let (span, count) = self.for_validating(module).first_test(module)?;
+        let tests = counted(count, "test");
+        let message = format!("{tests} here, which an engine that loads this file doesn't know");
+        let name = module.rsplit("::").next().unwrap_or(module);
+        let note = format!(
+            "move tests to `{name}_test.wgsl`, or ship what `karat show --plain {module}` prints"
+        );
+        Some(Diagnostic::new(message).at(span, "").note(note.trim_end()))
+    }
+}

@@ -1,0 +1,149 @@
+//! Answers, and where in a text their messages are.
+
+use std::ops::Range;
+
+use serde::Deserialize;
+
+use super::NoVerdict;
+
+/// What Tint says of a text.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Answer {
+    /// Messages about the text, in Tint's order: notes follow what they explain.
+    pub(crate) messages: Vec<Message>,
+    /// Entry points that can't be a pipeline, with the reason.
+    pub(crate) pipelines: Vec<(String, String)>,
+    /// True if it made pipelines of entry points: the binary doesn't.
+    pub(crate) made_pipelines: bool,
+}
+
+impl Answer {
+    /// True if Tint rejects the text or one of its entry points.
+    pub(crate) fn rejects(&self) -> bool {
+        let is_error = |message: &Message| message.severity == Severity::Error;
+        !self.pipelines.is_empty() || self.messages.iter().any(is_error)
+    }
+}
+
+/// One message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Message {
+    pub(crate) severity: Severity,
+    pub(crate) text: String,
+    /// Its place in the text, in bytes; `None`: it has none.
+    pub(crate) range: Option<Range<usize>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Severity {
+    Error,
+    Warning,
+    #[serde(alias = "note")]
+    Info,
+}
+
+/// A line of a process that stays.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    id: u64,
+    /// [`sum`] of the text that it read.
+    sum: u32,
+    messages: Vec<WrittenMessage>,
+    pipelines: Vec<WrittenPipeline>,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenMessage {
+    severity: Severity,
+    text: String,
+    /// In UTF-16 code units, as WebGPU counts (GPUCompilationMessage).
+    offset: usize,
+    length: usize,
+    /// From 1; 0: the message has no place.
+    line: usize,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenPipeline {
+    entry_point: String,
+    error: Option<String>,
+    /// Karat's own module that feeds a fragment stage isn't valid.
+    broke: Option<String>,
+}
+
+/// FNV-1a over a text's UTF-16 code units, which JavaScript can compute in a line: an answer about another
+/// text, or about one whose bytes were lost on the way, is no answer.
+pub(super) fn sum(text: &str) -> u32 {
+    const OFFSET: u32 = 0x811c_9dc5;
+    const PRIME: u32 = 0x0100_0193;
+    text.encode_utf16().fold(OFFSET, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(PRIME))
+}
+
+/// Reads the answer to question `id` about `text`.
+pub(super) fn read(line: &str, id: u64, text: &str) -> Result<Answer, NoVerdict> {
+    let garbage = || NoVerdict::Garbage(crate::diagnostic::one_line(line));
+    let written: Written = serde_json::from_str(line).map_err(|_| garbage())?;
+    if written.id < id {
+        return Err(NoVerdict::Twice);
+    }
+    if written.id != id || written.sum != sum(text) {
+        return Err(NoVerdict::Other);
+    }
+    if let Some(broke) = written.pipelines.iter().find_map(|one| one.broke.as_ref()) {
+        return Err(NoVerdict::Garbage(broke.clone()));
+    }
+    let messages = written.messages.into_iter().map(|message| Message {
+        range: (message.line > 0).then(|| bytes(text, message.offset, message.length)),
+        severity: message.severity,
+        text: message.text,
+    });
+    let rejected = written.pipelines.into_iter();
+    let rejected = rejected.filter_map(|one| Some((one.entry_point, one.error?)));
+    Ok(Answer { messages: messages.collect(), pipelines: rejected.collect(), made_pipelines: true })
+}
+
+/// The bytes of so many UTF-16 code units.
+fn bytes(text: &str, offset: usize, length: usize) -> Range<usize> {
+    let mut units = 0;
+    let mut at = |wanted: usize| {
+        units = 0;
+        for (byte, character) in text.char_indices() {
+            if units >= wanted {
+                return byte;
+            }
+            units += character.len_utf16();
+        }
+        text.len()
+    };
+    at(offset)..at(offset + length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_in_bytes() {
+        let text = "// \u{e9}\u{1d465}\nfn f";
+        assert_eq!(&text[bytes(text, 7, 2)], "fn");
+        assert_eq!(bytes(text, 99, 1), text.len()..text.len());
+    }
+
+    #[test]
+    fn an_answer_is_about_its_question() {
+        let text = "fn f() {}";
+        let line = |id: u64, sum: u32| {
+            format!("{{\"id\":{id},\"sum\":{sum},\"messages\":[],\"pipelines\":[]}}")
+        };
+        assert!(!read(&line(7, sum(text)), 7, text).expect("an answer").rejects());
+        assert_eq!(read(&line(6, sum(text)), 7, text), Err(NoVerdict::Twice));
+        assert_eq!(read(&line(8, sum(text)), 7, text), Err(NoVerdict::Other));
+        assert_eq!(read(&line(7, sum("fn f() { }")), 7, text), Err(NoVerdict::Other));
+        for garbage in ["", "null", "{}", "Segmentation fault", "{\"id\":7}"] {
+            let error = read(garbage, 7, text).expect_err("no answer");
+            assert!(matches!(error, NoVerdict::Garbage(_)), "{garbage}");
+        }
+    }
+}

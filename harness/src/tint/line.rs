@@ -1,0 +1,136 @@
+//! A process that answers message by message, and ends with its owner.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::NoVerdict;
+
+/// What is kept of what a process says on stderr: its last words.
+const LAST_WORDS: usize = 2 << 10;
+/// The longest message that is read: more than any answer, and a bound for a process that never ends one.
+const LONGEST: u64 = 16 << 20;
+/// How often a process is asked whether it has ended.
+const POLL: Duration = Duration::from_millis(50);
+/// How long a process may take to end when nothing more is asked.
+const LINGER: Duration = Duration::from_secs(1);
+
+/// The stream that a process answers on. What it says on the other one are its last words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Answers {
+    Stdout,
+    /// As Dawn logs on stdout, whoever listens.
+    Stderr,
+}
+
+/// Messages to a process by its stdin, and from it.
+pub(super) struct Lines {
+    child: Child,
+    /// `None`: it was closed, so that the process ends.
+    to: Option<ChildStdin>,
+    from: Receiver<String>,
+    /// Each message ends with it.
+    end: u8,
+    said: Arc<Mutex<Vec<u8>>>,
+}
+
+impl Lines {
+    /// Starts a program whose messages end with a byte.
+    pub(super) fn start(
+        command: &mut Command,
+        answers: Answers,
+        end: u8,
+    ) -> Result<Self, NoVerdict> {
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| NoVerdict::Start(error.to_string()))?;
+        let stdout: Box<dyn Read + Send> = Box::new(child.stdout.take().expect("it is piped"));
+        let stderr: Box<dyn Read + Send> = Box::new(child.stderr.take().expect("it is piped"));
+        let (answering, logging) = match answers {
+            Answers::Stdout => (stdout, stderr),
+            Answers::Stderr => (stderr, stdout),
+        };
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let kept = Arc::clone(&said);
+        std::thread::spawn(move || keep(logging, &kept));
+        let (sender, from) = channel();
+        std::thread::spawn(move || {
+            let mut reader = BufReader::new(answering);
+            loop {
+                let mut bytes = Vec::new();
+                let read = (&mut reader).take(LONGEST).read_until(end, &mut bytes);
+                let text = String::from_utf8_lossy(&bytes);
+                let text = text.trim_end_matches([char::from(end), '\r']).to_owned();
+                if !matches!(read, Ok(1..)) || sender.send(text).is_err() {
+                    break;
+                }
+            }
+        });
+        let to = child.stdin.take();
+        Ok(Self { child, to, from, end, said })
+    }
+
+    /// Sends a message.
+    pub(super) fn send(&mut self, message: &str) -> Result<(), NoVerdict> {
+        let bytes = [message.as_bytes(), &[self.end]].concat();
+        let sent = self.to.as_mut().map(|to| to.write_all(&bytes).and_then(|()| to.flush()));
+        if matches!(sent, Some(Ok(()))) { Ok(()) } else { Err(self.ended()) }
+    }
+
+    /// Its next message, for which it has so long.
+    pub(super) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
+        match self.from.recv_timeout(patience) {
+            Ok(message) => Ok(message),
+            Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
+            Err(RecvTimeoutError::Timeout) => Err(NoVerdict::Hung(patience.as_secs())),
+        }
+    }
+
+    /// How it ended, with its last words.
+    fn ended(&mut self) -> NoVerdict {
+        self.to = None;
+        let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = String::from_utf8_lossy(&said);
+        let said = match said.trim() {
+            "" => String::new(),
+            said => format!(": {said}"),
+        };
+        NoVerdict::Ended { status, said }
+    }
+
+    /// Waits for a while until it has ended.
+    fn wait(&mut self) -> Option<String> {
+        let until = Instant::now() + LINGER;
+        loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => return Some(status.to_string()),
+                Ok(None) if Instant::now() < until => std::thread::sleep(POLL / 10),
+                _ => return None,
+            }
+        }
+    }
+}
+
+impl Drop for Lines {
+    fn drop(&mut self) {
+        // It ends when nothing more can be asked: by itself, so that it cleans up.
+        self.to = None;
+        if self.wait().is_none() {
+            drop(self.child.kill());
+            drop(self.child.wait());
+        }
+    }
+}
+
+/// Reads to the end, as a full pipe would stop the process, and keeps what comes last.
+fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
+    let mut part = [0; 1024];
+    while let Ok(count @ 1..) = stream.read(&mut part) {
+        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.extend_from_slice(&part[..count]);
+        let excess = kept.len().saturating_sub(LAST_WORDS);
+        kept.drain(..excess);
+    }
+}

@@ -1,0 +1,31 @@
+// The process that stays: questions on stdin, answers on stderr, a line each. Dawn logs on stdout. It ends hard,
+// as Dawn hangs or crashes when it is taken down.
+const { createInterface } = await import('node:readline');
+const { pathToFileURL } = await import('node:url');
+const { readFileSync, writeSync } = await import('node:fs');
+const { join } = await import('node:path');
+const say = (value) => {
+  let bytes = Buffer.from(JSON.stringify(value) + '\n');
+  while (bytes.length) {
+    try { bytes = bytes.subarray(writeSync(2, bytes)); } catch (error) { if (error.code !== 'EAGAIN') end(); }
+  }
+};
+const end = () => process.kill(process.pid, 'SIGKILL');
+let gpu;
+try {
+  const [major] = process.versions.node.split('.');
+  if (Number(major) < 20) throw new Error(`Node ${process.versions.node} is too old for it: 20 or newer`);
+  const folder = process.argv[1];
+  const about = JSON.parse(readFileSync(join(folder, 'package.json'), 'utf8'));
+  const { create, globals } = await import(pathToFileURL(join(folder, about.main ?? 'index.js')));
+  Object.assign(globalThis, globals);
+  // Without a driver: Tint's front end is all that is wanted.
+  gpu = create(['backend=null']);
+  await deviceOf(gpu, false);
+  say({ version: `webgpu ${about.version}, Node ${process.versions.node}` });
+} catch (error) {
+  say({ error: String(error?.message ?? error) });
+  end();
+}
+for await (const line of createInterface({ input: process.stdin })) say(await judge(gpu, JSON.parse(line)));
+end();

@@ -1,0 +1,127 @@
+//! The binary `tint`: a process for each text.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use super::answer::{Answer, Message, Severity};
+use super::{NoVerdict, Question};
+
+/// How long it may take for one text. It takes some 30 ms.
+const PATIENCE: Duration = Duration::from_secs(10);
+const POLL: Duration = Duration::from_millis(1);
+
+/// A diagnostic, as `--diagnostics-format=json` has it.
+#[derive(Deserialize)]
+struct Written {
+    severity: Severity,
+    message: String,
+    range: Option<WrittenRange>,
+}
+
+#[derive(Deserialize)]
+struct WrittenRange {
+    start: Place,
+    end: Place,
+}
+
+/// Both from 1, and columns in bytes.
+#[derive(Deserialize)]
+struct Place {
+    line: usize,
+    column: usize,
+}
+
+/// True of a program that is Tint: Debian has a panel for desktops of the same name.
+pub(super) fn is_tint(program: &Path) -> bool {
+    let ran = Command::new(program).arg("--help").stdin(Stdio::null()).output();
+    let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
+    ran.is_ok_and(|ran| says(&ran.stdout) || says(&ran.stderr))
+}
+
+pub(super) fn ask(program: &Path, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
+    questions.par_iter().map(|question| judge(program, &question.text)).collect()
+}
+
+/// A folder for one text, which is gone with it.
+struct Folder(std::path::PathBuf);
+
+impl Folder {
+    fn new() -> std::io::Result<Self> {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("karat-tint-{}-{count}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder)?;
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        drop(std::fs::remove_dir_all(&self.0));
+    }
+}
+
+fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
+    let start = |error: std::io::Error| NoVerdict::Start(error.to_string());
+    let folder = Folder::new().map_err(start)?;
+    std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
+    let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
+    let mut child = Command::new(program)
+        // As WGSL again: other languages need an entry point.
+        .args(["--diagnostics-format=json", "--format", "wgsl", "-o", "out.wgsl", "shader.wgsl"])
+        .current_dir(&folder.0)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(said)
+        .spawn()
+        .map_err(start)?;
+    let until = Instant::now() + PATIENCE;
+    let status = loop {
+        match child.try_wait().map_err(start)? {
+            Some(status) => break status,
+            None if Instant::now() > until => {
+                drop(child.kill());
+                drop(child.wait());
+                return Err(NoVerdict::Hung(PATIENCE.as_secs()));
+            }
+            None => std::thread::sleep(POLL),
+        }
+    };
+    let said = std::fs::read_to_string(folder.0.join("said")).map_err(start)?;
+    let said = said.trim();
+    let written: Vec<Written> = match (said, status.success()) {
+        ("", true) => Vec::new(),
+        ("", false) => {
+            return Err(NoVerdict::Ended { status: status.to_string(), said: String::new() });
+        }
+        (said, _) => serde_json::from_str(said)
+            .map_err(|_| NoVerdict::Garbage(crate::diagnostic::one_line(said)))?,
+    };
+    let messages = written.into_iter().map(|one| Message {
+        severity: one.severity,
+        text: one.message,
+        range: one.range.map(|range| {
+            let start = offset(text, &range.start);
+            start..offset(text, &range.end).max(start)
+        }),
+    });
+    let answer = Answer { messages: messages.collect(), ..Answer::default() };
+    // What fails names a reason, and what names one fails.
+    if answer.rejects() == status.success() {
+        return Err(NoVerdict::Garbage(format!("it ended with {status} and said {said}")));
+    }
+    Ok(answer)
+}
+
+/// The byte of a line and a column.
+fn offset(text: &str, place: &Place) -> usize {
+    let lines = text.split_inclusive('\n').take(place.line.saturating_sub(1));
+    let start: usize = lines.map(str::len).sum();
+    (start + place.column.saturating_sub(1)).min(text.len())
+}

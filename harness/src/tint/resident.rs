@@ -1,0 +1,167 @@
+//! The process that stays: one a run, asked about text after text.
+
+use std::process::Command;
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use super::answer::{self, Answer};
+use super::find::Kind;
+use super::browser::Page;
+use super::line::{Answers, Lines};
+use super::{NoVerdict, Question};
+
+/// How long it may take to start: a Chromium on a busy machine takes some seconds.
+const START: Duration = Duration::from_secs(30);
+/// How long it may take for one text. It takes a millisecond.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How often it is started in a run, when texts end it.
+const MOST_STARTS: usize = 3;
+
+/// What every process runs that stays.
+pub(super) const JUDGE: &str = include_str!("judge.js");
+/// In Node.
+const NODE: &str = include_str!("node.mjs");
+
+/// The process, which is here and ready.
+pub(super) struct Resident {
+    asked: Asked,
+    version: String,
+    /// Of the next question.
+    id: u64,
+}
+
+/// How it is asked.
+enum Asked {
+    Node(Lines),
+    Browser(Page),
+}
+
+impl Asked {
+    fn start(kind: &Kind) -> Result<Self, NoVerdict> {
+        Ok(match kind {
+            Kind::Node { node, package } => {
+                let script = format!("{JUDGE}{NODE}");
+                let mut command = Command::new(node);
+                command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
+                Self::Node(Lines::start(command.arg(package), Answers::Stderr, b'\n')?)
+            }
+            Kind::Browser(program) => Self::Browser(Page::open(program, START)?),
+            Kind::Program(_) => return Err(NoVerdict::Start("it doesn't stay".to_owned())),
+        })
+    }
+
+    fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
+        match self {
+            Self::Node(lines) => lines.send(question),
+            Self::Browser(page) => page.send(question),
+        }
+    }
+
+    fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
+        match self {
+            Self::Node(lines) => lines.receive(patience),
+            Self::Browser(page) => page.receive(patience),
+        }
+    }
+}
+
+/// The first line that it says.
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Greeting {
+    Version(String),
+    Error(String),
+}
+
+impl Resident {
+    fn start(kind: &Kind) -> Result<Self, NoVerdict> {
+        let mut asked = Asked::start(kind)?;
+        let first = asked.receive(START)?;
+        match serde_json::from_str(&first) {
+            Ok(Greeting::Version(version)) => Ok(Self { asked, version, id: 1 }),
+            Ok(Greeting::Error(error)) => Err(NoVerdict::Start(error)),
+            Err(_) => Err(NoVerdict::Garbage(crate::diagnostic::one_line(&first))),
+        }
+    }
+
+    /// Sends all questions, and hears the answers one by one. What went wrong with the first that has none ends
+    /// the list.
+    fn ask(&mut self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
+        #[derive(serde::Serialize)]
+        struct Numbered<'q> {
+            id: u64,
+            #[serde(flatten)]
+            question: &'q Question,
+        }
+        let first = self.id;
+        self.id += questions.len() as u64;
+        let mut answers = Vec::with_capacity(questions.len());
+        // An empty text behind them: an answer that comes twice comes before this one's.
+        let last = Question::default();
+        self.id += 1;
+        for (id, question) in (first..).zip(questions.iter().chain([&last])) {
+            let line = serde_json::to_string(&Numbered { id, question });
+            if let Err(error) = self.asked.send(&line.expect("it is plain data")) {
+                // What it answered before its end is heard below.
+                if id == first {
+                    return vec![Err(error)];
+                }
+                break;
+            }
+        }
+        for (id, question) in (first..).zip(questions.iter().chain([&last])) {
+            let answer = self.asked.receive(PATIENCE);
+            let answer = answer.and_then(|line| answer::read(&line, id, &question.text));
+            let broke = answer.is_err();
+            match (answer, answers.last_mut()) {
+                // It is the one before that was answered twice.
+                (Err(NoVerdict::Twice), Some(before)) => *before = Err(NoVerdict::Twice),
+                (answer, _) => answers.push(answer),
+            }
+            if broke {
+                break;
+            }
+        }
+        answers.truncate(questions.len());
+        answers
+    }
+}
+
+/// The verdicts of the process that stays, which is started again after a text that ends it.
+pub(super) fn ask(
+    kind: &Kind,
+    resident: &mut Option<Resident>,
+    questions: &[Question],
+) -> Vec<Result<Answer, NoVerdict>> {
+    let mut answers = Vec::with_capacity(questions.len());
+    let mut starts = 0;
+    while answers.len() < questions.len() {
+        let running = match resident.take() {
+            Some(running) => Ok(running),
+            None if starts < MOST_STARTS => {
+                starts += 1;
+                Resident::start(kind)
+            }
+            None => Err(NoVerdict::Start(format!("it was started {MOST_STARTS} times"))),
+        };
+        match running {
+            Ok(mut running) => {
+                answers.extend(running.ask(&questions[answers.len()..]));
+                let broke = matches!(answers.last(), Some(Err(_)));
+                *resident = (!broke).then_some(running);
+            }
+            Err(error) => answers.resize(questions.len(), Err(error)),
+        }
+    }
+    answers
+}
+
+/// What the process says of itself.
+pub(super) fn version(kind: &Kind, resident: &mut Option<Resident>) -> Result<String, NoVerdict> {
+    let running = match resident {
+        Some(running) => running,
+        none => none.insert(Resident::start(kind)?),
+    };
+    Ok(running.version.clone())
+}
