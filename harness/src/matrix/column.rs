@@ -20,7 +20,12 @@ use crate::path::{Api, Path, Via};
 pub struct Column {
     pub(super) target: Target,
     pub(super) path: Option<Path>,
+    /// True if Tint judges the author's own text.
+    by_tint: bool,
 }
+
+/// The column of Tint's verdict on the author's own text.
+const TINT: &str = "tint";
 
 /// The text that a column stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,11 +34,13 @@ pub(super) enum Written {
     ByNaga(Target),
     /// The author's own text, as the engine executes it.
     ByAuthor,
+    /// The author's own text, of a function without the kernel that calls it, as Tint gets it.
+    ForTint,
 }
 
 impl Column {
     /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
-    /// that no path of ours runs, and the engine (feature `engine`).
+    /// that no path of ours runs, Tint's verdict on the author's text, and the engine (feature `engine`).
     ///
     /// ```
     /// use karat::matrix::Column;
@@ -54,6 +61,7 @@ impl Column {
             "metal",
             "glsl-es",
             "hlsl6",
+            TINT,
             "cpu",
         ];
         let here = |name: &&&str| **name != "cpu" || cfg!(feature = "engine");
@@ -73,7 +81,7 @@ impl Column {
             (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,
             (Via::Direct, Api::Cpu) => return None,
         };
-        Some(Self { target, path: Some(path) })
+        Some(Self { target, path: Some(path), by_tint: false })
     }
 
     /// The language that is translated into.
@@ -92,9 +100,18 @@ impl Column {
 
     /// The text that runs or is judged.
     pub(super) fn written(self) -> Written {
-        match self.path.is_some_and(|path| path.api() == Api::Cpu) {
-            true => Written::ByAuthor,
-            false => Written::ByNaga(self.target),
+        match self.path.map(Path::api) {
+            Some(Api::Cpu) => Written::ByAuthor,
+            None if self.by_tint => Written::ForTint,
+            _ => Written::ByNaga(self.target),
+        }
+    }
+
+    /// Why nothing runs it.
+    pub(super) fn without_path(self) -> String {
+        match self.by_tint {
+            true => "Tint judges a text, and runs nothing".to_owned(),
+            false => format!("no path here runs {}", self.target),
         }
     }
 
@@ -117,21 +134,25 @@ impl fmt::Display for Column {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.path {
             Some(path) => path.fmt(f),
+            None if self.by_tint => f.pad(TINT),
             None => self.target.fmt(f),
         }
     }
 }
 
-/// A path (`vulkan:hlsl`) or a language (`msl`).
+/// A path (`vulkan:hlsl`), a language (`msl`) or `tint`.
 impl FromStr for Column {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
+        if name == TINT {
+            return Ok(Self { target: Target::Wgsl, path: None, by_tint: true });
+        }
         if let Ok(target) = name.parse() {
-            return Ok(Self { target, path: None });
+            return Ok(Self { target, path: None, by_tint: false });
         }
         let path: Path = name.parse().map_err(|error| {
-            format!("{error}; a column is a path, or one of the languages {}", languages())
+            format!("{error}; a column is a path, `{TINT}`, or one of the languages {}", languages())
         })?;
         Self::of_path(path).ok_or_else(|| format!("nothing is translated for path `{path}`"))
     }

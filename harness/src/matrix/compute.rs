@@ -31,7 +31,7 @@ pub(super) fn run_entry_point_on_each(
             continue;
         }
         let words = match (data, column.path) {
-            (_, None) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
+            (_, None) => Err(Stop::Unavailable(column.without_path())),
             (Err(why), _) => Err(Stop::NotRun(why.clone())),
             (Ok(data), Some(path)) => {
                 written(path, program, name, data).map_err(|error| match error {

@@ -7,8 +7,10 @@ use karat_translate::{Target, Tool, TranslateError, Translation, Validation, Ver
 use serde::Serialize;
 
 use super::column::Written;
-use super::subject::{Ready, is_read_back};
+use super::subject::{About, Ready, is_read_back};
 use super::{Cell, Column, Status, Stop};
+use crate::package::Package;
+use crate::tint::{Question, Tint};
 
 /// What a validator said.
 ///
@@ -61,7 +63,7 @@ pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
     /// Asks each validator about all translations of a language together.
-    pub(super) fn of(rows: &[&Ready], columns: &[Column]) -> Self {
+    pub(super) fn of(rows: &[&Ready], columns: &[Column], package: &Package) -> Self {
         let mut judged = BTreeMap::new();
         let mut written: Vec<Written> = columns.iter().map(|column| column.written()).collect();
         written.sort_unstable();
@@ -82,6 +84,14 @@ impl Judged {
             let tools: Vec<&Tool> = match written {
                 Written::ByAuthor => vec![Tool::naga()],
                 Written::ByNaga(target) => Tool::of(target).collect(),
+                Written::ForTint => {
+                    let about: Vec<&About> = made.iter().map(|(row, _)| &rows[*row].about).collect();
+                    let answers = ask_tint(package, &translations, &about);
+                    for ((row, _), said) in made.iter().zip(answers) {
+                        judged.entry((*row, written)).or_default().push(said);
+                    }
+                    continue;
+                }
             };
             for tool in tools {
                 for ((row, _), said) in made.iter().zip(ask(tool, &translations)) {
@@ -119,7 +129,11 @@ impl Judged {
                 (Status::Translated, Some(stop))
             }
             None if own.is_empty() => {
-                (Status::Translated, Some(Stop::NoValidator(no_validator(target))))
+                let why = match made.written {
+                    Written::ForTint => "Tint isn't here: `karat doctor` says how to get it".to_owned(),
+                    _ => no_validator(target),
+                };
+                (Status::Translated, Some(Stop::NoValidator(why)))
             }
             // naga reads a part of SPIR-V only: what it says is no verdict on what it wrote.
             None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
@@ -156,6 +170,37 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     let parts = translations.par_chunks(size).map(|part| tool.validate_all(part));
     let all = parts.collect::<Vec<_>>().into_iter().flatten();
     all.map(|answer| said(tool, answer)).collect()
+}
+
+/// What Tint says of the author's texts; nothing if it isn't here.
+fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) -> Vec<Said> {
+    let Ok(tint) = Tint::beside(&package.root(), false) else { return Vec::new() };
+    let question = |(translation, about): (&&Translation, &&About)| {
+        let pipelines = match about {
+            About::EntryPoint { program, name } => {
+                let mut all = program.pipelines();
+                all.retain(|pipeline| pipeline.entry_point == *name);
+                all
+            }
+            About::Function(_) => Vec::new(),
+        };
+        let text = translation.code.text().unwrap_or_default().to_owned();
+        Question { text, pipelines, ..Question::default() }
+    };
+    let questions: Vec<Question> = translations.iter().zip(about).map(question).collect();
+    let version = tint.version().unwrap_or_default();
+    let answers = tint.ask(&questions).into_iter();
+    let said = answers.map(|answer| {
+        let (outcome, verdict) = match answer {
+            Ok(answer) => match answer.reason() {
+                None => (Outcome::Valid, "valid".to_owned()),
+                Some(reason) => (Outcome::Invalid, format!("invalid: {reason}")),
+            },
+            Err(error) => (Outcome::Broke, format!("no verdict: {error}")),
+        };
+        Said { command: "tint shader.wgsl".to_owned(), version: version.clone(), outcome, verdict }
+    });
+    said.collect()
 }
 
 fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {

@@ -73,7 +73,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
             continue;
         }
         let results = match (&fixtures, column.path, &endless) {
-            (_, None, _) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
+            (_, None, _) => Err(Stop::Unavailable(column.without_path())),
             (Err(why), ..) | (_, _, Some(why)) => Err(Stop::NotRun(why.clone())),
             (Ok(fixtures), Some(path), None) => {
                 results(request, path, probed, fixtures, &rows, &mut endless)

@@ -100,7 +100,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     if item.entry_point {
         return match entry_point(request, item) {
             Ok((shader, program, name, kind)) => {
-                let made = translated(request, &shader, program.text(), &name);
+                let made = translated(request, &shader, program.text(), None, &name);
                 let about = About::EntryPoint { program, name };
                 Subject::Ready(Box::new(Ready { row: row(&kind, None), about, made }))
             }
@@ -110,7 +110,9 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     match Probed::new(&request.package, &item.name).and_then(made_up::fitted) {
         Ok(probed) => match Shader::parse(probed.kernel()) {
             Ok(shader) => {
-                let made = translated(request, &shader, probed.kernel(), Probed::ENTRY_POINT);
+                let own = own(request, item);
+                let (text, name) = (probed.kernel(), Probed::ENTRY_POINT);
+                let made = translated(request, &shader, text, own.as_deref(), name);
                 let about = About::Function(Box::new(probed));
                 Subject::Ready(Box::new(Ready { row: row("function", None), about, made }))
             }
@@ -137,7 +139,21 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     Ok((shader, program, name, stage.to_string()))
 }
 
-fn translated(request: &Request, shader: &Shader, text: &str, entry_point: &str) -> Vec<Made> {
+/// The text of a function and all that it uses, as its author wrote it.
+fn own(request: &Request, item: &FunctionItem) -> Option<String> {
+    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let program = Program::of_items(&request.package, module, &[name]).ok()?;
+    Some(program.text().to_owned())
+}
+
+/// The translations of a text; `own` is the author's part of it, if it has others.
+fn translated(
+    request: &Request,
+    shader: &Shader,
+    text: &str,
+    own: Option<&str>,
+    entry_point: &str,
+) -> Vec<Made> {
     let mut made: Vec<Made> = Vec::new();
     for column in &request.columns {
         let written = column.written();
@@ -145,6 +161,7 @@ fn translated(request: &Request, shader: &Shader, text: &str, entry_point: &str)
             let translation = match written {
                 Written::ByNaga(target) => shader.translate(target, Some(entry_point)),
                 Written::ByAuthor => shader.as_it_is(text, entry_point),
+                Written::ForTint => shader.as_it_is(own.unwrap_or(text), entry_point),
             };
             made.push(Made { written, translation });
         }

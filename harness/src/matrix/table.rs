@@ -181,7 +181,7 @@ pub(super) fn make(
     let rows = together.flat_map(|items| {
         let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
         let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
-        let judged = Judged::of(&ready, &request.columns);
+        let judged = Judged::of(&ready, &request.columns, &request.package);
         let mut rows = 0..;
         let mut of = |ready: &Ready| {
             let row = rows.next().unwrap_or_default();
@@ -253,7 +253,7 @@ fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
 fn head(column: &Column) -> Head {
     let opened = column.path().map(path::adapter);
     let (adapter, unavailable) = match opened {
-        None => (None, Some(format!("no path runs {}", column.language()))),
+        None => (None, Some(column.without_path())),
         Some(Ok(adapter)) => (Some(format!("{}, {}", adapter.name, adapter.driver)), None),
         Some(Err(error @ PathError::Unavailable { .. })) => (None, Some(error.to_string())),
         Some(Err(error)) => (None, Some(error.to_string())),

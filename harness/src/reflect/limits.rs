@@ -13,18 +13,26 @@ use crate::package::{Limit, Limits};
 struct Used {
     limit: Limit,
     amount: u64,
-    /// `the compute entry point `main``, or a variable.
+    /// The compute entry point `main`, or a variable.
     who: String,
     what: String,
     span: Option<Span>,
+    entry_point: Option<String>,
+}
+
+/// What exceeds a limit.
+pub(super) struct Excess {
+    /// The entry point that does, by its name in the text; `None`: a variable.
+    pub(super) entry_point: Option<String>,
+    pub(super) diagnostic: Diagnostic,
 }
 
 impl Program {
     /// What exceeds limits, and what no limit allows: storage that a vertex stage writes.
-    pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Diagnostic> {
+    pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Excess> {
         let mut found = Vec::new();
         for used in self.used() {
-            let Used { limit, amount, who, what, span } = used;
+            let Used { limit, amount, who, what, span, entry_point } = used;
             let most = limits.value(limit);
             if amount <= most {
                 continue;
@@ -32,14 +40,15 @@ impl Program {
             let (name, source) = (limit.name, limits.source(limit));
             let message = format!("{who} uses {what}, and {source} {name} is {most}");
             let note = format!(
-                "if every device has more that your users have: request it (`requiredLimits`), and write \
-                 {name} = {amount} in `[limits]` of karat.toml"
+                "if your users' devices have more, request it (`requiredLimits`), and write {name} = {amount} \
+                 in `[limits]` of karat.toml"
             );
             let diagnostic = Diagnostic::new(message).note(note);
-            found.push(match span {
+            let diagnostic = match span {
                 Some(span) => diagnostic.at(span, ""),
                 None => diagnostic,
-            });
+            };
+            found.push(Excess { entry_point, diagnostic });
         }
         found.extend(self.written_by_vertices());
         found
@@ -57,7 +66,8 @@ impl Program {
             let name = name.rsplit("::").next().unwrap_or(name);
             let who = format!("the {} entry point `{name}`", stage(entry.stage));
             let mut push = |limit: Limit, amount: u64, what: String| {
-                all.push(Used { limit, amount, who: who.clone(), what, span: span() });
+                let (who, entry_point) = (who.clone(), Some(entry.name.clone()));
+                all.push(Used { limit, amount, who, what, span: span(), entry_point });
             };
             let uses = info.get_entry_point(index);
             let used = module.global_variables.iter();
@@ -121,7 +131,8 @@ impl Program {
         let name = variable.name.as_deref().unwrap_or_default();
         let who = format!("`{}`", self.author_path(name).unwrap_or(name));
         let mut push = |limit: Limit, amount: u64, what: String| {
-            all.push(Used { limit, amount, who: who.clone(), what, span: span.clone() });
+            let (who, span) = (who.clone(), span.clone());
+            all.push(Used { limit, amount, who, what, span, entry_point: None });
         };
         let group = u64::from(binding.group);
         push(Limit::BIND_GROUPS, group + 1, format!("group {group}, so at least {}", group + 1));
@@ -163,7 +174,7 @@ impl Program {
     }
 
     /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage has no storage that it can write.
-    fn written_by_vertices(&self) -> Vec<Diagnostic> {
+    fn written_by_vertices(&self) -> Vec<Excess> {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut found = Vec::new();
         for (index, entry) in module.entry_points.iter().enumerate() {
@@ -189,10 +200,11 @@ impl Program {
                 );
                 let note = "declare it `read`, or write it in a compute pass";
                 let diagnostic = Diagnostic::new(message).note(note);
-                found.push(match self.entry_point_span(&entry.name) {
+                let diagnostic = match self.entry_point_span(&entry.name) {
                     Some(span) => diagnostic.at(span, ""),
                     None => diagnostic,
-                });
+                };
+                found.push(Excess { entry_point: Some(entry.name.clone()), diagnostic });
             }
         }
         found

@@ -183,7 +183,12 @@ pub(super) fn of(
         let (text, pipelines) = match judged {
             Judged::Valid(program) => {
                 let over = program.over_limits(&compilers.limits);
-                opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
+                let mut pipelines = program.pipelines();
+                // What exceeds a limit is no pipeline: that has been said.
+                let exceeds = |name: &str| over.iter().any(|one| one.entry_point.as_deref() == Some(name));
+                pipelines.retain(|pipeline| !exceeds(&pipeline.entry_point));
+                let over = over.into_iter().map(|one| (module.clone(), one.diagnostic));
+                opinion.limits.extend(over);
                 if !compilers.native.is_empty() {
                     let used = program.native_features();
                     unused.retain(|name| !used.contains(name));
@@ -192,7 +197,7 @@ pub(super) fn of(
                         continue;
                     }
                 }
-                (program.text().to_owned(), program.pipelines())
+                (program.text().to_owned(), pipelines)
             }
             // It may be what Tint accepts: of that its author hears.
             Judged::Rejected(ReflectError::Invalid(_)) => {

@@ -12,7 +12,7 @@ use crate::tint::{Attribute, Pipeline};
 
 impl Program {
     /// All entry points of stages that WebGPU has.
-    pub(super) fn pipelines(&self) -> Vec<Pipeline> {
+    pub(crate) fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
         let without_value = module.overrides.iter().filter(|(_, one)| one.init.is_none());
         // Any value that each type has.

@@ -20,8 +20,15 @@ pub(crate) struct Answer {
 impl Answer {
     /// True if Tint rejects the text or one of its entry points.
     pub(crate) fn rejects(&self) -> bool {
-        let is_error = |message: &Message| message.severity == Severity::Error;
-        !self.pipelines.is_empty() || self.messages.iter().any(is_error)
+        self.reason().is_some()
+    }
+
+    /// Why Tint rejects the text or one of its entry points, in a line; `None`: it accepts all.
+    pub(crate) fn reason(&self) -> Option<&str> {
+        let mut errors = self.messages.iter().filter(|one| one.severity == Severity::Error);
+        let text = errors.next().map(|message| &message.text);
+        let text = text.or_else(|| self.pipelines.first().map(|(_, reason)| reason))?;
+        text.lines().find(|line| !line.trim().is_empty())
     }
 }
 

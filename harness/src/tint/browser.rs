@@ -5,7 +5,7 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
@@ -19,8 +19,14 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
+/// How long the browser may take to open the file, on a busy machine.
+const LOADING: Duration = Duration::from_secs(5);
+/// How often it is asked whether it has.
+const POLL: Duration = Duration::from_millis(20);
+
 /// In the page: texts one after the other, as error scopes are a device's.
-const PAGE: &str = "let last = deviceOf(navigator.gpu, false); \
+const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
+    : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
     const version = navigator.userAgent.match(/Chrom\\w*\\/[\\d.]+/)?.[0] ?? navigator.userAgent; \
     last.then(() => JSON.stringify({ version: version.replace('/', ' ') }), \
@@ -69,8 +75,23 @@ impl Page {
         page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
         let attached = page.answer(patience)?;
         page.session = attached["sessionId"].as_str().unwrap_or_default().to_owned();
+        page.load(patience)?;
         page.evaluate(&format!("{JUDGE}{PAGE}"))?;
         Ok(page)
+    }
+
+    /// Waits until the file is open: before that the page is an empty one without WebGPU.
+    fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
+        let until = Instant::now() + LOADING;
+        while Instant::now() < until {
+            self.evaluate("!!navigator.gpu")?;
+            // A page that makes room for the next one has no answer.
+            if self.answer(patience).is_ok_and(|answer| answer["result"]["value"] == true) {
+                break;
+            }
+            std::thread::sleep(POLL);
+        }
+        Ok(())
     }
 
     /// Asks a question, written as JSON.

@@ -44,7 +44,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
     let are = if valid { "valid" } else { "looked at, and not all valid" };
-    writeln!(out, "{style}{packages} {are}{style:#}; {opinion}")?;
+    let opinion_of = match opinion.to_string() {
+        text if text.is_empty() => text,
+        text => format!("; {text}"),
+    };
+    writeln!(out, "{style}{packages} {are}{style:#}{opinion_of}")?;
     if let Some(missing) = opinion.unasked.filter(|_| required) {
         writeln!(out, "{}", missing.remedy)?;
     }
@@ -126,7 +130,8 @@ pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::
         writeln!(out, "{}\n", remark.to_warning())?;
     }
     for (module, how) in &opinion.broke {
-        writeln!(out, "{BAD}Tint has no verdict on `{module}`{BAD:#}: {how}")?;
+        let of = if module.is_empty() { String::new() } else { format!(" on `{module}`") };
+        writeln!(out, "{BAD}Tint has no verdict{of}{BAD:#}: {how}")?;
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use karat::Path;
 use karat::golden::Profile;
 use karat::path::{Adapter, Api, Via};
 use karat::settings::{Variable, variables};
+use karat::tint::{self, Tint};
 use karat_translate::{Missing, Target, Tool};
 use serde::Serialize;
 
@@ -38,6 +39,8 @@ struct Report {
     selected: Vec<&'static str>,
     /// Why they run on none.
     unusable: Option<String>,
+    /// Compilers of WGSL besides naga.
+    compilers: Vec<CompilerReport>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
     /// What the project compiles with too little optimisation.
@@ -74,6 +77,34 @@ fn tools() -> Vec<ToolReport> {
         },
     };
     Tool::all().iter().map(report).collect()
+}
+
+/// A compiler of the author's text.
+#[derive(Serialize)]
+struct CompilerReport {
+    name: &'static str,
+    /// Where it is, and its version.
+    here: Option<(String, String)>,
+    missing: Option<String>,
+    remedy: Option<String>,
+}
+
+fn compilers() -> Vec<CompilerReport> {
+    let here = std::env::current_dir().unwrap_or_default();
+    let name = "tint";
+    let found = Tint::beside(&here, false).and_then(|tint| {
+        let version = tint.version().map_err(|reason| tint::Missing {
+            reason: format!("{tint} doesn't run: {reason}"),
+            remedy: "install it again, or name another one in KARAT_TINT".to_owned(),
+        });
+        Ok((tint.to_string(), version?))
+    });
+    vec![match found {
+        Ok(here) => CompilerReport { name, here: Some(here), missing: None, remedy: None },
+        Err(tint::Missing { reason, remedy, .. }) => {
+            CompilerReport { name, here: None, missing: Some(reason), remedy: Some(remedy) }
+        }
+    }]
 }
 
 fn names(paths: &[Path]) -> Vec<&'static str> {
@@ -149,6 +180,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         paths,
         selected: selected.as_ref().map_or_else(|_| Vec::new(), |paths| names(paths)),
         unusable: selected.err().map(|error| error.to_string()),
+        compilers: compilers(),
         tools: tools(),
         settings: variables()
             .into_iter()
@@ -202,6 +234,22 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     }
     for profile::Unoptimised { name, level, recommended, about } in &report.unoptimised {
         writeln!(out, "{name}.opt-level = {recommended} {DIM}# at {level} {about}{DIM:#}")?;
+    }
+    writeln!(out, "\n{HEAD}compilers of WGSL besides naga{HEAD:#}")?;
+    for CompilerReport { name, here, missing, remedy } in &report.compilers {
+        match here {
+            Some((place, version)) => {
+                writeln!(
+                    out,
+                    "{GOOD}{name:<16}{GOOD:#} {version}\n{DIM}                 {place}{DIM:#}"
+                )?;
+            }
+            None => {
+                let missing = missing.as_deref().unwrap_or_default();
+                let remedy = remedy.as_deref().unwrap_or_default();
+                writeln!(out, "{name:<16} {missing}\n{DIM}                 {remedy}{DIM:#}")?;
+            }
+        }
     }
     writeln!(out, "\n{HEAD}validators of translations{HEAD:#}")?;
     for ToolReport { name, judges, version, missing, remedy } in &report.tools {

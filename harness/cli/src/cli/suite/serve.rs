@@ -160,7 +160,10 @@ impl Whole {
         match self.found.package.try_is_valid() {
             _ if !self.is_judged(suite) => (None, None),
             Ok(found) => (None, check::remarks(&found.opinion)),
-            Err(invalid) => (self.invalid(invalid, told), None),
+            Err(invalid) => {
+                let remarks = invalid.opinion().and_then(check::remarks);
+                (self.invalid(invalid, told), remarks)
+            }
         }
     }
 
