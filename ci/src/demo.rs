@@ -22,6 +22,7 @@ pub(crate) fn set_up() -> ExitCode {
     let _ = steps.run("setup", setup::install_missing)
         && steps.run("browser", setup::install_browser)
         && steps.run("validators", setup::install_validators)
+        && steps.run("tint", setup::install_tint)
         && steps.run("build", build)
         && steps.run("paths", suite::open_paths);
     steps.finish()

@@ -57,8 +57,8 @@ enum Task {
     /// On Linux both Vulkan and GL must be loadable, in software or hardware. Debian, Fedora
     /// and Arch (and their relatives) get the missing packages; elsewhere the names are printed.
     /// macOS and Windows bring Metal and DX12 along, so nothing is installed there. The tests of
-    /// the review page need a Chromium; it is installed, too. Then the harness is built, and
-    /// opens each path.
+    /// the review page need a Chromium; it is installed, too, and so is Tint, by npm, outside of the
+    /// working tree. Then the harness is built, and opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]

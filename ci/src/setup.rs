@@ -13,6 +13,7 @@ mod gl;
 mod host;
 mod install;
 mod manifest;
+mod tint;
 mod validators;
 mod vulkan;
 
@@ -74,6 +75,11 @@ pub(crate) fn install_validators() -> Result<()> {
         ),
     }
     Ok(())
+}
+
+/// Installs Tint, Chrome's compiler of WGSL, where it isn't. The demo needs none.
+pub(crate) fn install_tint() -> Result<()> {
+    tint::install()
 }
 
 /// Only reports; a missing path is an error that says how to install it.

@@ -20,11 +20,13 @@ pub(crate) fn run() -> ExitCode {
         steps.run("setup", setup::install_missing);
         steps.run("browser", setup::install_browser);
         steps.run("validators", setup::install_validators);
+        steps.run("tint", setup::install_tint);
     };
     steps.beside(packages, lint::steps);
     steps.run("build", build);
     steps.run("compiled once", once::check);
     steps.run("paths", open_paths);
+    steps.run("both compilers", both_compilers);
     // Before the tests, whose last lines on stdout are those that readers of a log want.
     if swiftshader::manifest().is_some() {
         steps.run("swiftshader", second_driver);
@@ -48,6 +50,12 @@ pub(crate) fn build() -> Result<()> {
 /// Opens the paths for real, where `setup` only saw that their libraries are there.
 pub(crate) fn open_paths() -> Result<()> {
     command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
+}
+
+/// naga and Tint accept the whole library. Tests ask Tint where it is here; this step wants it to be.
+fn both_compilers() -> Result<()> {
+    let mut check = command::karat(&["check", "--package", "shaders", "--require", "tint"])?;
+    command::run_aside(&mut check)
 }
 
 /// Every test, with its verdicts recorded where `karat` looks for the record of the last run.

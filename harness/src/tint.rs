@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub(crate) use answer::{Answer, Severity};
-pub use find::installed;
 use find::Kind;
+pub use find::installed;
 pub use reason::Reason;
 use resident::Resident;
 

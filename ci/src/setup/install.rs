@@ -1,4 +1,4 @@
-//! Installing Mesa's software drivers, a browser, and validators of translations, with the
+//! Installing Mesa's software drivers, a browser, validators of translations and Node, with the
 //! distribution's own package manager.
 
 use std::process::Command;
@@ -17,6 +17,8 @@ pub(crate) enum Wanted {
     Browser,
     /// What judges and compiles naga's translations.
     Validators,
+    /// Node with npm, or what brings them.
+    Node,
 }
 
 /// Distributions by package manager.
@@ -65,6 +67,29 @@ impl Family {
             Wanted::Drivers => self.drivers(),
             Wanted::Browser => self.browser(),
             Wanted::Validators => self.validators(),
+            Wanted::Node => self.node(),
+        }
+    }
+
+    /// Debian's own Node is too old, and its npm is 350 packages: pip brings both in one.
+    fn node(&self) -> &'static [Package] {
+        match self {
+            Self::Debian => &[
+                UPDATE,
+                Package {
+                    failing: Failing::Fatal,
+                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
+                           python3-pip",
+                },
+            ],
+            Self::Fedora => {
+                &[Package { failing: Failing::Fatal, line: "dnf install -y nodejs npm" }]
+            }
+            Self::Arch => &[Package {
+                failing: Failing::Fatal,
+                line: "pacman -Sy --noconfirm --needed nodejs npm",
+            }],
+            Self::Other(_) => &[],
         }
     }
 
@@ -209,6 +234,7 @@ pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Resu
                     Wanted::Drivers => "could not install Mesa's software drivers",
                     Wanted::Browser => "could not install Chromium",
                     Wanted::Validators => "could not install the validators of translations",
+                    Wanted::Node => "could not install Node",
                 });
             }
         }
@@ -225,6 +251,7 @@ pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
             }
             Wanted::Browser => "Chromium or Chrome (KARAT_BROWSER names its program)",
             Wanted::Validators => "spirv-tools, glslang and spirv-cross, or Vulkan's SDK",
+            Wanted::Node => "Node 20 or newer with npm",
         };
         return format!(
             "setup can't install packages on `{name}`; install {what}, then run `cargo ci setup` \

@@ -152,7 +152,10 @@ impl FromStr for Column {
             return Ok(Self { target, path: None, by_tint: false });
         }
         let path: Path = name.parse().map_err(|error| {
-            format!("{error}; a column is a path, `{TINT}`, or one of the languages {}", languages())
+            format!(
+                "{error}; a column is a path, `{TINT}`, or one of the languages {}",
+                languages()
+            )
         })?;
         Self::of_path(path).ok_or_else(|| format!("nothing is translated for path `{path}`"))
     }

@@ -85,7 +85,8 @@ impl Judged {
                 Written::ByAuthor => vec![Tool::naga()],
                 Written::ByNaga(target) => Tool::of(target).collect(),
                 Written::ForTint => {
-                    let about: Vec<&About> = made.iter().map(|(row, _)| &rows[*row].about).collect();
+                    let about: Vec<&About> =
+                        made.iter().map(|(row, _)| &rows[*row].about).collect();
                     let answers = ask_tint(package, &translations, &about);
                     for ((row, _), said) in made.iter().zip(answers) {
                         judged.entry((*row, written)).or_default().push(said);
@@ -130,7 +131,9 @@ impl Judged {
             }
             None if own.is_empty() => {
                 let why = match made.written {
-                    Written::ForTint => "Tint isn't here: `karat doctor` says how to get it".to_owned(),
+                    Written::ForTint => {
+                        "Tint isn't here: `karat doctor` says how to get it".to_owned()
+                    }
                     _ => no_validator(target),
                 };
                 (Status::Translated, Some(Stop::NoValidator(why)))

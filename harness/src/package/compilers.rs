@@ -34,7 +34,8 @@ impl Compilers {
         let Written { require, native } = written;
         if let Some(other) = require.iter().find(|name| *name != "tint") {
             let near = nearest(other, ["tint"]).map_or("", |_| "; did you mean `tint`?");
-            let other = format!("`[compilers] require` names `{other}`, and asks `tint` alone{near}");
+            let other =
+                format!("`[compilers] require` names `{other}`, and asks `tint` alone{near}");
             return Err(other);
         }
         Ok(Self { require_tint: !require.is_empty(), native, limits, file })

@@ -67,7 +67,11 @@ impl Limits {
                 limits.compatibility = match value.as_str() {
                     Some("core") => false,
                     Some("compatibility") => true,
-                    _ => return Err("`mode` of `[limits]` is \"core\" or \"compatibility\"".to_owned()),
+                    _ => {
+                        return Err(
+                            "`mode` of `[limits]` is \"core\" or \"compatibility\"".to_owned()
+                        );
+                    }
                 };
                 continue;
             }
@@ -126,7 +130,8 @@ mod tests {
         let read = |text: &str| Limits::of(toml::from_str(text).expect("TOML"));
         let usual = Limits::default();
         assert_eq!(usual.value(Limit::INVOCATIONS), 256);
-        let limits = read("mode = \"compatibility\"\nmaxComputeWorkgroupSizeX = 512").expect("limits");
+        let limits =
+            read("mode = \"compatibility\"\nmaxComputeWorkgroupSizeX = 512").expect("limits");
         let values = [Limit::INVOCATIONS, Limit::WORKGROUP_X].map(|limit| limits.value(limit));
         assert_eq!(values, [128, 512]);
         for (text, part) in [

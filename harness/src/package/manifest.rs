@@ -305,8 +305,16 @@ impl Manifest {
     fn parsed(package: &Package, file: &Path, text: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Manifest { file: shown(file), reason };
         let written = toml::from_str(text);
-        let Written { dependencies, features, preprocess, matrix, inputs, hazards, compilers, limits } =
-            written.map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
+        let Written {
+            dependencies,
+            features,
+            preprocess,
+            matrix,
+            inputs,
+            hazards,
+            compilers,
+            limits,
+        } = written.map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
         let limits = limits.map_or_else(|| Ok(Limits::default()), Limits::of).map_err(error)?;
         let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {

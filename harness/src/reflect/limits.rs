@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, GlobalVariable, Handle, ImageClass, ShaderStage, StorageAccess, TypeInner};
+use naga::{
+    AddressSpace, GlobalVariable, Handle, ImageClass, ShaderStage, StorageAccess, TypeInner,
+};
 
 use super::Program;
 use crate::diagnostic::{Diagnostic, Span};
@@ -79,7 +81,11 @@ impl Program {
                 }
             }
             for (limit, count) in counts {
-                push(limit, count, counted(usize::try_from(count).unwrap_or(usize::MAX), kind(limit)));
+                push(
+                    limit,
+                    count,
+                    counted(usize::try_from(count).unwrap_or(usize::MAX), kind(limit)),
+                );
             }
             if entry.stage == ShaderStage::Compute {
                 let size = entry.workgroup_size.map(u64::from);
@@ -93,7 +99,11 @@ impl Program {
                 let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
                 // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable is rounded up to 16.
                 let memory = memory.map(|(_, one)| self.size(one).next_multiple_of(16)).sum();
-                push(Limit::WORKGROUP_STORAGE, memory, format!("{memory} bytes of workgroup memory"));
+                push(
+                    Limit::WORKGROUP_STORAGE,
+                    memory,
+                    format!("{memory} bytes of workgroup memory"),
+                );
             }
             let (inputs, outputs) = self.locations(entry);
             let count = |all: &[u32]| {
@@ -104,13 +114,21 @@ impl Program {
             match entry.stage {
                 ShaderStage::Vertex => {
                     let (attributes, passed) = (count(&inputs), count(&outputs));
-                    push(Limit::VERTEX_ATTRIBUTES, attributes, format!("{attributes} vertex attributes"));
+                    push(
+                        Limit::VERTEX_ATTRIBUTES,
+                        attributes,
+                        format!("{attributes} vertex attributes"),
+                    );
                     push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
                 }
                 ShaderStage::Fragment => {
                     let (passed, targets) = (count(&inputs), count(&outputs));
                     push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
-                    push(Limit::COLOR_ATTACHMENTS, targets, format!("{targets} colour attachments"));
+                    push(
+                        Limit::COLOR_ATTACHMENTS,
+                        targets,
+                        format!("{targets} colour attachments"),
+                    );
                 }
                 _ => {}
             }
@@ -141,7 +159,9 @@ impl Program {
         let size = self.size(variable);
         match variable.space {
             AddressSpace::Uniform => push(Limit::UNIFORM_SIZE, size, format!("{size} bytes")),
-            AddressSpace::Storage { .. } => push(Limit::STORAGE_SIZE, size, format!("{size} bytes")),
+            AddressSpace::Storage { .. } => {
+                push(Limit::STORAGE_SIZE, size, format!("{size} bytes"))
+            }
             _ => {}
         }
     }
@@ -152,7 +172,9 @@ impl Program {
         match (variable.space, inner) {
             (AddressSpace::Uniform, _) => vec![Limit::UNIFORM_BUFFERS],
             (AddressSpace::Storage { .. }, _) => match stage {
-                ShaderStage::Vertex => vec![Limit::STORAGE_BUFFERS, Limit::STORAGE_BUFFERS_IN_VERTEX],
+                ShaderStage::Vertex => {
+                    vec![Limit::STORAGE_BUFFERS, Limit::STORAGE_BUFFERS_IN_VERTEX]
+                }
                 ShaderStage::Fragment => {
                     vec![Limit::STORAGE_BUFFERS, Limit::STORAGE_BUFFERS_IN_FRAGMENT]
                 }
@@ -185,7 +207,9 @@ impl Program {
             for (handle, variable) in module.global_variables.iter() {
                 let access = match (variable.space, &module.types[variable.ty].inner) {
                     (AddressSpace::Storage { access }, _) => access,
-                    (_, TypeInner::Image { class: ImageClass::Storage { access, .. }, .. }) => *access,
+                    (_, TypeInner::Image { class: ImageClass::Storage { access, .. }, .. }) => {
+                        *access
+                    }
                     _ => continue,
                 };
                 if uses[handle].is_empty() || !access.contains(StorageAccess::STORE) {

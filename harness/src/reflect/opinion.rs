@@ -185,7 +185,8 @@ pub(super) fn of(
                 let over = program.over_limits(&compilers.limits);
                 let mut pipelines = program.pipelines();
                 // What exceeds a limit is no pipeline: that has been said.
-                let exceeds = |name: &str| over.iter().any(|one| one.entry_point.as_deref() == Some(name));
+                let exceeds =
+                    |name: &str| over.iter().any(|one| one.entry_point.as_deref() == Some(name));
                 pipelines.retain(|pipeline| !exceeds(&pipeline.entry_point));
                 let over = over.into_iter().map(|one| (module.clone(), one.diagnostic));
                 opinion.limits.extend(over);

@@ -159,7 +159,10 @@ impl Program {
 }
 
 /// The attribute of how something is interpolated, as WGSL writes it.
-fn interpolated(interpolation: Option<Interpolation>, sampling: Option<Sampling>) -> Option<String> {
+fn interpolated(
+    interpolation: Option<Interpolation>,
+    sampling: Option<Sampling>,
+) -> Option<String> {
     let interpolation = match interpolation {
         None => return Some(String::new()),
         Some(Interpolation::Perspective) => "perspective",

@@ -43,7 +43,9 @@ impl Page {
     /// Starts a browser, and loads what asks Tint. Its first message is a greeting.
     pub(super) fn open(program: &Path, patience: Duration) -> Result<Self, NoVerdict> {
         if cfg!(windows) {
-            return Err(NoVerdict::Start("on Windows a browser has no pipe to be asked by".to_owned()));
+            return Err(NoVerdict::Start(
+                "on Windows a browser has no pipe to be asked by".to_owned(),
+            ));
         }
         let mut command = Command::new("sh");
         command.args(["-c", SHELL]).arg(program).args([

@@ -69,7 +69,9 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
             reason: format!("{other}, but in a browser, which takes a second"),
-            remedy: format!("`[compilers] require = [\"tint\"]` in karat.toml asks the browser; or {REMEDY}"),
+            remedy: format!(
+                "`[compilers] require = [\"tint\"]` in karat.toml asks the browser; or {REMEDY}"
+            ),
         }),
         None => Err(missing(other)),
     }

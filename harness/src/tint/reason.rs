@@ -124,7 +124,9 @@ impl Reason {
                 "WGSL has no value for it, and no program that computes it at compile time is valid: change \
                  the arguments, or compute it from a variable"
             }
-            Self::Precedence => "write the parentheses that you mean: WGSL doesn't order these operators",
+            Self::Precedence => {
+                "write the parentheses that you mean: WGSL doesn't order these operators"
+            }
             Self::Atomic => "use `atomicStore`, `atomicLoad` and the other atomic functions",
             Self::Enable => "begin the module with `enable NAME;`, if naga takes it, too",
             Self::Aliasing => "copy the value into a variable of its own before the call",
@@ -134,7 +136,9 @@ impl Reason {
                 "if it is meant for wgpu on native platforms alone, say so: `native` in `[compilers]` of \
                  karat.toml"
             }
-            Self::Pipeline | Self::Other => "the shader doesn't run in Chrome, Edge, Node and Electron",
+            Self::Pipeline | Self::Other => {
+                "the shader doesn't run in Chrome, Edge, Node and Electron"
+            }
         }
     }
 }

@@ -6,8 +6,8 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use super::answer::{self, Answer};
-use super::find::Kind;
 use super::browser::Page;
+use super::find::Kind;
 use super::line::{Answers, Lines};
 use super::{NoVerdict, Question};
 
