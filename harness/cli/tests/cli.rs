@@ -6,6 +6,8 @@ mod call;
 mod check;
 #[path = "cli/compare.rs"]
 mod compare;
+#[path = "cli/compilers.rs"]
+mod compilers;
 #[path = "cli/crates.rs"]
 mod crates;
 #[path = "cli/diff.rs"]
@@ -478,7 +480,7 @@ fn doctor_tells_which_paths_open() {
     let ran = output(command(folder, &["doctor"]).env("KARAT_SEED", "0x7").env("KARAT_PATHS", ""));
     assert!(ran.out.contains("\nKARAT_SEED       = 0x7\n"), "{ran:?}");
     assert!(ran.out.contains("\nKARAT_PATHS      not set\n"), "{ran:?}");
-    assert!(report["settings"].as_array().is_some_and(|settings| settings.len() == 13), "{report}");
+    assert!(report["settings"].as_array().is_some_and(|settings| settings.len() == 14), "{report}");
     let paths = open_paths(folder);
     let out = karat(folder, &["doctor", "--require", &paths.join(",")]).good();
     assert!(paths.iter().all(|path| out.contains(&format!("\n{path:<8} "))), "{out}");

@@ -48,7 +48,7 @@ impl Package {
 fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecord> {
     let failures = match result {
         Ok(_) => 0,
-        Err(Invalid::Modules { errors, .. }) => errors.len(),
+        Err(Invalid::Modules { errors, .. }) => errors.len().min(modules),
         Err(_) => return None,
     };
     let count = |number: usize| u64::try_from(number).unwrap_or(u64::MAX);

@@ -1,5 +1,6 @@
 //! Validates everything in a package, and not only what a test reaches.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -51,7 +52,7 @@ pub enum Invalid {
     Package(#[from] PackageError),
     /// Some modules can't be linked, or naga rejects them. All of them are listed.
     #[error("{} of {} of package `{package}` {} valid:\n\n{}",
-        errors.len(), counted(*modules, "module"), if errors.len() == 1 { "isn't" } else { "aren't" },
+        distinct(errors), counted(*modules, "module"), if distinct(errors) == 1 { "isn't" } else { "aren't" },
         list(errors))]
     Modules {
         /// The package.
@@ -97,6 +98,11 @@ impl Invalid {
             _ => None,
         }
     }
+}
+
+/// How many modules these are of: one may be wrong in several ways.
+fn distinct(errors: &[(String, ReflectError)]) -> usize {
+    errors.iter().map(|(module, _)| module).collect::<BTreeSet<_>>().len()
 }
 
 fn list(errors: &[(String, ReflectError)]) -> String {

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -34,6 +34,8 @@ pub(super) struct Lines {
     /// Each message ends with it.
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
+    /// Disconnected when all that it said is there.
+    silent: Receiver<()>,
 }
 
 impl Lines {
@@ -53,7 +55,11 @@ impl Lines {
         };
         let said = Arc::new(Mutex::new(Vec::new()));
         let kept = Arc::clone(&said);
-        std::thread::spawn(move || keep(logging, &kept));
+        let (told, silent) = channel();
+        std::thread::spawn(move || {
+            keep(logging, &kept);
+            drop::<Sender<()>>(told);
+        });
         let (sender, from) = channel();
         std::thread::spawn(move || {
             let mut reader = BufReader::new(answering);
@@ -68,7 +74,7 @@ impl Lines {
             }
         });
         let to = child.stdin.take();
-        Ok(Self { child, to, from, end, said })
+        Ok(Self { child, to, from, end, said, silent })
     }
 
     /// Sends a message.
@@ -91,6 +97,8 @@ impl Lines {
     fn ended(&mut self) -> NoVerdict {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
+        // What it has started may go on to talk.
+        let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let said = String::from_utf8_lossy(&said);
         let said = match said.trim() {

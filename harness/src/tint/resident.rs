@@ -10,10 +10,11 @@ use super::browser::Page;
 use super::find::Kind;
 use super::line::{Answers, Lines};
 use super::{NoVerdict, Question};
+use crate::settings;
 
 /// How long it may take to start: a Chromium on a busy machine takes some seconds.
 const START: Duration = Duration::from_secs(30);
-/// How long it may take for one text. It takes a millisecond.
+/// How long it may take for one text, unless KARAT_DEADLINE is less. It takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.
 const MOST_STARTS: usize = 3;
@@ -77,7 +78,7 @@ enum Greeting {
 impl Resident {
     fn start(kind: &Kind) -> Result<Self, NoVerdict> {
         let mut asked = Asked::start(kind)?;
-        let first = asked.receive(START)?;
+        let first = asked.receive(START.min(settings::deadline()))?;
         match serde_json::from_str(&first) {
             Ok(Greeting::Version(version)) => Ok(Self { asked, version, id: 1 }),
             Ok(Greeting::Error(error)) => Err(NoVerdict::Start(error)),
@@ -111,7 +112,7 @@ impl Resident {
             }
         }
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
-            let answer = self.asked.receive(PATIENCE);
+            let answer = self.asked.receive(PATIENCE.min(settings::deadline()));
             let answer = answer.and_then(|line| answer::read(&line, id, &question.text));
             let broke = answer.is_err();
             match (answer, answers.last_mut()) {

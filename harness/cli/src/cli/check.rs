@@ -153,6 +153,7 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
             _ => names.push(name(package).into_owned()),
         }
     }
+    names.dedup();
     names
 }
 

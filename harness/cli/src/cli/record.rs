@@ -8,6 +8,7 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use karat::output::Output;
 use karat::record::{self, Run, Running};
+use karat::reflect::Opinion;
 
 use super::project::Project;
 use super::report::{OutputArgs, Sum, short, tables};
@@ -96,7 +97,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tables::write(&records, args.output.all, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
     if args.output.short {
-        short::write(&records, &[], &sum, project.root(), out)?;
+        short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     args.output.write(&records, Some(&run), &sum, held, &project, out)?;
     Ok(sum.ending())

@@ -22,6 +22,7 @@ use karat::image::write_whole;
 use karat::output::{counted, visible, visible_json};
 use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
+use karat::reflect::Opinion;
 use karat_suite::{Suite, Test};
 
 use crate::review::{Failure, FrameRun, LastRun};
@@ -133,7 +134,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tables::write(&records, args.output.all, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
     if args.output.short {
-        short::write(&records, &[], &sum, project.root(), out)?;
+        short::write(&records, (&[], &Opinion::default()), &sum, project.root(), out)?;
     }
     if run.is_none() {
         writeln!(out, "`karat test` says that a run ended, and `karat record` for another runner")?;

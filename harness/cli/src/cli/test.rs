@@ -184,7 +184,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_silent(&records, progress.passed(), args.output.all, told)?;
     }
     if args.output.short {
-        short::write(&records, &invalid, &sum, project.root(), out)?;
+        short::write(&records, (&invalid, &opinion), &sum, project.root(), out)?;
     }
     args.output.write(&records, Some(&run), &sum, held, &project, out)?;
     Ok(sum.ending())

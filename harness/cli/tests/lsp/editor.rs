@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,10 @@ pub(crate) struct Editor {
 impl Editor {
     /// A server that hasn't been spoken to.
     pub(crate) fn silent(folder: &Path) -> Self {
-        let mut command = karat(folder);
+        Self::of(folder, karat(folder))
+    }
+
+    fn of(folder: &Path, mut command: Command) -> Self {
         command.arg("lsp").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().expect("it starts");
         let stdin = child.stdin.take();
@@ -54,7 +57,18 @@ impl Editor {
 
     /// A server that has the folder open.
     pub(crate) fn open(folder: &Path) -> Self {
-        let mut editor = Self::silent(folder);
+        Self::silent(folder).opened()
+    }
+
+    /// One that asks the Tint of this machine.
+    pub(crate) fn with_tint(folder: &Path) -> Self {
+        let mut command = karat(folder);
+        command.env_remove("KARAT_TINT");
+        Self::of(folder, command).opened()
+    }
+
+    fn opened(self) -> Self {
+        let mut editor = self;
         let root = editor.uri("");
         let capabilities = json!({
             "window": { "workDoneProgress": true },

@@ -28,6 +28,28 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
+/// What Tint rejects is a warning as it is typed, and an error where the package requires its verdict.
+#[test]
+fn what_tint_rejects_is_shown() {
+    let folder = folder();
+    let mut editor = Editor::with_tint(folder.path());
+    editor.open_file(FILE, CALC);
+    let shift = format!("{CALC}fn shift(x: u32) -> u32 {{ return x << x + 1u; }}\n");
+    let line = shift.lines().count() as u64;
+    for severity in [2, 1] {
+        editor.edit(FILE, &shift);
+        // Without Tint nothing comes: `cargo ci setup` installs it.
+        let shown = editor.wait(FILE, |all| all.len() == 1);
+        assert_eq!((told(&shown[0]).0, told(&shown[0]).1), (line, 36));
+        assert!(told(&shown[0]).2.contains("Tint rejects this: mixing '<<' and '+'"), "{shown:?}");
+        assert_eq!(shown[0]["severity"], severity, "{shown:?}");
+        editor.edit(FILE, CALC);
+        editor.wait(FILE, <[_]>::is_empty);
+        let required = "[compilers]\nrequire = [\"tint\"]\n";
+        write(folder.path(), "shaders/karat.toml", required);
+    }
+}
+
 /// An edit of one module is at fault in another one.
 #[test]
 fn a_fault_is_shown_in_the_module_that_imports() {

@@ -51,9 +51,6 @@ impl Server {
                 }
             }
             findings::of_opinion(&opinion, &mut found);
-            if let Some(missing) = &opinion.unasked {
-                self.client.tell_once(&format!("Tint wasn't asked: {missing}"));
-            }
         }
         found
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use karat::diagnostic::shown;
 use karat::output::one_line;
 use karat::record::{PathRecord, Record, Subject};
-use karat::reflect::Invalid;
+use karat::reflect::{Invalid, Opinion};
 
 use super::{Place, Sum, failing, is_failure, located, place};
 
@@ -20,7 +20,7 @@ pub(in crate::cli) struct Finding {
 /// Writes what fails of a run and what isn't valid, and how much that is.
 pub(in crate::cli) fn write(
     records: &[Record],
-    invalid: &[(String, Invalid)],
+    (invalid, opinion): (&[(String, Invalid)], &Opinion),
     sum: &Sum,
     root: &Path,
     out: &mut dyn Write,
@@ -46,6 +46,10 @@ pub(in crate::cli) fn write(
                 diagnostic.map_or_else(|| error.to_string(), |found| found.message.clone());
             lines.push(format!("{}error: {}", place.unwrap_or_default(), first_line(&message)));
         }
+    }
+    for remark in opinion.remarks() {
+        let place = remark.location().map(|span| format!("{span}: ")).unwrap_or_default();
+        lines.push(format!("{place}warning: {}", first_line(&remark.message)));
     }
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
     let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };

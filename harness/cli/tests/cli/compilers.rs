@@ -1,0 +1,482 @@
+//! Tint's verdict on the author's text, WebGPU's limits, and what is said where Tint isn't asked.
+//!
+//! Where a test needs Tint it takes the one of this machine, which `cargo ci setup` installs. Other tests
+//! bring a program that says what they want.
+
+use super::*;
+
+/// A folder with one module.
+fn folder(text: &str) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "shaders/m.wgsl", text);
+    folder
+}
+
+/// `karat` with the Tint of this machine.
+fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
+    let ran = output(command(folder, arguments).env_remove("KARAT_TINT"));
+    let missing = ran.out.contains("wasn't asked") || ran.err.contains("Tint: not here");
+    assert!(!missing, "this test needs Tint: run `cargo ci setup`\n{ran:?}");
+    ran
+}
+
+const CHECK: &[&str] = &["check", "--package", "shaders"];
+const VALID: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
+const REQUIRED: &str = "[compilers]\nrequire = [\"tint\"]\n";
+
+fn last_line(text: &str) -> &str {
+    text.lines().last().unwrap_or_default()
+}
+
+/// Each kind of reason with its place and what to do, in text that naga accepts.
+#[test]
+fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
+    let fragment = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
+                    @fragment fn main(@location(0) u: vec2f) -> @location(0) vec4f {\n    \
+                    if u.x > 0.5 { return textureSample(t, s, u); }\n    return vec4f();\n}\n";
+    let barrier = "@compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {\n    \
+                   if i > 3u { workgroupBarrier(); }\n}\n";
+    let alias = "fn g(a: ptr<function, f32>, b: ptr<function, f32>) { *a = *b; }\n\
+                 fn f() -> f32 { var x = 1.0; g(&x, &x); return x; }\n";
+    let vertex = "@group(0) @binding(0) var<storage, read_write> b: array<f32>;\n\
+                  @vertex fn main() -> @builtin(position) vec4f { b[0] = 1.0; return vec4f(); }\n";
+    for (text, place, message, remedy) in [
+        (fragment, "4:27", "'textureSample' must only be called from uniform", "textureSampleLevel"),
+        (barrier, "2:17", "'workgroupBarrier' must only be called from uniform", "before the condition"),
+        (
+            "const MOST: f32 = 3.40282347e+38;\nfn f() -> f32 { return MOST; }\n",
+            "1:19",
+            "cannot be represented as 'f32'",
+            "0x1.fffffep+127f",
+        ),
+        (
+            "fn f(x: f32) -> f32 { return clamp(x, 1.0, 0.0); }\n",
+            "1:30",
+            "clamp called with 'low' (1.0) greater than 'high' (0.0)",
+            "WGSL has no value for it",
+        ),
+        (
+            "fn f(x: u32) -> u32 { return x << x + 1u; }\n",
+            "1:32",
+            "mixing '<<' and '+' requires parenthesis",
+            "write the parentheses",
+        ),
+        (
+            "var<workgroup> n: atomic<u32>;\n@compute @workgroup_size(1) fn main() {\n    n = 0u;\n}\n",
+            "3:7",
+            "cannot assign 'u32' to 'atomic<u32>'",
+            "atomicStore",
+        ),
+        (
+            "@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n",
+            "1:49",
+            "'subgroupAdd' without extension 'subgroups'",
+            "enable NAME;",
+        ),
+        (alias, "2:36", "invalid aliased pointer argument", "a variable of its own"),
+        (vertex, "2:49", "cannot be used by vertex pipeline stage", "declare it `read`"),
+        (
+            "fn f(x: i64) -> i64 { return x; }\n",
+            "1:9",
+            "unresolved type 'i64'",
+            "`native` in `[compilers]`",
+        ),
+    ] {
+        let folder = folder(text);
+        let ran = with_tint(folder.path(), CHECK);
+        let out = ran.out.clone();
+        assert_eq!(ran.code, Some(0), "{text}: it is a note\n{ran:?}");
+        assert!(out.contains("warning: Tint rejects this: "), "{text}\n{out}");
+        assert!(out.contains(message), "{text}\n{out}");
+        let place = format!("m.wgsl:{place}");
+        assert!(out.contains(&place), "{text}: not at {place}\n{out}");
+        assert!(out.contains(remedy), "{text}\n{out}");
+        assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
+        // Asked for, it is no note.
+        let ran = with_tint(folder.path(), &[CHECK, &["--require", "tint"]].concat());
+        assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
+        write(folder.path(), "shaders/karat.toml", REQUIRED);
+        let ran = with_tint(folder.path(), CHECK);
+        assert!(ran.code == Some(1) && ran.out.contains("1 of 1 module"), "{text}\n{ran:?}");
+        assert!(ran.out.contains("error: Tint rejects this") && ran.out.contains(&place), "{ran:?}");
+    }
+    let folder = folder(VALID);
+    write(folder.path(), "shaders/karat.toml", REQUIRED);
+    let out = with_tint(folder.path(), CHECK).good();
+    assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
+}
+
+/// The same verdict in each command that validates.
+#[test]
+fn each_command_that_validates_asks_tint() {
+    let tests = "import package::m::shift;\nimport karat::expect_near;\n@test fn is_zero() { expect_near(f32(shift(0u)), 1.0, 2.0); }\n";
+    let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
+    write(folder.path(), "shaders/m_test.wgsl", tests);
+    let ran = with_tint(folder.path(), &["test", "shaders", "--paths", "cpu"]);
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    assert!(ran.out.contains("warning: Tint rejects this: mixing"), "{ran:?}");
+    assert!(ran.out.contains("1 check, 0 failed") && ran.out.contains("; Tint rejects 1 module"));
+    let out = with_tint(folder.path(), &["test", "shaders", "--paths", "cpu", "--short"]).good();
+    assert!(last_line(&out).ends_with("; Tint rejects 1 module"), "{out}");
+    let watch = ["watch", "shaders", "--once", "--lines", "--paths", "cpu"];
+    let ran = with_tint(folder.path(), &watch);
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    assert!(ran.out.contains("Tint rejects 1 module") && ran.out.contains("m.wgsl:1:36"), "{ran:?}");
+    let columns = ["matrix", "--package", "shaders", "--columns", "tint,cpu", "--json"];
+    let ran = with_tint(folder.path(), &columns);
+    let matrix = json(&ran.out);
+    let rows = matrix["rows"].as_array().expect("rows");
+    let shift = rows.iter().find(|row| row["name"] == "m::shift").expect("the function");
+    let tint = &shift["cells"][0];
+    assert_eq!(tint["status"], "translated", "{tint}");
+    assert!(tint["stopped"]["says"].as_str().is_some_and(|says| says.contains("parenthesis")), "{tint}");
+
+    write(folder.path(), "shaders/karat.toml", REQUIRED);
+    for arguments in [&["test", "shaders", "--paths", "cpu"][..], &watch] {
+        let ran = with_tint(folder.path(), arguments);
+        assert_eq!(ran.code, Some(1), "{arguments:?}\n{ran:?}");
+        assert!(ran.out.contains("m.wgsl:1:36"), "{arguments:?}\n{ran:?}");
+    }
+}
+
+/// Without Tint each last line says so, and what requires it fails with what to do.
+#[test]
+fn without_tint_nothing_is_silent() {
+    let folder = folder(VALID);
+    write(folder.path(), "shaders/m.test.toml", "[[test]]\nfunction = \"half\"\nfinite = true\n");
+    let bare = |arguments: &[&str]| {
+        let mut command = command(folder.path(), arguments);
+        // Many machines have a Node, which would hide that none is needed.
+        let nothing = folder.path().join("nothing");
+        command.env_remove("KARAT_TINT").env("PATH", &nothing).env("XDG_CACHE_HOME", &nothing);
+        output(&mut command)
+    };
+    let out = bare(CHECK).good();
+    // On a machine with a browser in its usual place that is said, too.
+    assert!(last_line(&out).starts_with("1 package valid; Tint wasn't asked: not here"), "{out}");
+    let test = ["test", "shaders", "--paths", "cpu"];
+    let out = bare(&test).good();
+    assert!(out.contains(" compared; Tint wasn't asked: not here"), "{out}");
+    let off = karat(folder.path(), CHECK).good();
+    assert_eq!(last_line(&off), "1 package valid; Tint wasn't asked: KARAT_TINT=off");
+    if cfg!(target_os = "linux") {
+        write(folder.path(), "shaders/karat.toml", REQUIRED);
+        for arguments in [CHECK, &test] {
+            let ran = bare(arguments);
+            assert_eq!(ran.code, Some(1), "{arguments:?}\n{ran:?}");
+            assert!(ran.out.contains("requires Tint's verdict, and there is none: not here"), "{ran:?}");
+            assert!(ran.out.contains("npm install --save-dev webgpu"), "{ran:?}");
+        }
+    }
+    let doctor = bare(&["doctor"]);
+    assert!(doctor.out.contains("npm install --save-dev webgpu"), "{doctor:?}");
+}
+
+#[test]
+fn karat_tint_names_one_or_says_why_not() {
+    let folder = folder(VALID);
+    write(folder.path(), "shaders/karat.toml", REQUIRED);
+    write(folder.path(), "empty/readme", "");
+    for (named, part) in [
+        ("nowhere", "KARAT_TINT=nowhere isn't there"),
+        ("empty", "is a folder without the npm package `webgpu`"),
+        ("off", "KARAT_TINT=off"),
+    ] {
+        let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", named));
+        assert!(ran.code == Some(1) && ran.out.contains(part), "{named}: {ran:?}");
+    }
+}
+
+/// What wgpu alone has is declared, and a declaration that nothing needs is an error.
+#[test]
+fn what_wgpu_alone_has_is_declared() {
+    let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
+    let check = |native: &str| {
+        let text = format!("[compilers]\nrequire = [\"tint\"]\nnative = [{native}]\n");
+        write(folder.path(), "shaders/karat.toml", &text);
+        with_tint(folder.path(), CHECK)
+    };
+    let out = check("\"shader_int64\"").good();
+    assert_eq!(last_line(&out), "1 package valid; wgpu alone is meant by 1 module");
+    assert_eq!(check("").code, Some(1));
+    for (native, part) in [
+        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, and no module uses it"),
+        ("\"ray_qurey\"", "has no native feature `ray_qurey`; did you mean `ray_query`?"),
+        ("\"shader_float16\"", "has no native feature `shader_float16`"),
+    ] {
+        let ran = check(native);
+        assert!(ran.code == Some(2) && ran.err.contains(part), "{native}: {ran:?}");
+        assert!(ran.err.contains("karat.toml"), "{native}: {ran:?}");
+    }
+    for (text, part) in [
+        ("[compilers]\nrequire = [\"tnit\"]\n", "did you mean `tint`?"),
+        ("[compilers]\nrequires = [\"tint\"]\n", "unknown field `requires`"),
+        ("[compilers]\nrequire = \"tint\"\n", "expected a sequence"),
+    ] {
+        write(folder.path(), "shaders/karat.toml", text);
+        let ran = karat(folder.path(), CHECK);
+        assert!(ran.code == Some(2) && ran.err.contains(part), "{text}: {ran:?}");
+    }
+}
+
+/// Limits are a note, until a table says which are meant.
+#[test]
+fn what_exceeds_a_limit_is_told_where_it_stands() {
+    let workgroup = "var<workgroup> tile: array<vec4f, 2048>;\n\
+                     @compute @workgroup_size(16, 32) fn main() { tile[0] = vec4f(); }\n";
+    let storage = "@group(0) @binding(0) var<storage, read> a: array<f32>;\n\
+                   @vertex fn main() -> @builtin(position) vec4f { return vec4f(a[0]); }\n";
+    let textures: String = (0..17)
+        .map(|n| format!("@group(0) @binding({n}) var t{n}: texture_2d<f32>;\n"))
+        .collect();
+    let uses: String = (0..17).map(|n| format!("+ textureLoad(t{n}, vec2u(), 0)")).collect();
+    let textures = format!("{textures}@fragment fn main() -> @location(0) vec4f {{ return vec4f() {uses}; }}\n");
+    let group = "@group(4) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
+    let uniform = "@group(0) @binding(0) var<uniform> u: array<vec4f, 2048>;\n\
+                   fn f() -> vec4f { return u[0]; }\n";
+    let passed = "@fragment fn main(@location(15) a: f32, @location(0) b: f32) -> @location(0) vec4f \
+                  { return vec4f(a + b); }\n";
+    let written = "@group(0) @binding(0) var<storage, read_write> a: array<f32>;\n\
+                   @vertex fn main() -> @builtin(position) vec4f { a[0] = 1.0; return vec4f(); }\n";
+    let check = |text: &str, limits: &str| {
+        let folder = folder(text);
+        write(folder.path(), "shaders/karat.toml", limits);
+        karat(folder.path(), CHECK)
+    };
+    let compatibility = "[limits]\nmode = \"compatibility\"\n";
+    for (text, limits, place, part) in [
+        (workgroup, "", "2:34", "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv"),
+        (workgroup, "", "2:34", "uses 32768 bytes of workgroup memory, and WebGPU's default maxComputeW"),
+        (&textures, "", "18:11", "uses 17 sampled textures, and WebGPU's default maxSampledTextures"),
+        (group, "", "1:23", "uses group 4, so at least 5, and WebGPU's default maxBindGroups is 4"),
+        (written, "", "2:9", "uses `m::a`, which can be written, and WebGPU gives vertex stages none"),
+        (uniform, compatibility, "1:23", "uses 32768 bytes, and compatibility mode's maxUniformBuffer"),
+        (storage, compatibility, "2:9", "uses 1 storage buffer, and compatibility mode's maxStorageB"),
+        (passed, compatibility, "1:11", "uses 16 variables between stages, and compatibility mode's"),
+        (
+            workgroup,
+            "[limits]\nmaxComputeInvocationsPerWorkgroup = 400\nmaxComputeWorkgroupStorageSize = 65536\n",
+            "2:34",
+            "uses 512 invocations a workgroup, and karat.toml's maxComputeInvocationsPerWorkgroup is 400",
+        ),
+    ] {
+        let ran = check(text, limits);
+        let code = if limits.is_empty() { 0 } else { 1 };
+        assert_eq!(ran.code, Some(code), "{text}\n{ran:?}");
+        assert!(ran.out.contains(part), "{part}\n{}", ran.out);
+        assert!(ran.out.contains(&format!("m.wgsl:{place}")), "{text}\n{}", ran.out);
+        assert!(last_line(&ran.out).contains("WebGPU's limits are exceeded in 1 module"), "{ran:?}");
+    }
+    // What keeps to the limits is no finding: neither to the default ones, nor to others.
+    let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
+                maxComputeWorkgroupStorageSize = 32768\n";
+    for (text, limits) in
+        [(workgroup, more), (storage, ""), (uniform, ""), (passed, ""), (VALID, compatibility)]
+    {
+        let out = check(text, limits).good();
+        assert!(!out.contains("limits"), "{text}\n{out}");
+    }
+    let ran = check(VALID, "[limits]\nmaxBindGroup = 4\n");
+    assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
+}
+
+/// Tests in files that engines load are told, and the text without them is printed.
+#[test]
+fn files_that_are_shipped_stay_shippable() {
+    let folder = folder(VALID);
+    let mixed = "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n\n\
+                 @test fn is_two() { expect(twice(1.0) == 2.0); }\n\
+                 @test fn is_none(@over(0, 1) x: f32) { expect(twice(0.0 * x) == 0.0); }\n";
+    write(folder.path(), "shaders/n.wgsl", mixed);
+    write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
+    let out = karat(folder.path(), CHECK).good();
+    assert!(out.contains("warning: 2 tests here, which an engine that loads this file"), "{out}");
+    assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
+    assert!(last_line(&out).contains("tests stand in 1 module"), "{out}");
+    let plain = karat(folder.path(), &["show", "--plain", "n", "--package", "shaders"]).good();
+    assert_eq!(plain, "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n");
+    let error = karat(folder.path(), &["show", "--plain", "nn", "--package", "shaders"]).error();
+    assert!(error.contains("did you mean `n`?"), "{error}");
+}
+
+/// What naga rejects and Tint accepts is told as such.
+#[test]
+fn what_tint_alone_accepts_is_told() {
+    let folder = folder("enable subgroups;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
+    let ran = with_tint(folder.path(), CHECK);
+    assert!(ran.code == Some(1), "{ran:?}");
+    assert!(ran.out.contains("Tint accepts it: it runs in Chrome, and not in wgpu"), "{ran:?}");
+    write(folder.path(), "shaders/m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * y; }\n");
+    let ran = with_tint(folder.path(), CHECK);
+    assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
+}
+
+/// A browser has the same verdict.
+#[cfg(unix)]
+#[test]
+fn a_chromium_is_asked_where_it_is_named() {
+    let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
+    write(folder.path(), "shaders/valid.wgsl", VALID);
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let mut programs =
+        std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
+    let browser = programs.find(|program| program.is_file()).expect("run `cargo ci setup`");
+    let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", browser));
+    assert!(ran.out.contains("mixing '<<' and '+' requires parenthesis"), "{ran:?}");
+    assert_eq!(last_line(&ran.out), "1 package valid; Tint accepts 1 module, Tint rejects 1 module");
+}
+
+/// Programs in the place of Tint.
+#[cfg(unix)]
+mod fakes {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    /// FNV-1a, as an answer has it of its text.
+    fn sum(text: &str) -> u32 {
+        let units = text.encode_utf16();
+        units.fold(0x811c_9dc5, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(0x0100_0193))
+    }
+
+    fn answer(id: u32, text: &str) -> String {
+        format!("{{\"id\":{id},\"sum\":{},\"messages\":[],\"pipelines\":[]}}", sum(text))
+    }
+
+    fn script(file: &FilePath, text: &str) {
+        std::fs::write(file, format!("#!/bin/sh\n{text}")).expect("written");
+        let all = std::fs::Permissions::from_mode(0o755);
+        std::fs::set_permissions(file, all).expect("it is ours");
+    }
+
+    /// `karat check` with a Node that runs a script; what it reads goes to `got`.
+    fn check(folder: &FilePath, own: &str, more: &[&str]) -> Ran {
+        write(folder, "package/package.json", "{}");
+        write(folder, "package/dist/readme", "");
+        write(folder, "bin/readme", "");
+        script(&folder.join("bin/node"), own);
+        let path = std::env::join_paths([folder.join("bin"), "/usr/bin".into(), "/bin".into()]);
+        let mut command = command(folder, &[CHECK, more].concat());
+        command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
+        // Hung is what takes longer than this.
+        command.env("XDG_CACHE_HOME", folder).env("KARAT_DEADLINE", "1");
+        output(&mut command)
+    }
+
+    const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
+
+    /// A provider that fails has no verdict, and what requires one fails.
+    #[test]
+    fn a_tint_that_fails_has_no_verdict() {
+        let folder = folder(VALID);
+        let good = answer(1, VALID);
+        let last = answer(2, "");
+        let says = |lines: &[&str]| {
+            let lines: String = lines.iter().map(|line| format!("echo '{line}' >&2\n")).collect();
+            format!("{GREETING}{lines}cat >/dev/null\n")
+        };
+        let out = check(folder.path(), &says(&[&good, &last]), &["--require", "tint"]).good();
+        assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
+        let died = format!("{GREETING}read line\necho 'Bus error'\nexit 3\n");
+        let other = answer(1, "fn half(x: f32) -> f32 { return 0.5 * (x); }\n");
+        let empty = answer(9, VALID);
+        for (fault, own, part) in [
+            ("it dies", died, "it ended (exit status: 3): Bus error"),
+            ("it hangs", says(&[]), "it didn't answer within 1 s"),
+            ("it hangs at once", "cat >/dev/null\n".to_owned(), "it didn't answer within"),
+            ("garbage", says(&["Segmentation fault"]), "can't be read: Segmentation fault"),
+            ("half an answer", says(&["{\"id\":1,"]), "can't be read: {\"id\":1,"),
+            ("another text", says(&[&other, &last]), "it answered about another text"),
+            ("another question", says(&[&empty]), "it answered about another text"),
+            ("twice", says(&[&good, &good, &last]), "it answered twice"),
+            ("it can't start", "echo '{\"error\":\"no Dawn\"}' >&2\n".to_owned(), "run: no Dawn"),
+        ] {
+            let ran = check(folder.path(), &own, &[]);
+            assert_eq!(ran.code, Some(0), "{fault}: nothing requires it\n{ran:?}");
+            assert!(ran.out.contains(part), "{fault}: {ran:?}");
+            let last = "1 package valid; Tint has no verdict on 1 module";
+            assert_eq!(last_line(&ran.out), last, "{fault}");
+            let ran = check(folder.path(), &own, &["--require", "tint"]);
+            assert_eq!(ran.code, Some(1), "{fault}: {ran:?}");
+            write(folder.path(), "shaders/karat.toml", REQUIRED);
+            let ran = check(folder.path(), &own, &[]);
+            assert!(ran.code == Some(1) && ran.out.contains(part), "{fault}: {ran:?}");
+            std::fs::remove_file(folder.path().join("shaders/karat.toml")).expect("it is there");
+        }
+    }
+
+    /// One text that ends the process costs no other its verdict.
+    #[test]
+    fn a_text_that_ends_tint_is_alone_without_a_verdict() {
+        let folder = folder(VALID);
+        write(folder.path(), "shaders/n.wgsl", "fn one() -> f32 { return 1.0; }\n");
+        let (first, second, last) =
+            (answer(1, "fn one() -> f32 { return 1.0; }\n"), answer(1, VALID), answer(2, ""));
+        // The first process ends at its first text, the second one has the other.
+        let own = format!(
+            "{GREETING}read line\nif [ ! -e ended ]; then : > ended; exit 3; fi\n\
+             echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
+        );
+        let ran = check(folder.path(), &own, &[]);
+        let sum = "1 package valid; Tint accepts 1 module, Tint has no verdict on 1 module";
+        assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
+    }
+
+    /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
+    /// where something is.
+    #[test]
+    fn tint_gets_the_authors_bytes() {
+        let text = "// Half, in \u{1d465}.\nfn half(x: f32) -> f32 {\n\treturn 5e-1 * ((x));  // as it is\n}\n";
+        let own = format!("{GREETING}read -r line\n[ -e got ] || printf '%s' \"$line\" > got\nexit 3\n");
+        let got = |folder: &FilePath| {
+            std::fs::remove_file(folder.join("got")).ok();
+            check(folder, &own, &[]);
+            let got = std::fs::read_to_string(folder.join("got")).expect("a question");
+            json(&got)["text"].as_str().expect("a text").to_owned()
+        };
+        let folder = folder(text);
+        assert_eq!(got(folder.path()), text);
+        // A test is left out, and an import stands for its declaration.
+        let tested = format!("{text}@test fn is_none() {{ expect(half(0.0) == 0.0); }}\n");
+        write(folder.path(), "shaders/m.wgsl", &tested);
+        assert_eq!(got(folder.path()).trim_end(), text.trim_end());
+        let importing = "import package::n::half;\nfn f(x: f32) -> f32 { return half ( x ); }\n";
+        write(folder.path(), "shaders/m.wgsl", importing);
+        write(folder.path(), "shaders/n.wgsl", text);
+        let linked = got(folder.path());
+        for part in ["fn f(x: f32) -> f32 { return ", " ( x ); }", "\treturn 5e-1 * ((x));  // as it is\n"] {
+            assert!(linked.contains(part), "{part}\n{linked}");
+        }
+    }
+
+    /// The compiler's own binary, by what it prints.
+    #[test]
+    fn a_tint_binary_is_read() {
+        let folder = folder("fn f(x: u32) -> u32 { return x << x; }\n");
+        let program = folder.path().join("tint");
+        let check = |own: &str| {
+            script(&program, own);
+            output(command(folder.path(), CHECK).env("KARAT_TINT", &program))
+        };
+        let message = "[{\"severity\":\"error\",\"message\":\"mixing\",\"range\":{\"start\":\
+                       {\"line\":1,\"column\":30},\"end\":{\"line\":1,\"column\":32}}},\
+                       {\"severity\":\"note\",\"message\":\"here\",\"range\":{\"start\":\
+                       {\"line\":1,\"column\":6},\"end\":{\"line\":1,\"column\":7}}}]";
+        let out = check(&format!("echo '{message}' >&2\nexit 1\n")).good();
+        assert!(out.contains("rejects this: mixing") && out.contains("m.wgsl:1:30"), "{out}");
+        assert!(out.contains("      here\n"), "its notes are kept: {out}");
+        let valid = check("grep -q 'x << x; }' shader.wgsl\n").good();
+        assert_eq!(last_line(&valid), "1 package valid; Tint accepts 1 module");
+        for (own, part) in [
+            ("exit 1\n", "it ended (exit status: 1)"),
+            ("echo Killed >&2\nexit 1\n", "can't be read: Killed"),
+            ("echo '[]' >&2\nexit 1\n", "can't be read"),
+            (&format!("echo '{message}' >&2\n"), "can't be read"),
+        ] {
+            let ran = check(own);
+            assert!(ran.out.contains(part), "{own}: {ran:?}");
+            assert!(last_line(&ran.out).ends_with("Tint has no verdict on 1 module"), "{ran:?}");
+        }
+    }
+}
