@@ -38,6 +38,35 @@ write; most of the rejections are glslang's of naga's HLSL. Digits in messages a
 
 ";
 
+/// What stands above the table of both compilers.
+const COMPILERS_HEAD: &str = "\
+# Shaders that others wrote, by both compilers
+
+Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets.
+Each module is asked about as `karat check --crate NAME@VERSION` does it: naga is the compiler of wgpu and
+Firefox, Tint that of Chrome, Edge, Node and Electron. *On purpose* are modules that use what wgpu alone has,
+such as ray queries; the others don't run in Chrome, and nothing in them says that they aren't meant to.
+*Neither* are mostly modules that another program makes WGSL of: [corpus.md](corpus.md) says which.
+
+";
+
+/// Asks both compilers about the shaders of a list. The table of the usual list is that of the documentation.
+pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
+    let documented = list.is_none();
+    let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
+    let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);
+    corpus.args(["--example", "corpus_compilers", "--"]).arg(list).stderr(Stdio::inherit());
+    let output = corpus.output().context("cargo doesn't run")?;
+    let table = String::from_utf8(output.stdout).context("the table isn't text")?;
+    ensure!(output.status.success(), "the corpus has faults");
+    if documented {
+        let file = command::root().join("docs/corpus-compilers.md");
+        std::fs::write(&file, format!("{COMPILERS_HEAD}{table}"))
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    Ok(())
+}
+
 /// Takes the shaders of a list through each translation. The table of the usual list is that of the
 /// documentation.
 pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {

@@ -91,6 +91,9 @@ enum Task {
         /// docs/corpus-translations.md
         #[arg(long)]
         routes: bool,
+        /// Ask naga and Tint about each module, instead; the table goes to docs/corpus-compilers.md
+        #[arg(long, conflicts_with_all = ["routes", "json"])]
+        compilers: bool,
         /// Write the rows as JSON, too; of routes, into a folder
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
@@ -138,8 +141,11 @@ fn main() -> ExitCode {
         Task::Lint => lint::run(),
         Task::Once => step::verdict(once::check()),
         Task::Found => step::verdict(corpus::run_found()),
-        Task::Corpus { list, routes: false, json } => step::verdict(corpus::run(list, json)),
-        Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),
+        Task::Corpus { list, compilers: true, .. } => step::verdict(corpus::run_compilers(list)),
+        Task::Corpus { list, routes: false, json, .. } => step::verdict(corpus::run(list, json)),
+        Task::Corpus { list, routes: true, json, .. } => {
+            step::verdict(corpus::run_routes(list, json))
+        }
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Package => packages::run(),

@@ -45,7 +45,7 @@ use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};
 use message::{causes, to_author};
-pub use opinion::Opinion;
+pub use opinion::{Opinion, Refused};
 pub(crate) use outputs::Output;
 pub(crate) use overrides::Overrides;
 pub(crate) use parsed::parsed_with;

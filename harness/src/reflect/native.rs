@@ -1,6 +1,8 @@
 //! What wgpu has on native platforms alone, and no browser.
 
+use naga::front::wgsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{ImageClass, StorageFormat, TypeInner};
 
 use super::{Program, on_deep_stack};
 
@@ -16,22 +18,45 @@ const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
 
 /// The names that `native` in `karat.toml` can have: those of naga's capabilities, in small letters.
 pub(super) fn names() -> Vec<String> {
-    native().iter_names().map(|(name, _)| name.to_lowercase()).collect()
+    native().map(|(name, _)| name).collect()
 }
 
-fn native() -> Capabilities {
-    Capabilities::all().difference(WEBGPU)
+fn native() -> impl Iterator<Item = (String, Capabilities)> {
+    let native = Capabilities::all().difference(WEBGPU);
+    native
+        .iter_names()
+        .map(|(name, one)| (name.to_lowercase(), one))
+        .collect::<Vec<_>>()
+        .into_iter()
 }
 
 impl Program {
-    /// What the program uses that wgpu alone has: naga rejects it without.
+    /// What the program uses that wgpu alone has: naga rejects it without, or an `enable` of it.
     pub(super) fn native_features(&self) -> Vec<String> {
-        let needs = |(_, without): &(&str, Capabilities)| {
-            let others = Capabilities::all().difference(*without);
-            let mut validator = Validator::new(ValidationFlags::all(), others);
-            on_deep_stack(|| validator.validate(&self.checked.module).is_err())
+        let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
+        used.map(|(name, _)| name).collect()
+    }
+
+    fn needs(&self, capability: Capabilities) -> bool {
+        let capabilities = Capabilities::all().difference(capability);
+        let mut options = Options::new();
+        options.capabilities = capabilities;
+        if Frontend::new_with_options(options).parse(self.text()).is_err() {
+            return true;
+        }
+        // naga takes these texels without: wgpu asks for the feature when the module is made.
+        let is_wide = |inner: &TypeInner| {
+            matches!(
+                inner,
+                TypeInner::Image {
+                    class: ImageClass::Storage { format: StorageFormat::R64Uint, .. },
+                    ..
+                }
+            )
         };
-        let used = native().iter_names().filter(needs);
-        used.map(|(name, _)| name.to_lowercase()).collect()
+        let module = &self.checked.module;
+        let wide = capability == Capabilities::TEXTURE_INT64_ATOMIC
+            && module.types.iter().any(|(_, ty)| is_wide(&ty.inner));
+        wide || Validator::new(ValidationFlags::all(), capabilities).validate(module).is_err()
     }
 }

@@ -23,8 +23,10 @@ use crate::tint::{Answer, Missing, NoVerdict, Question, Reason, Severity, Tint};
 pub struct Opinion {
     /// How many modules Tint accepts.
     pub accepted: usize,
-    /// Modules that it rejects, each with the kind of reason and the place.
-    pub refused: Vec<(String, Reason, Diagnostic)>,
+    /// Modules that it rejects.
+    pub refused: Vec<Refused>,
+    /// Modules that it accepts and naga rejects.
+    pub tint_alone: Vec<String>,
     /// Modules on which it has no verdict, as it crashed, hung or said something unreadable; each with how.
     pub broke: Vec<(String, String)>,
     /// Modules on which it wasn't asked, as they use on purpose what wgpu alone has.
@@ -37,6 +39,28 @@ pub struct Opinion {
     pub shipped: Vec<(String, Diagnostic)>,
     /// What Tint warns of.
     pub warnings: Vec<(String, Diagnostic)>,
+}
+
+/// A module that Tint rejects.
+///
+/// ```
+/// # use karat::Package;
+/// let text = "fn shift(x: u32) -> u32 { return x << x + 1u; }"; // naga takes it
+/// for refused in Package::from_source("m", text).is_valid().opinion.refused {
+///     assert_eq!(refused.reason, karat::tint::Reason::Precedence);
+/// }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Refused {
+    /// The module.
+    pub module: String,
+    /// The kind of its first reason.
+    pub reason: Reason,
+    /// What it uses that wgpu alone has, by naga's names.
+    pub native: Vec<String>,
+    /// The message, with places.
+    pub diagnostic: Diagnostic,
 }
 
 impl std::fmt::Display for Opinion {
@@ -88,7 +112,7 @@ impl Opinion {
     /// ```
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
-        let refused = self.refused.iter().map(|(_, _, diagnostic)| diagnostic);
+        let refused = self.refused.iter().map(|refused| &refused.diagnostic);
         let others = [&self.limits, &self.warnings, &self.shipped].into_iter().flatten();
         let mut all: Vec<&Diagnostic> = Vec::new();
         for diagnostic in refused.chain(others.map(|(_, diagnostic)| diagnostic)) {
@@ -112,7 +136,7 @@ impl Opinion {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
         };
-        let refused = self.refused.iter().map(|(module, _, diagnostic)| fault(module, diagnostic));
+        let refused = self.refused.iter().map(|one| fault(&one.module, &one.diagnostic));
         let refused = refused.filter(|_| compilers.require_tint);
         let limits = self.limits.iter().map(|(module, diagnostic)| fault(module, diagnostic));
         let limits = limits.filter(|_| compilers.require_tint || compilers.limits.stated);
@@ -134,6 +158,7 @@ impl Opinion {
         let other = other.clone();
         self.accepted += other.accepted;
         self.refused.extend(other.refused);
+        self.tint_alone.extend(other.tint_alone);
         self.broke.extend(other.broke);
         self.native.extend(other.native);
         self.unasked = self.unasked.take().or(other.unasked);
@@ -234,6 +259,7 @@ pub(super) fn of(
                 if answer.is_ok_and(|answer| !answer.rejects()) {
                     let note = "Tint accepts it: it runs in Chrome, and not in wgpu and Firefox";
                     diagnostic.notes.push(note.to_owned());
+                    opinion.tint_alone.push(module.clone());
                 }
             }
             Judged::Rejected(_) => {}
@@ -280,7 +306,7 @@ impl Opinion {
             let text = format!("Tint {verb}: {head}");
             let diagnostic = to_author(linked, text, labels.into_iter(), notes);
             match message.severity {
-                Severity::Error => refused.push((module.to_owned(), reason, diagnostic)),
+                Severity::Error => refused.push((reason, diagnostic)),
                 _ => self.warnings.push((module.to_owned(), diagnostic)),
             }
         }
@@ -299,24 +325,28 @@ impl Opinion {
                 Reason::Other => Reason::Pipeline,
                 reason => reason,
             };
-            refused.push((module.to_owned(), reason, diagnostic));
+            refused.push((reason, diagnostic));
         }
-        // One count a module, whatever else is wrong with it.
-        match refused.is_empty() {
-            true => self.accepted += 1,
-            false => self.refused.push(first_of(refused)),
+        // One count a module, whatever else is wrong with it: what comes later is a note.
+        let mut refused = refused.into_iter();
+        let Some((reason, mut diagnostic)) = refused.next() else {
+            self.accepted += 1;
+            return;
+        };
+        for (_, other) in refused {
+            let place = other.location().map_or_else(String::new, |span| format!("{span}: "));
+            diagnostic.notes.push(format!("{place}{}", other.message));
         }
+        let native = program.native_features();
+        if !native.is_empty() {
+            let (names, quoted) = (native.join("`, `"), native.join("\", \""));
+            diagnostic.notes.push(format!(
+                "it uses `{names}`, which wgpu alone has: if that is meant, write native = [\"{quoted}\"] in \
+                 `[compilers]` of karat.toml"
+            ));
+        }
+        self.refused.push(Refused { module: module.to_owned(), reason, native, diagnostic });
     }
-}
-
-/// The first of several reasons, with the others as notes.
-fn first_of(mut refused: Vec<(String, Reason, Diagnostic)>) -> (String, Reason, Diagnostic) {
-    let (module, reason, mut first) = refused.remove(0);
-    for (_, _, other) in refused {
-        let place = other.location().map_or_else(String::new, |span| format!("{span}: "));
-        first.notes.push(format!("{place}{}", other.message));
-    }
-    (module, reason, first)
 }
 
 impl Package {

@@ -133,8 +133,7 @@ impl Reason {
             Self::VertexStorage => "declare it `read`, or write it in a compute pass",
             Self::Reserved => "give it another name",
             Self::Unknown => {
-                "if it is meant for wgpu on native platforms alone, say so: `native` in `[compilers]` of \
-                 karat.toml"
+                "Chrome's WGSL has no such thing: write it otherwise, or leave it to wgpu"
             }
             Self::Pipeline | Self::Other => {
                 "the shader doesn't run in Chrome, Edge, Node and Electron"

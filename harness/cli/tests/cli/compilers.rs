@@ -41,8 +41,18 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
     let vertex = "@group(0) @binding(0) var<storage, read_write> b: array<f32>;\n\
                   @vertex fn main() -> @builtin(position) vec4f { b[0] = 1.0; return vec4f(); }\n";
     for (text, place, message, remedy) in [
-        (fragment, "4:27", "'textureSample' must only be called from uniform", "textureSampleLevel"),
-        (barrier, "2:17", "'workgroupBarrier' must only be called from uniform", "before the condition"),
+        (
+            fragment,
+            "4:27",
+            "'textureSample' must only be called from uniform",
+            "textureSampleLevel",
+        ),
+        (
+            barrier,
+            "2:17",
+            "'workgroupBarrier' must only be called from uniform",
+            "before the condition",
+        ),
         (
             "const MOST: f32 = 3.40282347e+38;\nfn f() -> f32 { return MOST; }\n",
             "1:19",
@@ -79,7 +89,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
             "fn f(x: i64) -> i64 { return x; }\n",
             "1:9",
             "unresolved type 'i64'",
-            "`native` in `[compilers]`",
+            "native = [\"shader_int64\"] in `[compilers]`",
         ),
     ] {
         let folder = folder(text);
@@ -98,7 +108,10 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
         write(folder.path(), "shaders/karat.toml", REQUIRED);
         let ran = with_tint(folder.path(), CHECK);
         assert!(ran.code == Some(1) && ran.out.contains("1 of 1 module"), "{text}\n{ran:?}");
-        assert!(ran.out.contains("error: Tint rejects this") && ran.out.contains(&place), "{ran:?}");
+        assert!(
+            ran.out.contains("error: Tint rejects this") && ran.out.contains(&place),
+            "{ran:?}"
+        );
     }
     let folder = folder(VALID);
     write(folder.path(), "shaders/karat.toml", REQUIRED);
@@ -121,15 +134,21 @@ fn each_command_that_validates_asks_tint() {
     let watch = ["watch", "shaders", "--once", "--lines", "--paths", "cpu"];
     let ran = with_tint(folder.path(), &watch);
     assert_eq!(ran.code, Some(0), "{ran:?}");
-    assert!(ran.out.contains("Tint rejects 1 module") && ran.out.contains("m.wgsl:1:36"), "{ran:?}");
+    assert!(
+        ran.out.contains("Tint rejects 1 module") && ran.out.contains("m.wgsl:1:36"),
+        "{ran:?}"
+    );
     let columns = ["matrix", "--package", "shaders", "--columns", "tint,cpu", "--json"];
     let ran = with_tint(folder.path(), &columns);
     let matrix = json(&ran.out);
-    let rows = matrix["rows"].as_array().expect("rows");
+    let rows = matrix[0]["rows"].as_array().expect("rows");
     let shift = rows.iter().find(|row| row["name"] == "m::shift").expect("the function");
     let tint = &shift["cells"][0];
     assert_eq!(tint["status"], "translated", "{tint}");
-    assert!(tint["stopped"]["says"].as_str().is_some_and(|says| says.contains("parenthesis")), "{tint}");
+    assert!(
+        tint["stopped"]["says"].as_str().is_some_and(|says| says.contains("parenthesis")),
+        "{tint}"
+    );
 
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     for arguments in [&["test", "shaders", "--paths", "cpu"][..], &watch] {
@@ -164,7 +183,10 @@ fn without_tint_nothing_is_silent() {
         for arguments in [CHECK, &test] {
             let ran = bare(arguments);
             assert_eq!(ran.code, Some(1), "{arguments:?}\n{ran:?}");
-            assert!(ran.out.contains("requires Tint's verdict, and there is none: not here"), "{ran:?}");
+            assert!(
+                ran.out.contains("requires Tint's verdict, and there is none: not here"),
+                "{ran:?}"
+            );
             assert!(ran.out.contains("npm install --save-dev webgpu"), "{ran:?}");
         }
     }
@@ -226,11 +248,12 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
                      @compute @workgroup_size(16, 32) fn main() { tile[0] = vec4f(); }\n";
     let storage = "@group(0) @binding(0) var<storage, read> a: array<f32>;\n\
                    @vertex fn main() -> @builtin(position) vec4f { return vec4f(a[0]); }\n";
-    let textures: String = (0..17)
-        .map(|n| format!("@group(0) @binding({n}) var t{n}: texture_2d<f32>;\n"))
-        .collect();
+    let textures: String =
+        (0..17).map(|n| format!("@group(0) @binding({n}) var t{n}: texture_2d<f32>;\n")).collect();
     let uses: String = (0..17).map(|n| format!("+ textureLoad(t{n}, vec2u(), 0)")).collect();
-    let textures = format!("{textures}@fragment fn main() -> @location(0) vec4f {{ return vec4f() {uses}; }}\n");
+    let textures = format!(
+        "{textures}@fragment fn main() -> @location(0) vec4f {{ return vec4f() {uses}; }}\n"
+    );
     let group = "@group(4) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
     let uniform = "@group(0) @binding(0) var<uniform> u: array<vec4f, 2048>;\n\
                    fn f() -> vec4f { return u[0]; }\n";
@@ -245,14 +268,49 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     };
     let compatibility = "[limits]\nmode = \"compatibility\"\n";
     for (text, limits, place, part) in [
-        (workgroup, "", "2:34", "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv"),
-        (workgroup, "", "2:34", "uses 32768 bytes of workgroup memory, and WebGPU's default maxComputeW"),
-        (&textures, "", "18:11", "uses 17 sampled textures, and WebGPU's default maxSampledTextures"),
+        (
+            workgroup,
+            "",
+            "2:34",
+            "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv",
+        ),
+        (
+            workgroup,
+            "",
+            "2:34",
+            "uses 32768 bytes of workgroup memory, and WebGPU's default maxComputeW",
+        ),
+        (
+            &textures,
+            "",
+            "18:11",
+            "uses 17 sampled textures, and WebGPU's default maxSampledTextures",
+        ),
         (group, "", "1:23", "uses group 4, so at least 5, and WebGPU's default maxBindGroups is 4"),
-        (written, "", "2:9", "uses `m::a`, which can be written, and WebGPU gives vertex stages none"),
-        (uniform, compatibility, "1:23", "uses 32768 bytes, and compatibility mode's maxUniformBuffer"),
-        (storage, compatibility, "2:9", "uses 1 storage buffer, and compatibility mode's maxStorageB"),
-        (passed, compatibility, "1:11", "uses 16 variables between stages, and compatibility mode's"),
+        (
+            written,
+            "",
+            "2:9",
+            "uses `m::a`, which can be written, and WebGPU gives vertex stages none",
+        ),
+        (
+            uniform,
+            compatibility,
+            "1:23",
+            "uses 32768 bytes, and compatibility mode's maxUniformBuffer",
+        ),
+        (
+            storage,
+            compatibility,
+            "2:9",
+            "uses 1 storage buffer, and compatibility mode's maxStorageB",
+        ),
+        (
+            passed,
+            compatibility,
+            "1:11",
+            "uses 16 variables between stages, and compatibility mode's",
+        ),
         (
             workgroup,
             "[limits]\nmaxComputeInvocationsPerWorkgroup = 400\nmaxComputeWorkgroupStorageSize = 65536\n",
@@ -265,7 +323,10 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
         assert_eq!(ran.code, Some(code), "{text}\n{ran:?}");
         assert!(ran.out.contains(part), "{part}\n{}", ran.out);
         assert!(ran.out.contains(&format!("m.wgsl:{place}")), "{text}\n{}", ran.out);
-        assert!(last_line(&ran.out).contains("WebGPU's limits are exceeded in 1 module"), "{ran:?}");
+        assert!(
+            last_line(&ran.out).contains("WebGPU's limits are exceeded in 1 module"),
+            "{ran:?}"
+        );
     }
     // What keeps to the limits is no finding: neither to the default ones, nor to others.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
@@ -324,7 +385,10 @@ fn a_chromium_is_asked_where_it_is_named() {
     let browser = programs.find(|program| program.is_file()).expect("run `cargo ci setup`");
     let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", browser));
     assert!(ran.out.contains("mixing '<<' and '+' requires parenthesis"), "{ran:?}");
-    assert_eq!(last_line(&ran.out), "1 package valid; Tint accepts 1 module, Tint rejects 1 module");
+    assert_eq!(
+        last_line(&ran.out),
+        "1 package valid; Tint accepts 1 module, Tint rejects 1 module"
+    );
 }
 
 /// Programs in the place of Tint.
@@ -428,7 +492,8 @@ mod fakes {
     #[test]
     fn tint_gets_the_authors_bytes() {
         let text = "// Half, in \u{1d465}.\nfn half(x: f32) -> f32 {\n\treturn 5e-1 * ((x));  // as it is\n}\n";
-        let own = format!("{GREETING}read -r line\n[ -e got ] || printf '%s' \"$line\" > got\nexit 3\n");
+        let own =
+            format!("{GREETING}read -r line\n[ -e got ] || printf '%s' \"$line\" > got\nexit 3\n");
         let got = |folder: &FilePath| {
             std::fs::remove_file(folder.join("got")).ok();
             check(folder, &own, &[]);
@@ -445,7 +510,9 @@ mod fakes {
         write(folder.path(), "shaders/m.wgsl", importing);
         write(folder.path(), "shaders/n.wgsl", text);
         let linked = got(folder.path());
-        for part in ["fn f(x: f32) -> f32 { return ", " ( x ); }", "\treturn 5e-1 * ((x));  // as it is\n"] {
+        for part in
+            ["fn f(x: f32) -> f32 { return ", " ( x ); }", "\treturn 5e-1 * ((x));  // as it is\n"]
+        {
             assert!(linked.contains(part), "{part}\n{linked}");
         }
     }

@@ -534,7 +534,9 @@ fn tests_that_fail_outside_of_checks_are_counted() {
     let both = run(&[], "yes");
     assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
     let short = run(&["--short"], "yes");
-    let end = format!("{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; leave --short out to see it\n");
+    let end = format!(
+        "{told}; 1 check, 1 failed; Tint wasn't asked: KARAT_TINT=off; leave --short out to see it\n"
+    );
     assert!(short.out.ends_with(&end), "{short:?}");
     let by_check = run(&[], "");
     assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");

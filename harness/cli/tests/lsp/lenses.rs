@@ -186,9 +186,15 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     editor.wait_lens(FILE, 5, "karat: changed since it was tested");
     editor.save(FILE, CALC);
     editor.wait(FILE, <[_]>::is_empty);
-    assert_eq!(run(&mut editor, "calc::half"), format!("karat: `calc::half`: 1 check, 0 failed{UNASKED}"));
+    assert_eq!(
+        run(&mut editor, "calc::half"),
+        format!("karat: `calc::half`: 1 check, 0 failed{UNASKED}")
+    );
     editor.wait_lens(FILE, 1, passes);
-    assert_eq!(run(&mut editor, "calc::sum"), format!("karat: `calc::sum`: 1 check, 0 failed{UNASKED}"));
+    assert_eq!(
+        run(&mut editor, "calc::sum"),
+        format!("karat: `calc::sum`: 1 check, 0 failed{UNASKED}")
+    );
     editor.wait_lens(FILE, 5, passes);
     // What rustc refuses is told, and no verdict.
     write(folder.path(), "tests/calc.rs", &RUST.replace("let text =", "let text: u32 ="));

@@ -45,5 +45,8 @@ fn what_is_not_valid_is_a_line_and_what_passes_none() {
     let out = tested(folder.path(), &["--short"]);
     let line = out.lines().next().and_then(parsed).unwrap_or_else(|| panic!("{out}"));
     assert_eq!((line.0, line.1, line.2), ("shaders/bad.wgsl", 2, 24));
-    assert!(out.ends_with(&format!("1 module isn't valid: bad; 3 checks passed{UNASKED}\n")), "{out}");
+    assert!(
+        out.ends_with(&format!("1 module isn't valid: bad; 3 checks passed{UNASKED}\n")),
+        "{out}"
+    );
 }
