@@ -6,7 +6,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::command;
+use crate::{command, setup};
 
 /// What stands above the table in the documentation.
 const HEAD: &str = "\
@@ -52,6 +52,7 @@ such as ray queries; the others don't run in Chrome, and nothing in them says th
 
 /// Asks both compilers about the shaders of a list. The table of the usual list is that of the documentation.
 pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
+    setup::install_tint()?;
     let documented = list.is_none();
     let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
     let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);

@@ -444,7 +444,7 @@ mod tests {
             error.ends_with(
                 "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_ADAPTER, \
              KARAT_DEADLINE, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
-             KARAT_OVERLAY, KARAT_RECORD, KARAT_BROWSER"
+             KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_BROWSER"
             ),
             "{error}"
         );

@@ -30,6 +30,11 @@ const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 
                       of an installed one, of a `tint` or of a Chromium";
 
 /// Tint as this machine has it.
+///
+/// ```
+/// let tint = karat::tint::Tint::beside("shaders".as_ref(), false);
+/// println!("{}", tint.map_or_else(|missing| missing.to_string(), |tint| tint.to_string()));
+/// ```
 pub struct Tint {
     kind: Kind,
     /// The process that stays; `None` before the first question and after it ended.

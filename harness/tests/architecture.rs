@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 29] = [
+const ORDER: [&str; 30] = [
     "output",
     "diagnostic",
     "settings",
@@ -20,6 +20,7 @@ const ORDER: [&str; 29] = [
     "image",
     "metric",
     "package",
+    "tint",
     "reflect",
     "path",
     "fixture",

@@ -7,6 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 mod bare;
+mod compilers;
 mod engine;
 mod frames;
 mod project;
@@ -24,7 +25,7 @@ use self::bare::Bare;
 const STARTS: usize = 9;
 
 /// What is measured, by name.
-const BENCHMARKS: [(&str, fn()); 9] = [
+const BENCHMARKS: [(&str, fn()); 10] = [
     ("starts", starts),
     ("throughput", throughput),
     ("costs", costs),
@@ -32,6 +33,7 @@ const BENCHMARKS: [(&str, fn()); 9] = [
     ("memory", memory),
     ("frames", frames::run),
     ("engine", engine::run),
+    ("compilers", compilers::run),
     ("watch", watch::run),
     ("project", project::run),
 ];
@@ -62,6 +64,7 @@ fn child(task: &str) {
                 .over((UnitRgb, 0.0..=1.0))
                 .agrees_with(fresnel::schlick, Ulp(11.0));
         }
+        "valid" => compilers::child(),
         "one_frame" => {
             frames::compare_one();
             print!("{}", peak_memory());

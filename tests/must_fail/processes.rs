@@ -52,7 +52,8 @@ fn that_a_package_is_valid_is_recorded() {
     {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let folder_name = folder.path().display().to_string();
-        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
+        let alone = [("KARAT_RECORD", &*folder_name), ("KARAT_TINT", "off")];
+        let (output, text) = planted(&[fault], &alone);
         assert_eq!(output.status.success(), failures == 0, "{text}");
         let records = karat::record::read(folder.path()).expect("the verdict was recorded");
         let [record] = &*records else { panic!("one check, {} records", records.len()) };

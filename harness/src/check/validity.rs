@@ -3,7 +3,7 @@
 use crate::package::Package;
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject, Verdict};
-use crate::reflect::{Invalid, Validated};
+use crate::reflect::{Invalid, ReflectError, Validated};
 use crate::run::{Concluded, Reporter, or_panic};
 
 /// The check's name in records.
@@ -39,31 +39,42 @@ impl Package {
             seed: 0,
         };
         let read = modules.iter().filter_map(|module| self.file_of(module));
-        reporter.record(subject, path(&result, modules.len()).into_iter().collect(), read, &result);
+        reporter.record(subject, paths(&result, modules.len()), read, &result);
         or_panic(result)
     }
 }
 
-/// Findings of naga: each module is a case. `None`: there was nothing to look at.
-fn path(result: &Result<Validated, Invalid>, modules: usize) -> Option<PathRecord> {
-    let failures = match result {
-        Ok(_) => 0,
-        Err(Invalid::Modules { errors, .. }) => errors.len().min(modules),
-        Err(_) => return None,
+/// Findings of naga, and of Tint if it was asked: each module is a case. None: there was nothing to look at.
+fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord> {
+    let (errors, opinion) = match result {
+        Ok(found) => (&[][..], &found.opinion),
+        Err(Invalid::Modules { errors, opinion, .. }) => (&**errors, &**opinion),
+        Err(_) => return Vec::new(),
     };
-    let count = |number: usize| u64::try_from(number).unwrap_or(u64::MAX);
-    let naga = Adapter {
-        path: "naga".to_owned(),
-        name: "the validator of wgpu".to_owned(),
-        driver: String::new(),
-        software: true,
+    // What karat.toml doesn't require is no failure.
+    let required = |(_, error): &&(String, ReflectError)| matches!(error, ReflectError::Refused(_));
+    let refused = errors.iter().filter(required).count().min(opinion.refused.len());
+    let rejected = errors.iter().filter(|error| !required(error)).count();
+    let naga = ("naga", "the validator of wgpu", modules, rejected, ASSERTED);
+    let judged = opinion.accepted + opinion.refused.len();
+    let tint = ("tint", "the compiler of Chrome", judged, refused, "Tint accepts each module");
+    let all = [naga, tint].into_iter().filter(|(_, _, cases, ..)| *cases > 0);
+    let record = |(path, name, cases, failures, asserted): (&str, &str, usize, usize, &str)| {
+        let adapter = Adapter {
+            path: path.to_owned(),
+            name: name.to_owned(),
+            driver: String::new(),
+            software: true,
+        };
+        let count = |number: usize| u64::try_from(number).unwrap_or(u64::MAX);
+        PathRecord {
+            cases: count(cases),
+            failures: count(failures),
+            asserted: asserted.to_owned(),
+            ..PathRecord::of(adapter)
+        }
     };
-    Some(PathRecord {
-        cases: count(modules),
-        failures: count(failures),
-        asserted: ASSERTED.to_owned(),
-        ..PathRecord::of(naga)
-    })
+    all.map(record).collect()
 }
 
 /// The first place where a package isn't valid.

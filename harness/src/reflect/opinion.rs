@@ -89,6 +89,13 @@ impl std::fmt::Display for Opinion {
 impl Opinion {
     /// What stands against the package, in a line: rejections, limits, and what there is no verdict on. `None`:
     /// nothing does.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// let text = "@compute @workgroup_size(512) fn main() {}";
+    /// let opinion = Package::from_source("m", text).is_valid().opinion;
+    /// assert!(opinion.remark().unwrap().contains("WebGPU's limits are exceeded in 1 module"));
+    /// ```
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -125,6 +132,12 @@ impl Opinion {
 
     /// True if nothing stands against the package: no rejection, no limit exceeded, and a verdict on each module
     /// if `required`.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// let text = "@compute @workgroup_size(512) fn main() {}";
+    /// assert!(!Package::from_source("m", text).is_valid().opinion.is_good(false));
+    /// ```
     #[must_use]
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
@@ -154,6 +167,15 @@ impl Opinion {
     }
 
     /// Adds another package's.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Opinion;
+    /// let text = "@compute @workgroup_size(512) fn main() {}";
+    /// let mut all = Opinion::default();
+    /// all.add(&Package::from_source("m", text).is_valid().opinion);
+    /// assert_eq!(all.limits.len(), 2); // invocations, and the size in x
+    /// ```
     pub fn add(&mut self, other: &Self) {
         let other = other.clone();
         self.accepted += other.accepted;

@@ -76,6 +76,12 @@ const PARTS: [(&str, Reason); 32] = [
 
 impl Reason {
     /// The kind of one of Tint's messages.
+    ///
+    /// ```
+    /// use karat::tint::Reason;
+    ///
+    /// assert_eq!(Reason::of("'f16' type used without 'f16' extension enabled"), Reason::Enable);
+    /// ```
     #[must_use]
     pub fn of(message: &str) -> Self {
         let of = PARTS.iter().find(|(part, _)| message.contains(part));
