@@ -165,6 +165,17 @@ pub enum HazardError {
         /// Each function with the reason.
         skipped: Vec<(String, String)>,
     },
+    /// An input is declared that nothing takes.
+    #[error(
+        "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
+         such a member{}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
+    )]
+    UnknownInput {
+        /// Its name.
+        name: String,
+        /// The closest name that something takes.
+        nearest: Option<String>,
+    },
     /// What is declared can't be so.
     #[error("{0}")]
     Declaration(String),
@@ -575,13 +586,8 @@ fn expect_names(inputs: &Ranges, drawn: &Drawn) -> Result<(), HazardError> {
     let Some(name) = inputs.names().find(|name| !used.contains(name.as_str())) else {
         return Ok(());
     };
-    let near = nearest(name, used.iter().copied());
-    let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-    let text = format!(
-        "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
-         such a member{near}"
-    );
-    Err(HazardError::Declaration(text))
+    let nearest = nearest(name, used.iter().copied()).map(str::to_owned);
+    Err(HazardError::UnknownInput { name: name.clone(), nearest })
 }
 
 fn shown(found: &Found) -> Option<(String, String)> {

@@ -61,6 +61,12 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// Measures. Pixels that are left out are equal in both images, and aren't
     /// [`counted`](Pair::counts).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
+
+    /// The largest difference that it can find: a bound from there on lets every frame pass. Infinite unless
+    /// the metric says otherwise.
+    fn most(&self) -> f64 {
+        f64::INFINITY
+    }
 }
 
 /// What a metric found.

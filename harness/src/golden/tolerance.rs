@@ -105,6 +105,10 @@ impl FrameTolerance {
                 Some(format!("{bound}; errors of FLIP are from 0 to 1, and a bound is below 1"))
             }
             Self::FlipTile(_) | Self::FlipMean(_) => None,
+            Self::Metric(metric, bound) if *bound >= metric.most() && bound.is_finite() => {
+                let (name, most) = (metric.name(), metric.most());
+                Some(format!("{bound}; the {name} is {most} at most, and a bound is below that"))
+            }
             Self::Metric(_, bound) => {
                 let no_bound = format!("{bound}; a bound is a number of at least 0");
                 number(*bound).then_some(no_bound)

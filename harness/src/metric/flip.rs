@@ -315,6 +315,10 @@ pub(super) fn crop(
 }
 
 impl Metric for Flip {
+    fn most(&self) -> f64 {
+        1.0
+    }
+
     fn name(&self) -> String {
         match self.pool {
             Pool::LargestTile => "largest FLIP tile".to_owned(),

@@ -531,6 +531,14 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
             let message = format!("`@{}` has a comma too many", attribute.name);
             return Err(error(span(&attribute.tokens), message, "a value stands before each"));
         }
+        let stands = match attribute.parameter {
+            None => cases.is_some(),
+            Some(parameter) => over.get(parameter).is_some_and(Option::is_some),
+        };
+        if stands {
+            let message = format!("`@{}` stands twice", attribute.name);
+            return Err(error(span(&attribute.tokens), message, "leave one of them out"));
+        }
         match (&*attribute.name, attribute.parameter) {
             ("cases", None) => {
                 let [count] = &*arguments else {

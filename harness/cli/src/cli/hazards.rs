@@ -1,10 +1,12 @@
 //! `karat hazards`
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::ops::RangeInclusive;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::hazards::{Hazard, Hazards, Kind, Unseen};
+use karat::Package;
+use karat::hazards::{Hazard, HazardError, Hazards, Kind, Unseen};
 use karat::made_up::Drawn;
 use karat::output::counted;
 
@@ -43,8 +45,11 @@ pub(super) struct Args {
     package: PackageArgs,
 }
 
+/// The range of an input by name.
+type Input = (String, RangeInclusive<f64>);
+
 /// `roughness=0.05..1`
-fn input(text: &str) -> Result<(String, RangeInclusive<f64>), String> {
+fn input(text: &str) -> Result<Input, String> {
     let wrong = || "write NAME=LEAST..MOST, such as roughness=0.05..1".to_owned();
     let (name, range) = text.split_once('=').ok_or_else(wrong)?;
     let (least, most) = range.split_once("..").ok_or_else(wrong)?;
@@ -60,22 +65,25 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.package)?;
     let mut all = Vec::new();
+    // Of several packages each has inputs of its own; one that none has is an error.
+    let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
-        // Drawn on a terminal alone.
-        let bar = ProgressBar::new(0).with_message(package.name());
-        bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
-        let request = package.hazards().only(args.only.iter().map(String::as_str));
-        let declare = |request: karat::hazards::Request, (name, range): &(String, _)| {
-            request.input(name, RangeInclusive::clone(range))
+        let mut inputs: Vec<&Input> = args.inputs.iter().collect();
+        let found = loop {
+            match look(args, package, &inputs)? {
+                Err(HazardError::UnknownInput { name, nearest }) if packages.len() > 1 => {
+                    inputs.retain(|(own, _)| *own != name);
+                    let error = HazardError::UnknownInput { name: name.clone(), nearest };
+                    unknown.entry(name).or_default().push(error);
+                }
+                found => break found?,
+            }
         };
-        let request = if args.accepted { request.with_accepted() } else { request };
-        let request = args.inputs.iter().fold(request, declare).cases(args.cases as usize);
-        let found = request.run_with(&|done, of| {
-            bar.set_length(of as u64);
-            bar.set_position(done as u64);
-        });
-        bar.finish_and_clear();
-        all.push(found?);
+        all.push(found);
+    }
+    let of_none = unknown.into_values().find(|errors| errors.len() == packages.len());
+    if let Some(error) = of_none.and_then(|errors| errors.into_iter().next()) {
+        return Err(error.into());
     }
     match args.json {
         true => write_json(&all, out)?,
@@ -84,6 +92,29 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut found = all.iter().flat_map(|hazards| &hazards.found);
     let good = found.all(|hazard| hazard.accepted.is_some());
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// Looks for hazards in a package, with these inputs.
+fn look(
+    args: &Args,
+    package: &Package,
+    inputs: &[&Input],
+) -> anyhow::Result<Result<Hazards, HazardError>> {
+    // Drawn on a terminal alone.
+    let bar = ProgressBar::new(0).with_message(package.name());
+    bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
+    let request = package.hazards().only(args.only.iter().map(String::as_str));
+    let request = if args.accepted { request.with_accepted() } else { request };
+    let declare = |request: karat::hazards::Request, (name, range): &&Input| {
+        request.input(name, range.clone())
+    };
+    let request = inputs.iter().fold(request, declare).cases(args.cases as usize);
+    let found = request.run_with(&|done, of| {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    Ok(found)
 }
 
 fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {

@@ -14,7 +14,7 @@ use karat::diagnostic::{nearest, shown};
 use karat::output::{Output, counted, name};
 use karat::package::LeftOut;
 use karat::record::{self, Record, Recorded, Run, Running};
-use karat::reflect::Invalid;
+use karat::reflect::{Invalid, Opinion};
 use karat_suite::{Suite, Test};
 
 use self::progress::Progress;
@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if asked.filter.is_none() || !ran {
         asked.write_beside(&project, told)?;
     }
-    asked.write_left_out(&packages, told)?;
+    let left_out = asked.write_left_out(&packages, told)?;
     if !ran {
         // What looked like a test may be no valid WGSL: `@tset`.
         let mut invalid = Vec::new();
@@ -153,7 +153,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         passed: passed && invalid.is_empty(),
         failed: progress.failed().iter().map(|test| name(test).into_owned()).collect(),
         invalid: check::names(&invalid),
-        remarks: opinion.remark().into_iter().collect(),
+        remarks: remarks(left_out, &opinion),
         ..Run::default()
     };
     run.write(running.folder()).context("can't say how the run was made")?;
@@ -188,6 +188,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     args.output.write(&records, Some(&run), &sum, held, &project, out)?;
     Ok(sum.ending())
+}
+
+/// What the last line says besides verdicts.
+fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
+    let left_out = (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
+    left_out.into_iter().chain(opinion.remark()).collect()
 }
 
 impl Args {
@@ -353,14 +359,15 @@ impl<'a> Asked<'a> {
     }
 
     /// Says which tests aren't there because a condition doesn't hold.
-    fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<()> {
+    fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<usize> {
         let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
         let is_wanted =
             |test: &LeftOut| self.filter.is_none_or(|filter| test.name.contains(filter));
         let tests: Vec<LeftOut> = packages.iter().flat_map(of).filter(is_wanted).collect();
         if tests.is_empty() || self.names.is_some() {
-            return Ok(());
+            return Ok(0);
         }
+        let count = tests.len();
         let name = |test: &LeftOut| format!("{} {}", test.name, test.condition);
         let names: Vec<String> = tests.iter().map(name).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -370,7 +377,7 @@ impl<'a> Asked<'a> {
             out,
             "{KNOWN}not run: {tests} whose condition doesn't hold, {names}; `--feature NAME` sets one{KNOWN:#}"
         )?;
-        Ok(())
+        Ok(count)
     }
 
     /// The folders of packages that have tests of their own.

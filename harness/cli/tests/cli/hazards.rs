@@ -44,6 +44,20 @@ fn hazards_are_told_with_their_line() {
     }
 }
 
+/// An input of one of several packages is declared for that one; one of none is an error.
+#[test]
+fn an_input_is_one_packages_of_several() {
+    let folder = shaders(SCHLICK);
+    write(folder.path(), "other/tone.wgsl", "fn map(gain: f32) -> f32 { return 0.5 * gain; }\n");
+    let manifest = "[workspace]\n[workspace.metadata.karat]\npackages = [\"shaders\", \"other\"]\n";
+    write(folder.path(), "Cargo.toml", manifest);
+    let inputs = ["hazards", "--input", "v_dot_h=0..0.999", "--input", "gain=0..1"];
+    let out = karat(folder.path(), &inputs).good();
+    assert!(out.contains("shaders: 0 hazards") && out.contains("other: 0 hazards"), "{out}");
+    let error = karat(folder.path(), &[&inputs[..], &["--input", "gian=0..1"]].concat()).error();
+    assert!(error.contains("the input `gian` is declared, and no function"), "{error}");
+}
+
 #[test]
 fn each_intermediate_of_a_call_is_shown() {
     let folder = shaders(SCHLICK);

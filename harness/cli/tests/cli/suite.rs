@@ -343,6 +343,18 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         ),
         (
             "t.wgsl",
+            "import karat::expect_true;\n\
+             @test fn t(@over(0, 1) @over(2, 3) x: f32) { expect_true(x >= 0.0); }\n",
+            "`@over` stands twice",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n\
+             @test @cases(9) @cases(8) fn t(x: f32) { expect_true(x == x); }\n",
+            "`@cases` stands twice",
+        ),
+        (
+            "t.wgsl",
             "import karat::expect_in_range_vec3;\n\
              @test fn t() { expect_in_range_vec3(vec3f(0.0, 1.0, 1.5), 0.0, 1.0); }\n",
             "saw (0, 1, 1.5), expected 0 to 1",

@@ -34,6 +34,7 @@ fn features_reach_the_tests_of_a_folder() {
     let without = test(folder.path(), &["--feature", "fast=false"]);
     let told = "not run: 1 test whose condition doesn't hold, b_test::gated @if(fast)";
     assert!(without.out.contains(told), "{without:?}");
+    assert!(without.out.contains(" compared; 1 test left out by conditions;"), "{without:?}");
     let with = test(folder.path(), &["--feature", "fast"]);
     assert!(with.code == Some(1) && with.out.contains("4 checks, 3 failed"), "{with:?}");
     // What is printed runs it again as it was.

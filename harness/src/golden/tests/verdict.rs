@@ -139,6 +139,10 @@ fn tolerances_are_trees() {
             All(vec![gate(), FlipMean(1.0)]),
             "1; errors of FLIP are from 0 to 1, and a bound is below 1",
         ),
+        (
+            FrameTolerance::metric(crate::metric::Flip::MEAN, 1.0),
+            "1; the mean FLIP is 1 at most, and a bound is below that",
+        ),
         (FrameTolerance::metric(Red(0.0), -1.0), "-1; a bound is a number of at least 0"),
         (All(vec![]), "a list of no bounds; name at least one"),
         (red(1.0), ""),
