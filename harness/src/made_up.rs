@@ -171,13 +171,19 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             .collect());
     }
     let part = |scalar: Scalar| {
-        let part = meaning.part(scalar).ok_or_else(|| {
-            let (least, most) = declared.unwrap_or_default();
-            format!(
-                "`{path}` is declared from {least} to {most}, and no {} lies there",
-                Shape::Scalar(scalar)
-            )
-        })?;
+        let part = match (meaning.part(scalar), declared) {
+            (Some(part), _) => part,
+            (None, Some((least, most))) => {
+                let scalar = Shape::Scalar(scalar);
+                return Err(format!(
+                    "`{path}` is declared from {least} to {most}, and no {scalar} lies there"
+                ));
+            }
+            // A name that means a number, `is_diffuse`, says nothing of a truth value.
+            (None, None) => {
+                Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0))
+            }
+        };
         Ok(one(part, vec![scalar]))
     };
     shape.lanes().into_iter().map(part).collect()

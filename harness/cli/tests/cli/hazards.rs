@@ -44,6 +44,19 @@ fn hazards_are_told_with_their_line() {
     }
 }
 
+/// A name that means a number says nothing of a truth value.
+#[test]
+fn a_truth_value_may_have_any_name() {
+    let text = "struct Hit { diffuse: bool, roughness: f32 }\n\
+                fn f(hit: Hit, albedo: bool) -> f32 { return select(1.0, 0.5 * hit.roughness, \
+                hit.diffuse && albedo); }\n";
+    let folder = shaders(text);
+    let out = karat(folder.path(), &["hazards"]).good();
+    assert!(out.contains("0 hazards in 1 function\n"), "{out}");
+    let error = karat(folder.path(), &["hazards", "--input", "albedo=0..1"]).error();
+    assert!(error.contains("no bool lies there"), "{error}");
+}
+
 /// An input of one of several packages is declared for that one; one of none is an error.
 #[test]
 fn an_input_is_one_packages_of_several() {
