@@ -383,7 +383,8 @@ fn a_fault_is_found_from_every_source() {
                 Inputs::Storage => "/".to_owned(),
                 other => format!("@{other}/"),
             };
-            let case = path.replay.split_once("KARAT_CASE=f/agrees_with").expect("it is named").1;
+            let replay = path.replay.to_string();
+            let case = replay.split_once("KARAT_CASE=f/agrees_with").expect("it is named").1;
             // The second check of a function is `agrees_with#2`.
             let case = case.trim_start_matches(|c: char| c == '#' || c.is_ascii_digit());
             assert!(case.starts_with(&check), "{found}");

@@ -113,14 +113,14 @@ fn output() -> PathBuf {
 
 /// What `karat` reads of how a run was made (`karat::record::Run`): no test was left out.
 fn ending(passed: bool) -> String {
-    serde_json::json!({ "schema": 2, "selected": [], "passed": passed }).to_string()
+    serde_json::json!({ "schema": 3, "selected": [], "passed": passed }).to_string()
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
     fn a_run_says_how_it_was_made() {
-        let expected = r#"{"passed":true,"schema":2,"selected":[]}"#;
+        let expected = r#"{"passed":true,"schema":3,"selected":[]}"#;
         assert_eq!(super::ending(true), expected); // harness/cli/tests/cli/unreferenced.rs reads the same text
     }
 }

@@ -29,7 +29,7 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::golden::ValuesError;
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::Verdict;
+use crate::record::{Fault, Verdict};
 use crate::reflect::Overrides;
 use crate::run::{
     Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed,
@@ -278,6 +278,20 @@ impl Stop for ComputeError {
     }
 }
 
+impl ComputeError {
+    /// The same as data.
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Differs(difference) => difference.fault(),
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Dispatch(DispatchError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            other => Fault::of(&other.to_string()),
+        }
+    }
+}
+
 impl Passed for ComputeAgreement {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
@@ -296,6 +310,10 @@ impl Concluded for Result<ComputeAgreement, ComputeError> {
 
     fn message(&self) -> Option<String> {
         self.as_ref().err().map(ToString::to_string)
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.as_ref().err().map(ComputeError::fault)
     }
 }
 

@@ -19,7 +19,7 @@ use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::Verdict;
+use crate::record::{Fault, PathFault, Verdict};
 use crate::run::{
     Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes,
     PathFailures, Stop,
@@ -107,7 +107,7 @@ pub enum FrameError {
     Aov(String, &'static str),
     /// The mean of a rectangle is off.
     #[error(
-        "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}",
+        "the mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}\non {adapter}",
         crate::tolerance::times_allowed(worst.ratio)
     )]
     Mean {
@@ -167,7 +167,7 @@ pub enum FrameError {
     #[error("the frame is declared to fail on {0} without a reason: name the bug")]
     UnexplainedIssue(Selector),
     /// The golden differs, is missing or can't be used.
-    #[error("on {adapter}\n{source}")]
+    #[error("{}", first_then(source, adapter))]
     Golden {
         /// What rendered the frame.
         adapter: Box<Adapter>,
@@ -239,6 +239,32 @@ impl Passed for FrameAgreement {
     }
 }
 
+/// What is wrong, in a line; then what rendered the frame, which many failures share; then the rest.
+fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
+    let text = source.to_string();
+    match text.split_once('\n') {
+        Some((first, rest)) => format!("{first}\non {adapter}\n{rest}"),
+        None => format!("{text}\non {adapter}"),
+    }
+}
+
+impl FrameError {
+    /// The same as data.
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Golden { adapter, .. } | Self::Mean { adapter, .. } => {
+                Fault { paths: vec![PathFault::on(adapter)], ..Fault::of(&self.to_string()) }
+            }
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Draw(DrawError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            Self::Draw(DrawError::Rounds(found)) => Fault::of(&self.to_string()).at(Some(&**found)),
+            other => Fault::of(&other.to_string()),
+        }
+    }
+}
+
 impl Passed for FrameMean {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
@@ -257,6 +283,10 @@ impl<T: Passed> Concluded for Result<T, FrameError> {
 
     fn message(&self) -> Option<String> {
         self.as_ref().err().map(ToString::to_string)
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.as_ref().err().map(FrameError::fault)
     }
 }
 

@@ -180,9 +180,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
                 ));
             }
             // A name that means a number, `is_diffuse`, says nothing of a truth value.
-            (None, None) => {
-                Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0))
-            }
+            (None, None) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
         Ok(one(part, vec![scalar]))
     };

@@ -79,6 +79,8 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
     validated_with: Vec<(String, Vec<String>)>,
+    /// Whether Tint's verdict is required, whatever `karat.toml` says.
+    requires_tint: bool,
     /// Texts that stand in for files.
     unsaved: Vec<(PathBuf, Arc<str>)>,
 }
@@ -193,6 +195,7 @@ impl Package {
             dependencies: Vec::new(),
             features: Vec::new(),
             validated_with: Vec::new(),
+            requires_tint: false,
             unsaved: Vec::new(),
         }
     }

@@ -6,7 +6,9 @@
 //! was made ([`Run`]).
 
 mod errors;
+mod fault;
 mod folder;
+mod replay;
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -19,14 +21,16 @@ use std::time::{Instant, SystemTime};
 use serde::{Deserialize, Serialize};
 
 pub use self::errors::{Errors, Histogram, Plot};
+pub use self::fault::{CaseFault, ExpectationFault, Fault, PathFault};
 pub use self::folder::Running;
 use self::folder::Turn;
+pub use self::replay::Replay;
 pub use crate::diagnostic::FileRead;
 use crate::output;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
-pub const SCHEMA: u32 = 2;
+pub const SCHEMA: u32 = 3;
 
 /// What a check concluded.
 ///
@@ -73,8 +77,11 @@ pub struct Record {
     pub verdict: Verdict,
     /// Each path that ran.
     pub paths: Vec<PathRecord>,
-    /// The whole message of a failure or error.
+    /// The whole message of a failure or error, for people: [`fault`](Self::fault) has the same as data.
     pub message: Option<String>,
+    /// What is wrong, as data; `None` of what passes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<Fault>,
     /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about
     /// the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]

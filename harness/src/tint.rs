@@ -73,11 +73,9 @@ pub(crate) struct Pipeline {
     pub(crate) entry_point: String,
     /// `compute`, `vertex` or `fragment`.
     pub(crate) stage: &'static str,
-    /// Values of overrides that have none of their own, by name or number.
-    pub(crate) constants: std::collections::BTreeMap<String, f64>,
     /// Attributes of a vertex stage, with WebGPU's names of formats.
     pub(crate) attributes: Vec<Attribute>,
-    /// A module whose vertex stage `main` feeds a fragment stage.
+    /// A module whose vertex stage `karat_feeds` feeds a fragment stage.
     pub(crate) feeder: String,
     /// Formats of what a fragment stage writes, by location.
     pub(crate) targets: Vec<Option<&'static str>>,
@@ -106,6 +104,8 @@ pub(crate) enum NoVerdict {
     Other,
     #[error("it answered twice")]
     Twice,
+    #[error("this browser's device lacks a feature: {0}")]
+    Lacks(String),
 }
 
 impl Tint {
@@ -151,7 +151,12 @@ impl Tint {
             Kind::Program(program) => program::ask(program, questions),
             kind => {
                 let mut resident = self.resident.lock().unwrap_or_else(PoisonError::into_inner);
-                resident::ask(kind, &mut resident, questions)
+                let mut answers = resident::ask(kind, &mut resident, questions);
+                // A browser draws on a device, here a software one, which has less than others.
+                if matches!(kind, Kind::Browser(_)) {
+                    answers.iter_mut().for_each(lacking);
+                }
+                answers
             }
         }
     }
@@ -174,6 +179,18 @@ impl Tint {
                 resident::version(kind, &mut resident).map_err(|error| error.to_string())
             }
         }
+    }
+}
+
+/// Makes no verdict of a rejection that is about the device, and not about the text.
+fn lacking(answer: &mut Result<Answer, NoVerdict>) {
+    let is_device = |reason: &&str| {
+        reason.contains("not allowed in the current environment")
+            || reason.contains("is not supported")
+    };
+    let lacks = answer.as_ref().ok().and_then(Answer::reason).filter(is_device);
+    if let Some(reason) = lacks.map(str::to_owned) {
+        *answer = Err(NoVerdict::Lacks(reason));
     }
 }
 

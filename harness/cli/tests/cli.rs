@@ -16,6 +16,8 @@ mod diff;
 mod errors;
 #[path = "cli/escapes.rs"]
 mod escapes;
+#[path = "given/faults.rs"]
+mod faults;
 #[path = "given/files.rs"]
 mod files;
 #[path = "cli/hazards.rs"]

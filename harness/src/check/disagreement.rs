@@ -6,6 +6,7 @@ use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 use crate::probe::Inputs;
+use crate::record::{CaseFault, ExpectationFault, Fault, PathFault, Replay};
 use crate::reflect::Function;
 use crate::run::Descent;
 use crate::tolerance::{Abs, Rel, Tolerance, Ulp, Unit};
@@ -107,7 +108,7 @@ pub struct PathDisagreement {
     /// The failing case of the lowest index, if it is another one.
     pub first: Option<CaseFailure>,
     /// The command that runs the worst case again.
-    pub replay: String,
+    pub replay: Replay,
     /// The simplest case that the worst one could be reduced to, if it could.
     pub simplest: Option<Simplest>,
 }
@@ -131,14 +132,14 @@ pub struct Simplest {
     /// The lanes of its arguments; empty for an integral, whose cases needn't be made of lanes.
     pub input: Vec<u32>,
     /// The command that runs it again.
-    pub replay: String,
+    pub replay: Replay,
     /// How its value came about.
     pub(crate) descent: Descent,
 }
 
 impl Simplest {
     pub(super) fn new(failure: CaseFailure, descent: Descent) -> Self {
-        Self { failure, input: Vec::new(), replay: String::new(), descent }
+        Self { failure, input: Vec::new(), replay: Replay::default(), descent }
     }
 }
 
@@ -181,6 +182,8 @@ pub struct CaseFailure {
     pub error: String,
     /// What WGSL allows there, and where the path leaves that: each a name with its text.
     pub explanation: Vec<(&'static str, String)>,
+    /// The expectations of a test in WGSL that fail.
+    pub expectations: Vec<ExpectationFault>,
     /// The integral, if the check is one of integrals.
     pub integral: Option<IntegralFailure>,
 }
@@ -311,6 +314,7 @@ impl CaseFailure {
             compared: "",
             error,
             explanation: Vec::new(),
+            expectations: Vec::new(),
             integral: None,
         }
     }
@@ -399,13 +403,70 @@ impl CaseFailure {
     }
 
     fn write_explanation(&self, f: &mut fmt::Formatter<'_>, width: usize) -> fmt::Result {
+        for expectation in &self.expectations {
+            writeln!(f, "    {:>width$} = {expectation}", "failed")?;
+        }
         self.explanation
             .iter()
             .try_for_each(|(name, text)| writeln!(f, "    {name:>width$} = {text}"))
     }
 }
 
+impl Disagreement {
+    /// The same as data.
+    pub(super) fn fault(&self) -> Fault {
+        let headline = format!("`{}` fails {}", self.function.name, self.check);
+        Fault {
+            headline,
+            paths: self.paths.iter().map(PathDisagreement::fault).collect(),
+            ..Fault::default()
+        }
+    }
+}
+
+impl PathDisagreement {
+    fn fault(&self) -> PathFault {
+        let case = |failure: &CaseFailure, replay: Option<&Replay>| {
+            Some(CaseFault { replay: replay.cloned(), ..failure.fault() })
+        };
+        let simplest = self.simplest.as_ref();
+        PathFault {
+            cause: self.cause.clone(),
+            worst: case(&self.worst, Some(&self.replay)),
+            first: self.first.as_ref().and_then(|first| case(first, None)),
+            simplest: simplest.and_then(|one| case(&one.failure, Some(&one.replay))),
+            ..PathFault::on(&self.adapter)
+        }
+    }
+}
+
 impl CaseFailure {
+    /// The same as data.
+    fn fault(&self) -> CaseFault {
+        let expected = |value: f64| match self.scalar {
+            Scalar::Bool => (value != 0.0).to_string(),
+            _ => value.to_string(),
+        };
+        let actual = match &self.integral {
+            Some(integral) => integral.value.to_string(),
+            None if self.expected.is_none() => String::new(),
+            None => crate::value::format_lane(self.scalar, self.actual),
+        };
+        let note = |(name, text): &(&str, String)| ((*name).to_owned(), text.clone());
+        CaseFault {
+            case: self.case,
+            arguments: self.arguments.clone(),
+            result: self.result.clone(),
+            component: self.component.clone(),
+            actual,
+            expected: self.expected.map(expected).unwrap_or_default(),
+            error: self.error.clone(),
+            notes: self.explanation.iter().map(note).collect(),
+            expectations: self.expectations.clone(),
+            replay: None,
+        }
+    }
+
     fn place(&self) -> String {
         if self.component.is_empty() { String::new() } else { format!("  at {}", self.component) }
     }

@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::demand::Demand;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
-use super::tally::{Class, Judge, Judged};
+use super::tally::{Class, Described, Judge, Judged};
 use super::trial::{Body, Last};
 use super::{Agreement, Failure, Probe, Together, Vacuous};
 use crate::diagnostic::one_line;
 use crate::domain::{Emptiness, Held, Origin, Shrinkable, Stream};
 use crate::package::Package;
 use crate::package::expectations::{self, KEPT_WORDS, MOST_KEPT, Wanted};
+use crate::record::ExpectationFault;
 use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
@@ -124,19 +125,20 @@ impl<'r> Report<'r> {
         self.kept().count() == self.suspected() && self.kept().all(|kept| kept.holds())
     }
 
-    fn lines(&self) -> Vec<(&'static str, String)> {
+    /// The expectations that fail, and what else is known.
+    fn described(&self) -> Described {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
-            let place = expectations::call(kept.words[0]).map_or_else(String::new, |span| {
-                let text = span.file.text.get(span.range.clone()).unwrap_or_default();
-                format!("{span}: `{}` saw ", one_line(text))
-            });
-            ("failed", format!("{place}{}", kept.text()))
+            let seen = kept.text();
+            let Some(span) = expectations::call(kept.words[0]) else {
+                return ExpectationFault { place: String::new(), seen };
+            };
+            let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+            let seen = format!("`{}` saw {seen}", one_line(text));
+            ExpectationFault { place: span.to_string(), seen }
         });
-        let mut lines: Vec<_> = failed.collect();
-        let Some(more) = self.suspected().checked_sub(MOST_KEPT).filter(|more| *more > 0) else {
-            return lines;
-        };
-        lines.push(match lines.is_empty() {
+        let expectations: Vec<_> = failed.collect();
+        let more = self.suspected().checked_sub(MOST_KEPT).filter(|more| *more > 0);
+        let note = more.map(|more| match expectations.is_empty() {
             false => ("and", format!("{more} more")),
             true => (
                 "unclear",
@@ -147,7 +149,7 @@ impl<'r> Report<'r> {
                 ),
             ),
         });
-        lines
+        Described { expectations, notes: note.into_iter().collect() }
     }
 }
 
@@ -162,8 +164,8 @@ impl Judge for Reports {
         Judged { measure, lane: 0, class }
     }
 
-    fn describe(&self, actual: &[u32]) -> Option<Vec<(&'static str, String)>> {
-        Some(Report { words: actual }.lines())
+    fn describe(&self, actual: &[u32]) -> Option<Described> {
+        Some(Report { words: actual }.described())
     }
 }
 

@@ -11,7 +11,7 @@ use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
-use super::tally::{Judge, Shown, tally};
+use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::executor::{self, Executor};
@@ -375,9 +375,13 @@ impl<'a> Session<'a> {
                 let failure =
                     CaseFailure::new(function, case, arguments, actual, expected, &judged);
                 match judge.describe(actual) {
-                    Some(explanation) => {
-                        CaseFailure { remembered, result: String::new(), explanation, ..failure }
-                    }
+                    Some(Described { expectations, notes }) => CaseFailure {
+                        remembered,
+                        result: String::new(),
+                        explanation: notes,
+                        expectations,
+                        ..failure
+                    },
                     None => CaseFailure { remembered, ..failure },
                 }
             });

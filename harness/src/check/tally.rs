@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::called::View;
 use super::parallel;
+use crate::record::ExpectationFault;
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
@@ -172,6 +173,12 @@ fn either(
 /// Cases that one task judges; large enough that a task costs more than its start.
 const TASK: usize = 2048;
 
+/// What a failing case is told by in place of its result.
+pub(super) struct Described {
+    pub(super) expectations: Vec<ExpectationFault>,
+    pub(super) notes: Vec<(&'static str, String)>,
+}
+
 /// How the cases of a batch are judged. A case is given by its index in the batch and the words of
 /// its result.
 pub(super) trait Judge: Sync {
@@ -185,7 +192,7 @@ pub(super) trait Judge: Sync {
     }
 
     /// What a failing case is told by, if its result says nothing to people.
-    fn describe(&self, actual: &[u32]) -> Option<Vec<(&'static str, String)>> {
+    fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None
     }

@@ -8,7 +8,7 @@ use crate::golden::ValuesError;
 use crate::output::counted;
 use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
-use crate::record::Verdict;
+use crate::record::{Fault, Verdict};
 use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed, PathFailures, Stop};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
@@ -216,6 +216,22 @@ impl From<NotBegun> for Failure {
     }
 }
 
+impl Failure {
+    /// The same as data.
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Disagreement(found) => found.fault(),
+            Self::Golden { disagreement: Some(found), .. } => found.fault(),
+            Self::Rejection(found) => found.fault(),
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Probe(ProbeError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            other => Fault::of(&other.to_string()),
+        }
+    }
+}
+
 impl Passed for Agreement {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
@@ -240,6 +256,10 @@ impl<T: Passed> Concluded for Result<T, Failure> {
 
     fn message(&self) -> Option<String> {
         self.as_ref().err().map(ToString::to_string)
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.as_ref().err().map(Failure::fault)
     }
 
     fn location(&self) -> Option<String> {

@@ -8,7 +8,7 @@ use crate::diagnostic::FileRead;
 use crate::dispatch::Passes;
 use crate::executor::Executor;
 use crate::path::Adapter;
-use crate::record::{PathRecord, Subject};
+use crate::record::{CaseFault, Fault, PathFault, PathRecord, Replay, Subject};
 use crate::run::{Identity, Judged, Replayed, Reporter, replay};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Shape, hexfloat};
@@ -97,7 +97,7 @@ pub struct PathDifference {
     /// The first that fails, and the worst.
     pub shown: Vec<Element>,
     /// The command that dispatches it again on this path.
-    pub replay: String,
+    pub replay: Replay,
 }
 
 /// An element that differs.
@@ -133,7 +133,7 @@ struct Outcome {
     elements: usize,
     sum: Sum,
     /// The command that dispatches it again.
-    replay: String,
+    replay: Replay,
 }
 
 /// What the elements of one path add up to.
@@ -391,6 +391,37 @@ impl Assertion<'_> {
             Self::Agrees(_, tolerance) => tolerance.to_string(),
             Self::Holds(statement) => statement.text.clone(),
         }
+    }
+}
+
+impl Difference {
+    /// The same as data.
+    pub(super) fn fault(&self) -> Fault {
+        let Self { entry_points, variable, assertion, .. } = self;
+        let headline = format!("`{variable}` after `{entry_points}` fails: {assertion}");
+        Fault {
+            headline,
+            paths: self.paths.iter().map(PathDifference::fault).collect(),
+            ..Fault::default()
+        }
+    }
+}
+
+impl PathDifference {
+    fn fault(&self) -> PathFault {
+        let case = |element: &Element| CaseFault {
+            component: element.place.clone(),
+            actual: element.actual.clone(),
+            expected: element.expected.clone(),
+            error: element.error.clone(),
+            ..CaseFault::default()
+        };
+        // The first that fails comes first; the worst may be the same.
+        let first = self.shown.first().map(case);
+        let worst = self.shown.get(1).map(case);
+        let (worst, first) = if worst.is_some() { (worst, first) } else { (first, None) };
+        let worst = CaseFault { replay: Some(self.replay.clone()), ..worst.unwrap_or_default() };
+        PathFault { worst: Some(worst), first, ..PathFault::on(&self.adapter) }
     }
 }
 

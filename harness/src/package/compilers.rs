@@ -47,6 +47,20 @@ impl Package {
     pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
         let manifest = Manifest::of(self)?;
         let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
-        Ok(Compilers { file, ..manifest.compilers })
+        let require_tint = manifest.compilers.require_tint || self.requires_tint;
+        Ok(Compilers { file, require_tint, ..manifest.compilers })
+    }
+
+    /// Requires Tint's verdict for [`is_valid`](Self::is_valid), whatever `karat.toml` says.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_source("m", "fn shift(x: u32) -> u32 { return x << x + 1u; }");
+    /// assert!(package.requiring_tint().try_is_valid().is_err()); // it is rejected, or isn't here
+    /// ```
+    #[must_use]
+    pub fn requiring_tint(&self) -> Self {
+        Self { requires_tint: true, ..self.clone() }
     }
 }

@@ -59,6 +59,11 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
+    /// Those that every device has.
+    pub(crate) fn usual(compatibility: bool) -> Self {
+        Self { compatibility, ..Self::default() }
+    }
+
     /// Reads the table `[limits]`.
     pub(super) fn of(written: BTreeMap<String, toml::Value>) -> Result<Self, String> {
         let mut limits = Self { stated: true, ..Self::default() };
@@ -99,6 +104,17 @@ impl Limits {
 
     /// The value of a limit.
     pub(crate) fn value(&self, limit: Limit) -> u64 {
+        // WebGPU, 3.6.2: outside of compatibility mode one stage has as many as each stage.
+        let limit = match limit {
+            limit if self.compatibility || self.named.contains_key(limit.name) => limit,
+            Limit::STORAGE_BUFFERS_IN_VERTEX | Limit::STORAGE_BUFFERS_IN_FRAGMENT => {
+                Limit::STORAGE_BUFFERS
+            }
+            Limit::STORAGE_TEXTURES_IN_VERTEX | Limit::STORAGE_TEXTURES_IN_FRAGMENT => {
+                Limit::STORAGE_TEXTURES
+            }
+            limit => limit,
+        };
         let usual = if self.compatibility { limit.compatibility } else { limit.core };
         self.named.get(limit.name).copied().unwrap_or(usual)
     }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use naga::{
-    AddressSpace, GlobalVariable, Handle, ImageClass, ShaderStage, StorageAccess, TypeInner,
+    AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, ImageClass, Literal,
+    ShaderStage, StorageAccess, Type, TypeInner,
 };
 
 use super::Program;
@@ -22,19 +23,12 @@ struct Used {
     entry_point: Option<String>,
 }
 
-/// What exceeds a limit.
-pub(super) struct Excess {
-    /// The entry point that does, by its name in the text; `None`: a variable.
-    pub(super) entry_point: Option<String>,
-    pub(super) diagnostic: Diagnostic,
-}
-
 impl Program {
-    /// What exceeds limits, and what no limit allows: storage that a vertex stage writes.
-    pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Excess> {
+    /// What exceeds limits.
+    pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Diagnostic> {
         let mut found = Vec::new();
         for used in self.used() {
-            let Used { limit, amount, who, what, span, entry_point } = used;
+            let Used { limit, amount, who, what, span, .. } = used;
             let most = limits.value(limit);
             if amount <= most {
                 continue;
@@ -50,17 +44,38 @@ impl Program {
                 Some(span) => diagnostic.at(span, ""),
                 None => diagnostic,
             };
-            found.push(Excess { entry_point, diagnostic });
+            found.push(diagnostic);
         }
-        found.extend(self.written_by_vertices());
         found
+    }
+
+    /// Entry points that exceed default limits: where others are requested they are pipelines, and by default
+    /// not.
+    pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
+        let limits = Limits::usual(compatibility);
+        let over = self.used().into_iter().filter(|used| used.amount > limits.value(used.limit));
+        let mut names = Vec::new();
+        for used in over {
+            match used.entry_point {
+                Some(name) => names.push(name),
+                // A variable that is too much is so for each of its users.
+                None => {
+                    names.extend(self.module().entry_points.iter().map(|entry| entry.name.clone()))
+                }
+            }
+        }
+        names
     }
 
     fn used(&self) -> Vec<Used> {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut all = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            self.of_variable(handle, variable, &mut all);
+            // What no entry point uses is in no layout.
+            let mut entries = 0..module.entry_points.len();
+            if entries.any(|entry| !info.get_entry_point(entry)[handle].is_empty()) {
+                self.of_variable(handle, variable, &mut all);
+            }
         }
         for (index, entry) in module.entry_points.iter().enumerate() {
             let span = || self.entry_point_span(&entry.name);
@@ -76,8 +91,8 @@ impl Program {
             let used: Vec<_> = used.filter(|(handle, _)| !uses[*handle].is_empty()).collect();
             let mut counts: BTreeMap<Limit, u64> = BTreeMap::new();
             for (_, variable) in &used {
-                for limit in self.counted_by(variable, entry.stage) {
-                    *counts.entry(limit).or_default() += 1;
+                for (limit, count) in self.counted_by(variable, entry.stage) {
+                    *counts.entry(limit).or_default() += count;
                 }
             }
             for (limit, count) in counts {
@@ -88,7 +103,7 @@ impl Program {
                 );
             }
             if entry.stage == ShaderStage::Compute {
-                let size = entry.workgroup_size.map(u64::from);
+                let size = self.workgroup_size(entry);
                 let shown = size.map(|one| one.to_string()).join(" x ");
                 let axes = [Limit::WORKGROUP_X, Limit::WORKGROUP_Y, Limit::WORKGROUP_Z];
                 for (limit, size) in axes.into_iter().zip(size) {
@@ -106,14 +121,15 @@ impl Program {
                 );
             }
             let (inputs, outputs) = self.locations(entry);
-            let count = |all: &[u32]| {
+            let count = |all: &[u32], others: u64| {
                 // Both the number of them and the highest location are limited.
                 let highest = all.iter().max().map_or(0, |highest| highest + 1);
-                u64::from(highest).max(all.len() as u64)
+                u64::from(highest).max(all.len() as u64 + others)
             };
+            let (read, written) = self.builtins(entry);
             match entry.stage {
                 ShaderStage::Vertex => {
-                    let (attributes, passed) = (count(&inputs), count(&outputs));
+                    let (attributes, passed) = (count(&inputs, 0), count(&outputs, written));
                     push(
                         Limit::VERTEX_ATTRIBUTES,
                         attributes,
@@ -122,7 +138,7 @@ impl Program {
                     push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
                 }
                 ShaderStage::Fragment => {
-                    let (passed, targets) = (count(&inputs), count(&outputs));
+                    let (passed, targets) = (count(&inputs, read), count(&outputs, 0));
                     push(Limit::INTER_STAGE, passed, format!("{passed} variables between stages"));
                     push(
                         Limit::COLOR_ATTACHMENTS,
@@ -167,9 +183,15 @@ impl Program {
     }
 
     /// The limits that count a variable in a stage.
-    fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<Limit> {
+    fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
-        match (variable.space, inner) {
+        // WebGPU, "exceeds the binding slot limits": an external texture takes the slots of what it stands for.
+        if matches!(inner, TypeInner::Image { class: ImageClass::External, .. }) {
+            let slots =
+                [(Limit::SAMPLED_TEXTURES, 4), (Limit::SAMPLERS, 1), (Limit::UNIFORM_BUFFERS, 1)];
+            return slots.to_vec();
+        }
+        let limits = match (variable.space, inner) {
             (AddressSpace::Uniform, _) => vec![Limit::UNIFORM_BUFFERS],
             (AddressSpace::Storage { .. }, _) => match stage {
                 ShaderStage::Vertex => {
@@ -192,11 +214,50 @@ impl Program {
             },
             (_, TypeInner::Image { .. }) => vec![Limit::SAMPLED_TEXTURES],
             _ => Vec::new(),
-        }
+        };
+        limits.into_iter().map(|limit| (limit, 1)).collect()
     }
 
-    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage has no storage that it can write.
-    fn written_by_vertices(&self) -> Vec<Excess> {
+    /// The size of a workgroup, with the values that overrides have of their own; 1 for one that is computed.
+    fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
+        let module = &self.checked.module;
+        let number = |expression: &Expression| match expression {
+            Expression::Literal(Literal::U32(value)) => Some(u64::from(*value)),
+            Expression::Literal(Literal::I32(value)) => u64::try_from(*value).ok(),
+            _ => None,
+        };
+        let value = |handle: Handle<Expression>| match &module.global_expressions[handle] {
+            Expression::Override(one) => {
+                number(&module.global_expressions[module.overrides[*one].init?])
+            }
+            other => number(other),
+        };
+        let mut size = entry.workgroup_size.map(u64::from);
+        for (axis, size) in entry.workgroup_size_overrides.into_iter().flatten().zip(&mut size) {
+            *size = axis.map_or(Some(*size), value).unwrap_or(1);
+        }
+        size
+    }
+
+    /// Builtins that take the place of variables between stages, which an entry point reads and writes (WebGPU,
+    /// "validating inter-stage interfaces").
+    fn builtins(&self, entry: &naga::EntryPoint) -> (u64, u64) {
+        let module = &self.checked.module;
+        let read = |(binding, _): &(Binding, Handle<Type>)| {
+            let counted = [BuiltIn::FrontFacing, BuiltIn::SampleIndex, BuiltIn::SampleMask];
+            matches!(binding, Binding::BuiltIn(builtin) if counted.contains(builtin))
+        };
+        let clipped = |(binding, ty): &(Binding, Handle<Type>)| {
+            let clips = matches!(binding, Binding::BuiltIn(BuiltIn::ClipDistances));
+            let distances = u64::from(module.types[*ty].inner.size(module.to_ctx()) / 4);
+            if clips { distances.div_ceil(4) } else { 0 }
+        };
+        let read = self.inputs(entry).iter().filter(|one| read(one)).count() as u64;
+        (read, self.outputs(entry).iter().map(clipped).sum())
+    }
+
+    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage has no storage that it can write. Tint says it, too.
+    pub(super) fn written_by_vertices(&self) -> Vec<Diagnostic> {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut found = Vec::new();
         for (index, entry) in module.entry_points.iter().enumerate() {
@@ -228,7 +289,7 @@ impl Program {
                     Some(span) => diagnostic.at(span, ""),
                     None => diagnostic,
                 };
-                found.push(Excess { entry_point: Some(entry.name.clone()), diagnostic });
+                found.push(diagnostic);
             }
         }
         found

@@ -14,6 +14,7 @@ const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::CLIP_DISTANCES)
     .union(Capabilities::DUAL_SOURCE_BLENDING)
     .union(Capabilities::PRIMITIVE_INDEX)
+    .union(Capabilities::IMMEDIATES)
     .union(Capabilities::TEXTURE_EXTERNAL);
 
 /// The names that `native` in `karat.toml` can have: those of naga's capabilities, in small letters.

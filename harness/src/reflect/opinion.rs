@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::message::to_author;
 use super::{Invalid, Program, ReflectError, native};
-use crate::diagnostic::{Diagnostic, nearest, one_line};
+use crate::diagnostic::{Diagnostic, nearest};
 use crate::output::counted;
 use crate::package::{Compilers, Package, PackageError};
 use crate::tint::{Answer, Missing, NoVerdict, Question, Reason, Severity, Tint};
@@ -82,7 +82,7 @@ impl std::fmt::Display for Opinion {
                 parts.push(format!("{verb} {}", counted(count, "module")));
             }
         }
-        f.write_str(&parts.join(", "))
+        f.write_str(&parts.join("; "))
     }
 }
 
@@ -142,6 +142,24 @@ impl Opinion {
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
         self.refused.is_empty() && self.limits.is_empty() && (all || !required)
+    }
+
+    /// [`remarks`](Self::remarks) without those that are errors of the package.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
+    /// let invalid = wrong.try_is_valid().unwrap_err();
+    /// assert!(invalid.opinion().unwrap().remarks_beside(&invalid).is_empty());
+    /// ```
+    #[must_use]
+    pub fn remarks_beside(&self, invalid: &Invalid) -> Vec<&Diagnostic> {
+        let mut all = self.remarks();
+        if let Invalid::Modules { errors, .. } = invalid {
+            let told = |one: &&Diagnostic| errors.iter().any(|(_, e)| e.diagnostic() == Some(*one));
+            all.retain(|one| !told(one));
+        }
+        all
     }
 
     /// What is an error by `karat.toml`, by its module.
@@ -231,12 +249,10 @@ pub(super) fn of(
             Judged::Valid(program) => {
                 let over = program.over_limits(&compilers.limits);
                 let mut pipelines = program.pipelines();
-                // What exceeds a limit is no pipeline: that has been said.
-                let exceeds =
-                    |name: &str| over.iter().any(|one| one.entry_point.as_deref() == Some(name));
-                pipelines.retain(|pipeline| !exceeds(&pipeline.entry_point));
-                let over = over.into_iter().map(|one| (module.clone(), one.diagnostic));
-                opinion.limits.extend(over);
+                // By default what exceeds a limit is no pipeline. Karat says so, and knows other limits.
+                let beyond = program.beyond_default(compilers.limits.compatibility);
+                pipelines.retain(|pipeline| !beyond.contains(&pipeline.entry_point));
+                opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
                 if !compilers.native.is_empty() {
                     let used = program.native_features();
                     unused.retain(|name| !used.contains(name));
@@ -270,6 +286,12 @@ pub(super) fn of(
         Ok(tint) => tint.ask(&questions),
         Err(missing) => {
             opinion.unasked = Some(missing);
+            for (module, judged) in modules.iter() {
+                if let Judged::Valid(program) = judged {
+                    let found = program.written_by_vertices().into_iter();
+                    opinion.limits.extend(found.map(|one| (module.clone(), one)));
+                }
+            }
             return Ok(opinion);
         }
     };
@@ -334,16 +356,18 @@ impl Opinion {
         }
         for (entry_point, error) in &answer.pipelines {
             // Dawn says in further lines which of its functions was called.
-            let text = error.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+            let lines = error.lines().take_while(|line| !line.trim_start().starts_with("- While"));
+            let text = lines.collect::<Vec<_>>().join(" ");
+            let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let path = linked.names.get(entry_point).unwrap_or(entry_point);
             let name = path.rsplit("::").next().unwrap_or(path);
-            let message = format!("Tint makes no pipeline of `{name}`: {}", one_line(text));
+            let message = format!("Tint makes no pipeline of `{name}`: {text}");
             let mut diagnostic = Diagnostic::new(message).note(Reason::Pipeline.remedy());
             let place = program.entry_point_span(entry_point).or_else(|| {
                 Some(crate::diagnostic::Span { file: Arc::clone(&linked.file), range: 0..0 })
             });
             diagnostic.labels.extend(place.map(|span| (span, String::new())));
-            let reason = match Reason::of(text) {
+            let reason = match Reason::of(&text) {
                 Reason::Other => Reason::Pipeline,
                 reason => reason,
             };

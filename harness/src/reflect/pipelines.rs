@@ -11,22 +11,15 @@ use super::Program;
 use crate::tint::{Attribute, Pipeline};
 
 impl Program {
-    /// All entry points of stages that WebGPU has.
+    /// All entry points of stages that WebGPU has; none if an override has no value.
     pub(crate) fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
-        let without_value = module.overrides.iter().filter(|(_, one)| one.init.is_none());
-        // Any value that each type has.
-        let constants = without_value.map(|(_, one)| {
-            let number = one.id.map(|id| id.to_string());
-            (number.or_else(|| one.name.clone()).unwrap_or_default(), 1.0)
-        });
-        let constants: std::collections::BTreeMap<_, _> = constants.collect();
+        // What an override without a value is only its program knows: any other one may be wrong.
+        if module.overrides.iter().any(|(_, one)| one.init.is_none()) {
+            return Vec::new();
+        }
         let one = |entry: &EntryPoint| {
-            let mut pipeline = Pipeline {
-                entry_point: entry.name.clone(),
-                constants: constants.clone(),
-                ..Pipeline::default()
-            };
+            let mut pipeline = Pipeline { entry_point: entry.name.clone(), ..Pipeline::default() };
             match entry.stage {
                 ShaderStage::Compute => pipeline.stage = "compute",
                 ShaderStage::Vertex => {
@@ -69,12 +62,12 @@ impl Program {
         (locations(self.inputs(entry)), locations(self.outputs(entry)))
     }
 
-    fn inputs(&self, entry: &EntryPoint) -> Vec<(Binding, Handle<Type>)> {
+    pub(super) fn inputs(&self, entry: &EntryPoint) -> Vec<(Binding, Handle<Type>)> {
         let arguments = entry.function.arguments.iter();
         arguments.flat_map(|one| self.bound(one.binding.as_ref(), one.ty)).collect()
     }
 
-    fn outputs(&self, entry: &EntryPoint) -> Vec<(Binding, Handle<Type>)> {
+    pub(super) fn outputs(&self, entry: &EntryPoint) -> Vec<(Binding, Handle<Type>)> {
         let result = entry.function.result.iter();
         result.flat_map(|one| self.bound(one.binding.as_ref(), one.ty)).collect()
     }
@@ -153,7 +146,7 @@ impl Program {
         let enable = if halves { "enable f16;\n" } else { "" };
         Some(format!(
             "{enable}struct Fed {{\n@builtin(position) position: vec4f,\n{members}}}\n\
-             @vertex fn main() -> Fed {{ return Fed(); }}\n"
+             @vertex fn karat_feeds() -> Fed {{ return Fed(); }}\n"
         ))
     }
 }

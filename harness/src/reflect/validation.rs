@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::opinion::{self, Judged, Opinion};
 use super::{Program, ReflectError, kept};
+use crate::diagnostic::Diagnostic;
 use crate::output::counted;
 use crate::package::{self, Package, PackageError};
 
@@ -73,6 +74,8 @@ pub enum Invalid {
         reason: String,
         /// What to do about it.
         remedy: String,
+        /// What others than naga say of the modules.
+        opinion: Box<Opinion>,
     },
     /// There is nothing that could be run.
     #[error("package `{package}` declares no function, no entry point and no test")]
@@ -94,7 +97,7 @@ impl Invalid {
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {
-            Self::Modules { opinion, .. } => Some(opinion),
+            Self::Modules { opinion, .. } | Self::NoVerdict { opinion, .. } => Some(opinion),
             _ => None,
         }
     }
@@ -106,9 +109,14 @@ fn distinct(errors: &[(String, ReflectError)]) -> usize {
 }
 
 fn list(errors: &[(String, ReflectError)]) -> String {
-    let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
-    // What is wrong with the package is so for each.
-    texts.dedup();
+    let mut texts: Vec<String> = Vec::new();
+    // What is wrong with the package, or with a module that others import, is so for each.
+    for (_, error) in errors {
+        let text = error.to_string();
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
     texts.join("\n\n")
 }
 
@@ -168,14 +176,20 @@ impl Package {
         }
         let package = self.name();
         errors.extend(found.opinion.faults(&compilers));
+        let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
+        if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
+            // Beside others it is one of them.
+            let message = format!("Tint's verdict is required, and there is none: {reason}");
+            let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
+            errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));
+        }
         if !errors.is_empty() {
             let opinion = Box::new(found.opinion);
             return Err(Invalid::Modules { package, modules: count, errors, opinion });
         }
-        if compilers.require_tint
-            && let Some((reason, remedy)) = found.opinion.no_verdict()
-        {
-            return Err(Invalid::NoVerdict { package, reason, remedy });
+        if let Some((reason, remedy)) = missing {
+            let opinion = Box::new(found.opinion);
+            return Err(Invalid::NoVerdict { package, reason, remedy, opinion });
         }
         if found.functions + found.entry_points + found.tests == 0 {
             return Err(Invalid::Nothing { package });

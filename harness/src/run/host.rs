@@ -14,7 +14,8 @@ use std::sync::OnceLock;
 ///
 /// # let kept = tempfile::tempdir()?;
 /// # let (folder, output, target) = (kept.path().into(), kept.path().into(), "wgsl".to_owned());
-/// host(Host { replay: "my-tests --exact".to_owned(), folder, target, output });
+/// let command = ["my-tests", "--exact"].map(str::to_owned).to_vec();
+/// host(Host { command, folder, target, output });
 /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.4 * x; }");
 /// # let wrong = move || package.function("half").over(1.0..=2.0).try_stays_within(0.0, 0.5);
 /// let test = std::thread::Builder::new().name("is_small".to_owned()).spawn(wrong)?;
@@ -24,8 +25,8 @@ use std::sync::OnceLock;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Host {
-    /// The command that runs one test: its name follows. `karat test shaders --exact`
-    pub replay: String,
+    /// The words of the command that runs one test: its name follows. `karat test shaders --exact`
+    pub command: Vec<String>,
     /// The folder that has `.karat/failures/`, where inputs are kept on which tests have failed.
     pub folder: PathBuf,
     /// The folder in there for these tests.
@@ -42,7 +43,7 @@ static HOST: OnceLock<Host> = OnceLock::new();
 /// use karat::run::{Host, host};
 ///
 /// host(Host {
-///     replay: "karat test shaders --exact".to_owned(),
+///     command: ["karat", "test", "shaders", "--exact"].map(str::to_owned).to_vec(),
 ///     folder: "shaders".into(),
 ///     target: "wgsl".to_owned(),
 ///     output: "target/karat".into(),
@@ -64,41 +65,15 @@ impl Host {
         failures(&self.folder, &self.target)
     }
 
-    /// The command that runs a test.
-    pub(super) fn command(&self, test: &str) -> String {
-        format!("{} {}", self.replay, quoted(test))
-    }
-}
-
-/// A word as a shell reads it.
-pub(super) fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,#+=".contains(c);
-    // A comment begins a word.
-    match word.chars().all(plain) && !word.starts_with('#') {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
+    /// The command that runs a test: its program and arguments.
+    pub(super) fn command(&self, test: &str) -> (String, Vec<String>) {
+        let mut words = self.command.iter().cloned();
+        let program = words.next().unwrap_or_default();
+        (program, words.chain([test.to_owned()]).collect())
     }
 }
 
 /// Where a package of tests keeps what they failed on.
 pub(super) fn failures(package: &Path, target: &str) -> PathBuf {
     package.join(".karat").join("failures").join(target)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_tests_are_quoted_where_a_shell_needs_it() {
-        let replay = "karat test shaders --exact".to_owned();
-        let host = Host {
-            replay,
-            folder: PathBuf::new(),
-            target: "shaders".to_owned(),
-            output: PathBuf::new(),
-        };
-        assert_eq!(host.command("a::b"), "karat test shaders --exact a::b");
-        assert_eq!(host.command("it's 1"), "karat test shaders --exact 'it'\\''s 1'");
-    }
 }

@@ -8,6 +8,7 @@ use super::{NotReplayed, host, replay};
 use crate::output;
 use crate::path::Path;
 use crate::probe::Inputs;
+use crate::record::Replay;
 use crate::settings::{self, SelectedCase, Settings, SettingsError};
 
 /// Why a check can't begin.
@@ -116,35 +117,40 @@ impl Identity {
         function: &str,
         check: &str,
         replayed: Replayed<'_>,
-    ) -> String {
+    ) -> Replay {
         let Replayed { case, steps, input } = replayed;
-        let path = path.map_or_else(String::new, |path| format!("KARAT_PATHS={path} "));
         let mut selected = format!("{}/{case}", label(function, check));
         if !steps.is_empty() {
             selected = format!("{selected}:{}", write_steps(steps));
         }
-        let selected = host::quoted(&selected);
-        let mut environment = format!("{path}KARAT_SEED={seed:#x} KARAT_CASE={selected}");
-        if let Some(input) = input {
-            environment = format!("{environment} KARAT_INPUT={}", write_words(input));
-        }
-        if let Some(folder) = settings::overlay() {
-            let folder = host::quoted(&folder.display().to_string());
-            environment = format!("KARAT_OVERLAY={folder} {environment}");
-        }
+        let overlay = settings::overlay().map(|folder| folder.display().to_string());
+        let variables = [
+            ("KARAT_OVERLAY", overlay),
+            ("KARAT_PATHS", path.map(|path| path.to_string())),
+            ("KARAT_SEED", Some(format!("{seed:#x}"))),
+            ("KARAT_CASE", Some(selected)),
+            ("KARAT_INPUT", input.map(write_words)),
+        ];
+        let set = |(name, value): (&str, Option<String>)| Some((name.to_owned(), value?));
+        let variables = variables.into_iter().filter_map(set).collect();
+        let (program, arguments) = self.program();
+        Replay { variables, program, arguments }
+    }
+
+    /// The program that runs the test, and its arguments.
+    fn program(&self) -> (String, Vec<String>) {
         if let Some(host) = host::current() {
-            return format!("{environment} {}", host.command(&self.test));
+            return host.command(&self.test);
         }
         let exe = std::env::current_exe().unwrap_or_default();
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
-        match package {
-            None => format!("{environment} {}", host::quoted(&exe.display().to_string())),
-            Some(package) => {
-                let (target, test) = (target(&exe, &package), selecting(&test_as_named()));
-                format!("{environment} cargo test -p {package} {target} -- {test}")
-            }
-        }
+        let Some(package) = package else { return (exe.display().to_string(), Vec::new()) };
+        let mut arguments = vec!["test".to_owned(), "-p".to_owned(), package.clone()];
+        arguments.extend(target(&exe, &package));
+        arguments.push("--".to_owned());
+        arguments.extend(selecting(&test_as_named()));
+        ("cargo".to_owned(), arguments)
     }
 }
 
@@ -155,14 +161,14 @@ fn label(function: &str, check: &str) -> String {
 
 /// Arguments by which a test's program runs a test of this name. What no line can hold is selected by a part
 /// of its name.
-fn selecting(test: &str) -> String {
+fn selecting(test: &str) -> Vec<String> {
     if output::name(test) == test {
-        return format!("--exact {}", host::quoted(test));
+        return vec!["--exact".to_owned(), test.to_owned()];
     }
     let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | ':' | ' ');
     let parts = test.split(|c| !is_plain(c)).map(str::trim);
     let longest = parts.max_by_key(|part| part.len()).unwrap_or_default();
-    host::quoted(&longest[..longest.floor_char_boundary(PART)])
+    vec![longest[..longest.floor_char_boundary(PART)].to_owned()]
 }
 
 /// Bytes by which a test is selected whose name is longer than a line holds.
@@ -212,19 +218,20 @@ fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
-/// Cargo's option for the target that a test binary was built from, by where it lies and what it
+/// Cargo's options for the target that a test binary was built from, by where it lies and what it
 /// is called: `target/debug/deps/fresnel-1a2b...`.
-fn target(exe: &FilePath, package: &str) -> String {
+fn target(exe: &FilePath, package: &str) -> Vec<String> {
     let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
     let folder = exe.parent().and_then(FilePath::file_name).unwrap_or_default();
-    if folder == "examples" {
-        format!("--example {name}")
+    let options = if folder == "examples" {
+        ["--example", name]
     } else if name == package.replace('-', "_") {
-        "--lib --bins".to_owned()
+        ["--lib", "--bins"]
     } else {
-        format!("--test {name}")
-    }
+        ["--test", name]
+    };
+    options.map(str::to_owned).to_vec()
 }
 
 #[cfg(test)]
@@ -234,18 +241,18 @@ mod tests {
     #[test]
     fn targets_are_told_by_their_place_and_name() {
         let of = |exe: &str| target(FilePath::new(exe), "my-crate");
-        assert_eq!(of("/t/debug/deps/fresnel-0a1b"), "--test fresnel");
-        assert_eq!(of("/t/debug/examples/srgb-0a1b"), "--example srgb");
-        assert_eq!(of("/t/debug/deps/my_crate-0a1b"), "--lib --bins");
+        assert_eq!(of("/t/debug/deps/fresnel-0a1b"), ["--test", "fresnel"]);
+        assert_eq!(of("/t/debug/examples/srgb-0a1b"), ["--example", "srgb"]);
+        assert_eq!(of("/t/debug/deps/my_crate-0a1b"), ["--lib", "--bins"]);
     }
 
     #[test]
     fn a_test_that_no_line_can_name_is_selected_by_a_part() {
-        assert_eq!(selecting("brdf::grazing"), "--exact brdf::grazing");
-        assert_eq!(selecting("it's 1"), "--exact 'it'\\''s 1'");
-        assert_eq!(selecting("a\n::error file=x::"), "'::error file'");
+        assert_eq!(selecting("brdf::grazing"), ["--exact", "brdf::grazing"]);
+        assert_eq!(selecting("it's 1"), ["--exact", "it's 1"]);
+        assert_eq!(selecting("a\n::error file=x::"), ["::error file"]);
         let long = "a".repeat(1 << 20);
-        assert_eq!(selecting(&long), "a".repeat(PART));
+        assert_eq!(selecting(&long), ["a".repeat(PART)]);
         let label = label(&long, "agrees_with");
         assert!(label.len() < 1024 && label.ends_with("/agrees_with"), "{label}");
     }

@@ -8,7 +8,7 @@ use std::fmt::{self, Display};
 
 use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::PathRecord;
+use crate::record::{Fault, PathFault, PathRecord};
 
 /// A failure that was declared with `fails_on` or `refused_on`, and did occur.
 ///
@@ -53,6 +53,25 @@ pub struct PathFailures<E> {
     pub stopped: Vec<(Adapter, E)>,
     /// The other paths, unless a failure names them.
     pub agreeing: Vec<Adapter>,
+}
+
+impl<E: Display> PathFailures<E> {
+    /// The same as data, of which the first failure is the headline.
+    pub(crate) fn fault(&self, of: impl Fn(&E) -> Fault) -> Fault {
+        let mut all = self.failures.iter().map(&of);
+        let mut fault = all.next();
+        for other in all {
+            fault.get_or_insert_default().paths.extend(other.paths);
+        }
+        for (adapter, error) in &self.stopped {
+            let own = of(error);
+            let stopped =
+                PathFault { stopped: Some(own.headline.clone()), ..PathFault::on(adapter) };
+            let fault = fault.get_or_insert_with(|| Fault { paths: Vec::new(), ..own });
+            fault.paths.push(stopped);
+        }
+        fault.unwrap_or_default()
+    }
 }
 
 impl<E> PathFailures<E> {

@@ -6,7 +6,7 @@ use std::fmt::Display;
 use super::{KnownIssue, identity, replay};
 use crate::diagnostic::FileRead;
 use crate::output::visible;
-use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::record::{self, Fault, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 /// How a check ends, as far as its record is concerned.
 pub(crate) trait Concluded {
@@ -14,6 +14,10 @@ pub(crate) trait Concluded {
     fn verdict(&self) -> Verdict;
     /// What is wrong.
     fn message(&self) -> Option<String>;
+    /// The same as data.
+    fn fault(&self) -> Option<Fault> {
+        self.message().map(|message| Fault::of(&message))
+    }
     /// `file:line:column` of the function, where a failure knows it.
     fn location(&self) -> Option<String> {
         None
@@ -60,6 +64,7 @@ impl Reporter {
             verdict: concluded.verdict(),
             paths,
             message: concluded.message(),
+            fault: concluded.fault(),
             overlay: record::overlay(),
             read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),
             time: Some(self.stopwatch.time()),

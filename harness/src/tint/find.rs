@@ -42,11 +42,16 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     let missing = |reason: String| Missing { reason, remedy: REMEDY.to_owned() };
     if let Some(named) = settings::tint() {
         return match named.to_str() {
-            Some("off") => Err(Missing {
+            Some(off) if off.eq_ignore_ascii_case("off") => Err(Missing {
                 reason: "KARAT_TINT=off".to_owned(),
                 remedy: "unset KARAT_TINT".to_owned(),
             }),
-            _ => Ok(of_named(&named).map_err(missing)?),
+            _ => {
+                // A name alone is a program in PATH.
+                let is_name = named.components().count() == 1 && !named.exists();
+                let found = is_name.then(|| in_path(&named.to_string_lossy()).next()).flatten();
+                Ok(of_named(&found.unwrap_or(named)).map_err(missing)?)
+            }
         };
     }
     let node = node();
@@ -94,7 +99,8 @@ fn of_named(named: &Path) -> Result<Kind, String> {
     let stem = named.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     Ok(match stem.contains("chrom") || stem.contains("edge") {
         true => Kind::Browser(named.to_owned()),
-        false => Kind::Program(named.to_owned()),
+        false if program::is_tint(named) => Kind::Program(named.to_owned()),
+        false => return Err(format!("KARAT_TINT={at} is another program than Tint")),
     })
 }
 

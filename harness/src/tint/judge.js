@@ -1,19 +1,15 @@
 // Asks Tint about one text: in Node by Dawn, in a page by the browser. Which texts, and what becomes of the
 // answer, is Rust's.
 const devices = new Map();
-// A device with all that its adapter has: what a text may use is the author's to say, and limits are checked
-// from naga's IR.
+// A device with all features that its adapter has: what a text may use is the author's to say. Limits are the
+// default ones: Karat compares others from naga's IR.
 async function deviceOf(gpu, compatibility) {
   if (!devices.has(compatibility)) {
     const adapter = await gpu.requestAdapter(compatibility ? { featureLevel: 'compatibility' } : {});
     if (!adapter) throw new Error('WebGPU has no adapter here');
-    const requiredLimits = {};
-    for (const name in adapter.limits) {
-      const value = adapter.limits[name];
-      if (typeof value === 'number' && !name.startsWith('min')) requiredLimits[name] = value;
-    }
-    const device = await adapter.requestDevice({ requiredFeatures: [...adapter.features], requiredLimits });
-    devices.set(compatibility, device);
+    // With this one it would be a device of the core.
+    const features = [...adapter.features].filter((name) => !compatibility || name !== 'core-features-and-limits');
+    devices.set(compatibility, await adapter.requestDevice({ requiredFeatures: features }));
   }
   return devices.get(compatibility);
 }
@@ -32,12 +28,12 @@ async function scoped(device, work) {
   return { made, error: error ? String(error.message) : null };
 }
 function descriptor(module, pipeline, feeder) {
-  const { entry_point: entryPoint, constants, attributes, targets } = pipeline;
-  const stage = { module, entryPoint, constants };
+  const { entry_point: entryPoint, attributes, targets } = pipeline;
+  const stage = { module, entryPoint };
   if (pipeline.stage === 'compute') return { layout: 'auto', compute: stage };
   const depthStencil = { format: 'depth24plus', depthWriteEnabled: true, depthCompare: 'always' };
   const fragment = { ...stage, targets: targets.map((format) => format && { format }) };
-  if (feeder) return { layout: 'auto', vertex: { module: feeder, entryPoint: 'main' }, fragment, depthStencil };
+  if (feeder) return { layout: 'auto', vertex: { module: feeder, entryPoint: 'karat_feeds' }, fragment, depthStencil };
   // Each attribute in 16 bytes of its own, which the widest format needs.
   const placed = attributes.map((attribute, at) => ({ ...attribute, offset: 16 * at }));
   const buffers = placed.length ? [{ arrayStride: 16 * placed.length, attributes: placed }] : [];

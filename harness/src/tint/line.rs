@@ -46,6 +46,10 @@ impl Lines {
         end: u8,
     ) -> Result<Self, NoVerdict> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // What interrupts this process at a terminal isn't for the other one: that ends with its input, and
+        // cleans up.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(command, 0);
         let mut child = command.spawn().map_err(|error| NoVerdict::Start(error.to_string()))?;
         let stdout: Box<dyn Read + Send> = Box::new(child.stdout.take().expect("it is piped"));
         let stderr: Box<dyn Read + Send> = Box::new(child.stderr.take().expect("it is piped"));
@@ -126,6 +130,13 @@ impl Drop for Lines {
         // It ends when nothing more can be asked: by itself, so that it cleans up.
         self.to = None;
         if self.wait().is_none() {
+            // With what it has started: a browser behind a shell.
+            #[cfg(unix)]
+            {
+                let group = format!("-{}", self.child.id());
+                let mut kill = Command::new("kill");
+                drop(kill.args(["-KILL", "--", &group]).stderr(Stdio::null()).status());
+            }
             drop(self.child.kill());
             drop(self.child.wait());
         }

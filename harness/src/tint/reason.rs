@@ -134,7 +134,10 @@ impl Reason {
                 "write the parentheses that you mean: WGSL doesn't order these operators"
             }
             Self::Atomic => "use `atomicStore`, `atomicLoad` and the other atomic functions",
-            Self::Enable => "begin the module with `enable NAME;`, if naga takes it, too",
+            Self::Enable => {
+                "begin the module with `enable` and the extension's name; naga takes f16, clip_distances, \
+                 dual_source_blending and primitive_index, and not yet subgroups: no text with those is for both"
+            }
             Self::Aliasing => "copy the value into a variable of its own before the call",
             Self::VertexStorage => "declare it `read`, or write it in a compute pass",
             Self::Reserved => "give it another name",

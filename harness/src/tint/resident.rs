@@ -13,7 +13,7 @@ use super::{NoVerdict, Question};
 use crate::settings;
 
 /// How long it may take to start: a Chromium on a busy machine takes some seconds.
-const START: Duration = Duration::from_secs(30);
+const START: Duration = Duration::from_secs(15);
 /// How long it may take for one text, unless KARAT_DEADLINE is less. It takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.

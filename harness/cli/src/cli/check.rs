@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
+use karat::diagnostic::Diagnostic;
 use karat::output::{counted, name};
 use karat::record::Recorded;
 use karat::reflect::{Dependence, Invalid, Opinion};
@@ -31,7 +32,10 @@ enum Compiler {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let found = project.found(&args.package)?;
+    let mut found = project.found(&args.package)?;
+    if args.require.is_some() {
+        found.iter_mut().for_each(|one| one.package = one.package.requiring_tint());
+    }
     let uses = match found.iter().all(|one| one.stated) {
         true => Vec::new(),
         false => recorded_uses(&project)?,
@@ -39,8 +43,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (valid, opinion) = validate_found(&found, &uses, true, out)?;
     let broken = search::broken_files(found.iter().map(|one| &one.package))?;
     search::write_broken(&broken, out)?;
-    let required = args.require.is_some();
-    let good = valid && broken.is_empty() && (!required || opinion.is_good(true));
+    let good = valid && broken.is_empty();
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
     let are = if valid { "valid" } else { "looked at, and not all valid" };
@@ -49,9 +52,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         text => format!("; {text}"),
     };
     writeln!(out, "{style}{packages} {are}{style:#}{opinion_of}")?;
-    if let Some(missing) = opinion.unasked.filter(|_| required) {
-        writeln!(out, "{}", missing.remedy)?;
-    }
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
@@ -95,9 +95,11 @@ fn validate_found(
             Err(invalid) => {
                 let own = invalid.opinion().cloned().unwrap_or_default();
                 let uses = if *stated { &[] } else { uses };
+                let mut remarks = own.remarks();
                 match as_used(invalid, package, uses) {
                     Some(invalid) => {
                         valid = false;
+                        remarks = own.remarks_beside(&invalid);
                         write(&[(package.name(), invalid)], out)?;
                     }
                     None if all => {
@@ -106,7 +108,8 @@ fn validate_found(
                     None => {}
                 }
                 if all {
-                    write_remarks(&own, out)?;
+                    write_each(&remarks, out)?;
+                    write_broke(&own, out)?;
                 }
                 opinion.add(&own);
             }
@@ -126,9 +129,18 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
 
 /// What others than naga say, each remark once.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
-    for remark in opinion.remarks() {
-        writeln!(out, "{}\n", remark.to_warning())?;
+    write_each(&opinion.remarks(), out)?;
+    write_broke(opinion, out)
+}
+
+fn write_each(remarks: &[&Diagnostic], out: &mut dyn Write) -> std::io::Result<()> {
+    for remark in remarks {
+        writeln!(out, "\n{}", remark.to_warning())?;
     }
+    if remarks.is_empty() { Ok(()) } else { writeln!(out) }
+}
+
+fn write_broke(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     for (module, how) in &opinion.broke {
         let of = if module.is_empty() { String::new() } else { format!(" on `{module}`") };
         writeln!(out, "{BAD}Tint has no verdict{of}{BAD:#}: {how}")?;

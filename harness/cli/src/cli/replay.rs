@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, ensure};
 use karat::diagnostic::nearest;
-use karat::record::{Record, Recorded};
+use karat::record::{Record, Recorded, Replay};
 
 use super::project::Project;
 use super::report::{Names, is_failure};
@@ -53,18 +53,9 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     all.into_iter().map(|(name, record)| (name[..length].to_owned(), record)).collect()
 }
 
-/// The command that replays the simplest case of a failure: a message has that of the worst, then that
-/// of the simplest that it was reduced to, for each path.
-fn command(record: &Record) -> Option<&str> {
-    let message = record.message.as_deref()?;
-    let first = message.lines().take_while({
-        let mut paths = 0;
-        move |line| {
-            paths += usize::from(line.starts_with("on "));
-            paths < 2
-        }
-    });
-    first.filter_map(|line| line.trim_start().strip_prefix("replay: ")).last()
+/// The command that replays the simplest case of a failure, of the first path that has one.
+fn command(record: &Record) -> Option<&Replay> {
+    record.fault.as_ref()?.paths.iter().find_map(|fault| fault.replays().last())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -111,14 +102,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "{command}")?;
         return Ok(Ending::Good);
     }
-    let mut command = parsed(command, project.root())?;
+    let mut command = made(command, project.root())?;
     let status = child::pass_on(&mut command, out)?;
     Ok(if status.success() { Ending::Good } else { Ending::Bad })
 }
 
 /// Where a recorded command runs: in the project's folder. `karat test FOLDER` was run in one that has FOLDER,
 /// which is in the project.
-fn start(project: &Path, arguments: &[&String]) -> PathBuf {
+fn start(project: &Path, arguments: &[String]) -> PathBuf {
     let named = match arguments {
         [verb, folder, ..] if *verb == "test" && !folder.starts_with('-') => Path::new(folder),
         _ => return project.to_owned(),
@@ -130,21 +121,20 @@ fn start(project: &Path, arguments: &[&String]) -> PathBuf {
     root.ancestors().find(has).unwrap_or(project).to_owned()
 }
 
-/// A line for a shell as a command: variables, the program, its arguments.
-fn parsed(line: &str, folder: &Path) -> anyhow::Result<Command> {
-    let words = shell_words::split(line).context("the record's command can't be read")?;
-    let is_variable = |word: &&String| word.starts_with("KARAT_") && word.contains('=');
-    let variables: Vec<&String> = words.iter().take_while(is_variable).collect();
-    let mut rest = words.iter().skip(variables.len());
-    let program = rest.next().map(String::as_str);
-    ensure!(matches!(program, Some("cargo" | "karat")), "the record's command is another program");
-    let mut command = match program {
-        Some("cargo") => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
-        _ => Command::new(std::env::current_exe().context("this program isn't where it was")?),
+/// The process that a recorded command asks for. A record may come from another machine: it starts no other
+/// program, and sets no other variable.
+fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
+    let Replay { variables, program, arguments } = replay;
+    let mut command = match &**program {
+        "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
+        "karat" => Command::new(std::env::current_exe().context("this program isn't where it was")?),
+        other => anyhow::bail!("the record's command is another program, `{other}`"),
     };
-    let arguments: Vec<&String> = rest.collect();
-    command.current_dir(start(folder, &arguments)).args(arguments);
-    command.envs(variables.iter().filter_map(|word| word.split_once('=')));
+    for (name, value) in variables {
+        ensure!(name.starts_with("KARAT_"), "the record's command sets `{name}`");
+        command.env(name, value);
+    }
+    command.current_dir(start(folder, arguments)).args(arguments);
     // What the last run was told doesn't choose this one's paths.
     command.env_remove("KARAT_REQUIRE");
     Ok(command)
@@ -156,16 +146,19 @@ mod tests {
 
     #[test]
     fn a_command_has_variables_a_program_and_arguments() {
-        let line =
-            "KARAT_PATHS=gl KARAT_CASE='a::f/agrees_with#2/7' cargo test -p x -- --exact 'a b'";
-        let command = parsed(line, Path::new(".")).expect("it is one");
+        let replay = |program: &str, name: &str| Replay {
+            variables: vec![(name.to_owned(), "a::f/agrees_with#2/7".to_owned())],
+            program: program.to_owned(),
+            arguments: ["test", "--exact", "a b"].map(str::to_owned).to_vec(),
+        };
+        let command = made(&replay("cargo", "KARAT_CASE"), Path::new(".")).expect("it is one");
         let arguments: Vec<_> = command.get_args().map(|word| word.to_string_lossy()).collect();
-        assert_eq!(arguments, ["test", "-p", "x", "--", "--exact", "a b"]);
+        assert_eq!(arguments, ["test", "--exact", "a b"]);
         let variable = command.get_envs().find(|(name, _)| *name == "KARAT_CASE");
         let value = variable.and_then(|(_, value)| value).expect("it is set");
         assert_eq!(value, "a::f/agrees_with#2/7");
-        for other in ["rm -rf /", "KARAT_CASE=a", "", "PATH=. cargo test", "cargo 'test"] {
-            assert!(parsed(other, Path::new(".")).is_err(), "{other}");
+        for (program, name) in [("rm", "KARAT_CASE"), ("", "KARAT_CASE"), ("cargo", "PATH")] {
+            assert!(made(&replay(program, name), Path::new(".")).is_err(), "{program} {name}");
         }
     }
 }

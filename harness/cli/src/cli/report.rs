@@ -21,7 +21,7 @@ use karat::Package;
 use karat::image::write_whole;
 use karat::output::{counted, visible, visible_json};
 use karat::package::FunctionItem;
-use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
+use karat::record::{Fault, PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
 use karat::reflect::Opinion;
 use karat_suite::{Suite, Test};
 
@@ -306,28 +306,11 @@ fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     failed.iter().filter(|test| !by_check.contains(&***test)).cloned().collect()
 }
 
-/// A message, beginning with the line that says what is wrong. That of a frame begins with what
-/// rendered it, which many failures share.
-fn message(record: &Record) -> Option<String> {
-    let message = record.message.as_deref()?;
-    let reordered = || {
-        let (adapter, rest) = message.split_once('\n')?;
-        let is_adapter = |path: &PathRecord| adapter == format!("on {}", path.adapter);
-        if !record.paths.iter().any(is_adapter) {
-            return None;
-        }
-        let (wrong, more) = rest.split_once('\n').map_or((rest, None), |(a, b)| (a, Some(b)));
-        let lines: Vec<&str> = [Some(wrong), Some(adapter), more].into_iter().flatten().collect();
-        Some(lines.join("\n"))
-    };
-    Some(reordered().unwrap_or_else(|| message.to_owned()))
-}
-
 /// What the review shows of a run: where its frames come from, and the functions that fail.
 pub(super) fn review_of(records: &[Record]) -> LastRun {
     let (mut run, names) = (LastRun::default(), Names::of(records));
     for record in records {
-        let replays = replays(record).into_iter().map(str::to_owned).collect();
+        let replays = replays(record);
         let test = record.test.clone();
         match &record.subject {
             Subject::Frame { golden, location, .. } => {
@@ -347,7 +330,7 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
                     name: names.subject(record),
                     test,
                     place: location.clone(),
-                    message: message(record).unwrap_or_default(),
+                    message: record.message.clone().unwrap_or_default(),
                     replays,
                     ratio: record.paths.iter().filter_map(|path| path.ratio).reduce(f64::max),
                     figures: html::figures(record).into_string(),
@@ -359,10 +342,9 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
     run
 }
 
-/// The commands that replay a failure, as the message has them: of the worst case first.
-fn replays(record: &Record) -> Vec<&str> {
-    let lines = record.message.as_deref().unwrap_or_default().lines();
-    lines.filter_map(|line| line.trim_start().strip_prefix("replay: ")).collect()
+/// The commands that replay a failure, for a shell: of the worst case first.
+fn replays(record: &Record) -> Vec<String> {
+    record.fault.iter().flat_map(Fault::replays).map(ToString::to_string).collect()
 }
 
 /// Where the failure belongs, relative to the project.

@@ -49,13 +49,10 @@ pub(super) struct Args {
 /// Who runs the tests of a suite: how one is run again, and where it remembers.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
     let folder_name = karat::diagnostic::shown(folder);
-    let features = written(features).map(|feature| format!(" --feature {feature}"));
+    let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
+    let words = ["karat", "test", &folder_name].map(str::to_owned).into_iter();
     Host {
-        replay: format!(
-            "karat test {}{} --exact",
-            shell_words::quote(&folder_name),
-            features.collect::<String>()
-        ),
+        command: words.chain(features).chain(["--exact".to_owned()]).collect(),
         folder: suite.folder.clone(),
         target: "suite".to_owned(),
         output: folder.join(".karat").join("run"),

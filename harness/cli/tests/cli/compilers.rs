@@ -81,7 +81,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
             "@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n",
             "1:49",
             "'subgroupAdd' without extension 'subgroups'",
-            "enable NAME;",
+            "no text with those is for both",
         ),
         (alias, "2:36", "invalid aliased pointer argument", "a variable of its own"),
         (vertex, "2:49", "cannot be used by vertex pipeline stage", "declare it `read`"),
@@ -202,7 +202,10 @@ fn karat_tint_names_one_or_says_why_not() {
     for (named, part) in [
         ("nowhere", "KARAT_TINT=nowhere isn't there"),
         ("empty", "is a folder without the npm package `webgpu`"),
-        ("off", "KARAT_TINT=off"),
+        ("OFF", "KARAT_TINT=off"),
+        // Whoever says nothing and ends well has read nothing.
+        ("true", "is another program than Tint"),
+        ("cat", "is another program than Tint"),
     ] {
         let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", named));
         assert!(ran.code == Some(1) && ran.out.contains(part), "{named}: {ran:?}");
@@ -254,9 +257,14 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     let textures = format!(
         "{textures}@fragment fn main() -> @location(0) vec4f {{ return vec4f() {uses}; }}\n"
     );
-    let group = "@group(4) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
+    let group = "@group(4) @binding(0) var<uniform> u: f32;\n\
+                 @vertex fn main() -> @builtin(position) vec4f { return vec4f(u); }\n";
     let uniform = "@group(0) @binding(0) var<uniform> u: array<vec4f, 2048>;\n\
-                   fn f() -> vec4f { return u[0]; }\n";
+                   @vertex fn main() -> @builtin(position) vec4f { return u[0]; }\n";
+    let sized = "override size: u32 = 512;\n@compute @workgroup_size(size) fn main() { }\n";
+    let facing = "@fragment fn main(@location(15) a: f32, @builtin(front_facing) b: bool, \
+                  @location(0) c: vec4f, @location(1) d: f32) -> @location(0) vec4f \
+                  { return select(c, vec4f(a * d), b); }\n";
     let passed = "@fragment fn main(@location(15) a: f32, @location(0) b: f32) -> @location(0) vec4f \
                   { return vec4f(a + b); }\n";
     let written = "@group(0) @binding(0) var<storage, read_write> a: array<f32>;\n\
@@ -331,14 +339,70 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     // What keeps to the limits is no finding: neither to the default ones, nor to others.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
-    for (text, limits) in
-        [(workgroup, more), (storage, ""), (uniform, ""), (passed, ""), (VALID, compatibility)]
-    {
+    let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
+    let nine: String = (0..9)
+        .map(|n| format!("@group(0) @binding({n}) var<storage, read> b{n}: array<f32>;\n"))
+        .collect();
+    let sum: String = (0..9).map(|n| format!(" + b{n}[0]")).collect();
+    let nine = format!(
+        "{nine}@vertex fn main() -> @builtin(position) vec4f {{ return vec4f(0.0{sum}); }}\n"
+    );
+    // No entry point uses it, so it is in no layout.
+    let unused = "@group(7) @binding(0) var<uniform> u: f32;\nfn f() -> f32 { return u; }\n";
+    for (text, limits) in [
+        (workgroup, more),
+        (storage, ""),
+        (uniform, ""),
+        (passed, ""),
+        (facing, ""),
+        (VALID, compatibility),
+        (&*nine, stages),
+        (unused, ""),
+    ] {
         let out = check(text, limits).good();
         assert!(!out.contains("limits"), "{text}\n{out}");
     }
     let ran = check(VALID, "[limits]\nmaxBindGroup = 4\n");
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
+}
+
+/// Limits that the project requests are requested: Tint's own pipelines are made with the default ones.
+#[test]
+fn limits_that_are_requested_are_no_rejection() {
+    let text = "@compute @workgroup_size(512) fn main() { }\n";
+    let folder = folder(text);
+    let limits = "[compilers]\nrequire = [\"tint\"]\n[limits]\n\
+                  maxComputeInvocationsPerWorkgroup = 1024\nmaxComputeWorkgroupSizeX = 1024\n";
+    write(folder.path(), "shaders/karat.toml", limits);
+    let out = with_tint(folder.path(), CHECK).good();
+    assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
+    // Required, a limit is an error, and it is told once.
+    write(folder.path(), "shaders/karat.toml", REQUIRED);
+    let ran = with_tint(folder.path(), CHECK);
+    assert_eq!((ran.code, ran.out.matches("uses 512 invocations").count()), (Some(1), 1), "{ran:?}");
+}
+
+/// In compatibility mode Tint and Dawn have more rules.
+#[test]
+fn compatibility_mode_has_its_own_rules() {
+    let text = "@fragment fn main(@location(0) @interpolate(linear) a: f32) -> @location(0) vec4f \
+                { return vec4f(a); }\n";
+    let folder = folder(text);
+    let out = with_tint(folder.path(), CHECK).good();
+    assert!(last_line(&out).contains("Tint accepts 1 module"), "{out}");
+    write(folder.path(), "shaders/karat.toml", "[limits]\nmode = \"compatibility\"\n");
+    let out = with_tint(folder.path(), CHECK).good();
+    assert!(last_line(&out).contains("Tint rejects 1 module"), "{out}");
+}
+
+/// Of an override without a value only its program knows what fits.
+#[test]
+fn an_override_without_a_value_is_given_none() {
+    let text = "override count: u32;\nvar<workgroup> w: array<f32, count - 1u>;\n\
+                @compute @workgroup_size(1) fn main() { w[0] = 1.0; }\n";
+    let folder = folder(text);
+    let out = with_tint(folder.path(), CHECK).good();
+    assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
 }
 
 /// Tests in files that engines load are told, and the text without them is printed.
@@ -387,7 +451,7 @@ fn a_chromium_is_asked_where_it_is_named() {
     assert!(ran.out.contains("mixing '<<' and '+' requires parenthesis"), "{ran:?}");
     assert_eq!(
         last_line(&ran.out),
-        "1 package valid; Tint accepts 1 module, Tint rejects 1 module"
+        "1 package valid; Tint accepts 1 module; Tint rejects 1 module"
     );
 }
 
@@ -483,7 +547,7 @@ mod fakes {
              echo '{first}' >&2\necho '{last}' >&2\ncat >/dev/null\n"
         );
         let ran = check(folder.path(), &own, &[]);
-        let sum = "1 package valid; Tint accepts 1 module, Tint has no verdict on 1 module";
+        let sum = "1 package valid; Tint accepts 1 module; Tint has no verdict on 1 module";
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
@@ -523,7 +587,8 @@ mod fakes {
         let folder = folder("fn f(x: u32) -> u32 { return x << x; }\n");
         let program = folder.path().join("tint");
         let check = |own: &str| {
-            script(&program, own);
+            let help = "[ \"$1\" = --help ] && echo '--diagnostics-format' && exit 0\n";
+            script(&program, &format!("{help}{own}"));
             output(command(folder.path(), CHECK).env("KARAT_TINT", &program))
         };
         let message = "[{\"severity\":\"error\",\"message\":\"mixing\",\"range\":{\"start\":\
@@ -533,10 +598,11 @@ mod fakes {
         let out = check(&format!("echo '{message}' >&2\nexit 1\n")).good();
         assert!(out.contains("rejects this: mixing") && out.contains("m.wgsl:1:30"), "{out}");
         assert!(out.contains("      here\n"), "its notes are kept: {out}");
-        let valid = check("grep -q 'x << x; }' shader.wgsl\n").good();
+        let valid = check("grep 'x << x; }' shader.wgsl > out.wgsl\n").good();
         assert_eq!(last_line(&valid), "1 package valid; Tint accepts 1 module");
         for (own, part) in [
             ("exit 1\n", "it ended (exit status: 1)"),
+            ("exit 0\n", "can't be read: it ended with exit status: 0"),
             ("echo Killed >&2\nexit 1\n", "can't be read: Killed"),
             ("echo '[]' >&2\nexit 1\n", "can't be read"),
             (&format!("echo '{message}' >&2\n"), "can't be read"),

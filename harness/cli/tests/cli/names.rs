@@ -51,7 +51,15 @@ fn records(folder: &FilePath, names: &[String]) -> String {
     let named = |line: String, name: &str| {
         let mut record: serde_json::Value = serde_json::from_str(&line).expect("a record");
         record["test"] = name.into();
-        record["message"] = format!("error: {name} fails\n  replay: karat test '{name}'").into();
+        record["message"] = format!("error: {name} fails").into();
+        let replay = serde_json::json!({
+            "variables": [], "program": "karat", "arguments": ["test", name]
+        });
+        let adapter = serde_json::json!({ "path": "gl", "name": name, "driver": "", "software": true });
+        record["fault"] = serde_json::json!({
+            "headline": format!("{name} fails"),
+            "paths": [{ "adapter": adapter, "worst": { "replay": replay } }]
+        });
         for key in ["function", "golden", "check"] {
             if record["subject"].get(key).is_some() {
                 record["subject"][key] = name.into();

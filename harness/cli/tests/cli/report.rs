@@ -7,6 +7,7 @@ use karat::image::Precision;
 use karat::record::Run;
 
 use super::pending::{pending_frame, provenance};
+use super::faults::fault;
 use super::*;
 
 fn line(
@@ -28,8 +29,8 @@ fn line(
     };
     let paths: Vec<_> = paths.iter().map(path).collect();
     let record = serde_json::json!({
-        "schema": 2, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
-        "message": message
+        "schema": 3, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
+        "message": message, "fault": message.map(fault)
     });
     format!("{record}\n")
 }
@@ -150,7 +151,7 @@ fn on_two_paths(package: &FilePath, more: &str) -> String {
     let line = line("tests::calc", subject, &["vulkan", "gl"], "fail", Some(message));
     // Vulkan, which comes first, agrees.
     let line = line.replacen("\"failures\":1", "\"failures\":0", 1);
-    line.replace("\"schema\":2", &format!("\"schema\":2,{more}"))
+    line.replace("\"schema\":3", &format!("\"schema\":3,{more}"))
 }
 
 fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]) -> String {
@@ -258,7 +259,7 @@ fn the_first_line_says_what_is_wrong_and_not_where() {
     let golden = project.path().join("golden");
     let failing = |name: &str| {
         let adapter = "on vulkan: llvmpipe (LLVM 15.0.6, 256 bits)";
-        let message = format!("{adapter}\nframe `{name}` differs, 5%\n  worst: pixel (2, 1)");
+        let message = format!("frame `{name}` differs, 5%\n{adapter}\n  worst: pixel (2, 1)");
         let line = frame(&golden, name, &["gl", "vulkan"], "fail");
         line.replace("\"frame differs\\n  by 100%\"", &serde_json::json!(message).to_string())
     };

@@ -12,7 +12,7 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let folder = |at: usize| project.path().join(format!("part{at}"));
     for (at, lines) in parts.iter().enumerate() {
         write(&folder(at), "1.jsonl", &lines.concat());
-        write(&folder(at), "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
+        write(&folder(at), "run.json", r#"{"schema":3,"selected":[],"passed":true}"#);
     }
     let folders = (0..parts.len()).map(folder).collect();
     (project, folders)
@@ -64,7 +64,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
     let json = std::fs::read_to_string(project.path().join("r.json")).expect("written");
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
-    assert_eq!((&json["schema"], json["records"].as_array().map(Vec::len)), (&2.into(), Some(3)));
+    assert_eq!((&json["schema"], json["records"].as_array().map(Vec::len)), (&3.into(), Some(3)));
     assert_eq!(json["run"]["passed"], true);
 }
 

@@ -59,7 +59,7 @@ fn goldens_that_all_are_compared_pass() {
     assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
     // What `cargo ci test` writes is read, too.
     let folder = record(&project, &all, None);
-    write(&folder, "run.json", r#"{"passed":true,"schema":2,"selected":[]}"#);
+    write(&folder, "run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
     karat(project.path(), &["unreferenced"]).good();
 }
 
@@ -118,10 +118,10 @@ fn without_evidence_there_is_no_verdict() {
     assert!(error.contains("the last run had KARAT_OVERLAY=mutants"), "{error}");
     let record_folder = record(&project, &["not a record\n".to_owned()], Some((&[], true)));
     let error = karat(folder, &["unreferenced"]).error();
-    assert!(error.contains("1.jsonl` line 1 isn't a record of version 2"), "{error}");
+    assert!(error.contains("1.jsonl` line 1 isn't a record of version 3"), "{error}");
     write(&record_folder, "run.json", "{}");
     let error = karat(folder, &["unreferenced"]).error();
-    assert!(error.contains("run.json` line 1 isn't a record of version 2"), "{error}");
+    assert!(error.contains("run.json` line 1 isn't a record of version 3"), "{error}");
     assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
 }
 

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::editor::Editor;
+use super::faults::fault;
 use super::{CALC, DECLARED, TESTS, folder, tested, told, write};
 
 const FILE: &str = "shaders/calc.wgsl";
@@ -146,9 +147,10 @@ fn recorded(hash: &str) -> tempfile::TempDir {
     write(folder.path(), FILE, CALC);
     let package = folder.path().canonicalize().expect("it is there").join("shaders");
     let adapter = json!({ "path": "gl", "name": "llvmpipe", "driver": "1", "software": true });
+    let message = "error: `calc::lonely` fails agrees_with: 4 ulp\non gl: llvmpipe, 1\n  \
+                   replay: KARAT_CASE=x cargo test\n";
     let record = json!({
-        "schema": 2, "test": "brdf", "verdict": "fail", "message":
-            "error: `calc::lonely` fails agrees_with: 4 ulp\non gl: llvmpipe, 1\n  replay: KARAT_CASE=x cargo test\n",
+        "schema": 3, "test": "brdf", "verdict": "fail", "message": message, "fault": fault(message),
         "subject": {
             "kind": "function", "package": package, "function": "calc::lonely", "check": "agrees_with",
             "assertion": "4 ulp", "location": "shaders/calc.wgsl:3:1", "seed": 1,
@@ -160,7 +162,7 @@ fn recorded(hash: &str) -> tempfile::TempDir {
         "read": [{ "file": package.join("calc.wgsl"), "hash": hash }],
         "started": "2026-01-31T12:00:00.000Z", "seconds": 1.0,
     });
-    let run = json!({ "schema": 2, "selected": [], "passed": false });
+    let run = json!({ "schema": 3, "selected": [], "passed": false });
     write(folder.path(), "target/karat/record/1.jsonl", &format!("{record}\n"));
     write(folder.path(), "target/karat/record/run.json", &run.to_string());
     folder
@@ -212,7 +214,7 @@ fn a_broken_record_is_told_once() {
     write(folder.path(), "target/karat/record/1.jsonl", "{\n");
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    editor.wait_said("isn't a record of version 2");
+    editor.wait_said("isn't a record of version 3");
     for _ in 0..3 {
         editor.save(FILE, &CALC.replace("return x;", "return y;"));
         editor.wait(FILE, |all| all.len() == 1);

@@ -4,6 +4,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use super::editor::Editor;
+use super::faults::fault;
 use super::{CALC, TESTS, UNASKED, folder, tested, told, write};
 
 const FILE: &str = "shaders/calc.wgsl";
@@ -104,7 +105,8 @@ fn in_rust() -> TempDir {
             let failed = verdict == "fail";
             let head = "error: `calc::half` fails agrees_with: 4 ulp\non cpu: an engine, 1\n  replay: KARAT_CASE=x cargo test\n";
             let record = json!({
-                "schema": 2, "test": test, "verdict": verdict, "message": failed.then_some(head),
+                "schema": 3, "test": test, "verdict": verdict, "message": failed.then_some(head),
+                "fault": failed.then(|| fault(head)),
                 "subject": {
                     "kind": "function", "package": package, "function": function, "seed": 1,
                     "check": "agrees_with", "assertion": "4 ulp",

@@ -3,6 +3,8 @@
 
 mod editor;
 mod failing;
+#[path = "../given/faults.rs"]
+mod faults;
 #[path = "../given/files.rs"]
 mod files;
 mod invalid;

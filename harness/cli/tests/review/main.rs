@@ -3,6 +3,8 @@
 mod browser;
 mod comparing;
 mod deciding;
+#[path = "../given/faults.rs"]
+mod faults;
 #[path = "../given/files.rs"]
 mod files;
 mod finding;

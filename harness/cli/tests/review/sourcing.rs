@@ -6,6 +6,7 @@ use karat::record::FileRead;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, Tab};
+use crate::faults::fault;
 use crate::project::{Project, Server, tiny};
 
 fn open(project: &Project, arguments: &[&str]) -> (Server, Browser, Tab) {
@@ -22,16 +23,17 @@ fn put_record(project: &Project, records: &[Value]) {
     std::fs::create_dir_all(&folder).expect("a folder");
     let lines: String = records.iter().map(|record| format!("{record}\n")).collect();
     std::fs::write(folder.join("1.jsonl"), lines).expect("written");
-    let run = json!({ "schema": 2, "selected": [], "passed": false });
+    let run = json!({ "schema": 3, "selected": [], "passed": false });
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
 fn frame_record(project: &Project) -> Value {
     let module = project.folder().join("shaders/light.wgsl");
+    let message = "error: it differs\n  replay: KARAT_PATHS=vulkan cargo test frames";
     json!({
-        "schema": 2, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
+        "schema": 3, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
         "subject": { "kind": "frame", "golden": "tiny", "folder": "golden", "location": "tests/frames.rs:7:5" },
-        "message": "error: it differs\n  replay: KARAT_PATHS=vulkan cargo test frames",
+        "message": message, "fault": fault(message),
         "read": [{ "file": module, "hash": "" }],
     })
 }
@@ -39,11 +41,13 @@ fn frame_record(project: &Project) -> Value {
 fn function_record() -> Value {
     let points = (0..400).map(|k| (f64::from(k % 20) / 19.0, f64::from(k / 20) / 19.0));
     let rows: Vec<_> = points.map(|(x, y)| [x, y, 40.0 * x * y]).collect();
+    let message = "error: `lobe::ggx` fails <script>window.injected = 1</script>\n  \
+                   replay: KARAT_SEED=1 cargo test lobes";
     json!({
-        "schema": 2, "test": "lobes", "verdict": "fail",
+        "schema": 3, "test": "lobes", "verdict": "fail",
         "subject": { "kind": "function", "package": "shaders", "function": "lobe::ggx", "check": "agrees_with",
             "assertion": "1 ulp", "location": "shaders/a.wgsl:1:1", "seed": 1 },
-        "message": "error: `lobe::ggx` fails <script>window.injected = 1</script>\n  replay: KARAT_SEED=1 cargo test lobes",
+        "message": message, "fault": fault(message),
         "paths": [{
             "adapter": { "path": "cpu", "name": "an adapter", "driver": "", "software": true },
             "cases": 400, "failures": 1, "worst": "3 ulp", "ratio": 40.0, "asserted": "1 ulp", "known_issue": null,

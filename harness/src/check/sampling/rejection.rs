@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::picture::Histogram;
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
+use crate::record::{CaseFault, Fault, PathFault, Replay};
 use crate::reflect::Function;
 use crate::stats::Support;
 
@@ -44,6 +45,34 @@ pub struct Rejection {
     pub seed: u64,
 }
 
+impl Rejection {
+    /// The same as data.
+    pub(crate) fn fault(&self) -> Fault {
+        let headline = format!("`{}` fails {}", self.function.name, self.check);
+        Fault {
+            headline,
+            paths: self.paths.iter().map(PathRejection::fault).collect(),
+            ..Fault::default()
+        }
+    }
+}
+
+impl PathRejection {
+    fn fault(&self) -> PathFault {
+        let ConfigurationRejection { case, configuration, findings, notes, .. } = &self.worst;
+        let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
+        let worst = CaseFault {
+            case: *case,
+            arguments: vec![("configuration".to_owned(), configuration.clone())],
+            error: findings.join("; "),
+            notes: notes.iter().map(|(name, text)| ((*name).to_owned(), text.clone())).collect(),
+            replay: Some(self.replay.clone()),
+            ..CaseFault::default()
+        };
+        PathFault { worst: Some(worst), ..PathFault::on(&self.adapter) }
+    }
+}
+
 /// The rejections of one path.
 ///
 /// ```
@@ -67,7 +96,7 @@ pub struct PathRejection {
     /// The one with the least p-value.
     pub worst: ConfigurationRejection,
     /// The command that runs it again.
-    pub replay: String,
+    pub replay: Replay,
 }
 
 /// One rejected configuration.

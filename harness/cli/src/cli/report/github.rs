@@ -100,7 +100,8 @@ fn annotations(failures: &[&Record], sum: &Sum, names: &Names, project: &Project
 
 /// What a failure says. Of a long message the replay command, which is its end, is kept.
 fn message(record: &Record) -> String {
-    let message = super::message(record).unwrap_or_else(|| "it fails, and says nothing".to_owned());
+    let message = record.message.clone();
+    let message = message.unwrap_or_else(|| "it fails, and says nothing".to_owned());
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
         return message;
     }

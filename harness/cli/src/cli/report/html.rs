@@ -11,7 +11,7 @@ use karat::record::{Errors, PathRecord, Record, Run, Subject};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};
-use super::{Names, Sum, failing, message, replays};
+use super::{Names, Sum, failing, replays};
 
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
@@ -162,7 +162,7 @@ fn failures(rows: &[Row<'_>]) -> Markup {
                 @for row in rows.iter().filter(|row| row.fails()) {
                     article class="row failing" id=(row.anchor) {
                         h3 { a href={ "#" (row.anchor) } { (row.name) } " " small { (row.record.test) } }
-                        @if let Some(message) = message(row.record) { pre { (message) } }
+                        @if let Some(message) = &row.record.message { pre { (message) } }
                         (copied(&replays(row.record)))
                         (figures(row.record))
                     }
@@ -187,7 +187,7 @@ pub(super) fn figures(record: &Record) -> Markup {
 }
 
 /// A button for each command, in the order of the message.
-fn copied(commands: &[&str]) -> Markup {
+fn copied(commands: &[String]) -> Markup {
     html! {
         @if !commands.is_empty() {
             p {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use karat::output::{name as name_of, one_line, visible};
-use karat::record::{PathRecord, Record, Subject, Verdict};
+use karat::record::{PathFault, PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::{Names, Sum, failing, pictures, place, relative, workspace};
@@ -94,12 +94,12 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
         let mut lines: Vec<String> = path.map(line).into_iter().collect();
         let mut status = kind.map_or_else(TestCaseStatus::success, TestCaseStatus::non_success);
         if kind.is_some()
-            && let Some(message) = super::message(record)
+            && let Some(message) = &record.message
         {
             status.set_message(&*one_line(message.lines().next().unwrap_or_default()));
-            status.set_description(&*visible(&message));
+            status.set_description(&*visible(message));
             let replay = path.and_then(|path| replay_on(record, path));
-            let replay = replay.or_else(|| super::replays(record).first().copied());
+            let replay = replay.or_else(|| super::replays(record).into_iter().next());
             lines.extend(replay.map(|command| format!("replay: {command}")));
             // Readers find each on a line of its own.
             lines.extend(attached.iter().map(|file| format!("[[ATTACHMENT|{file}]]")));
@@ -142,10 +142,11 @@ fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// The command that replays a failure on this path, if the message has one.
-fn replay_on<'a>(record: &'a Record, path: &PathRecord) -> Option<&'a str> {
-    let selects = format!("KARAT_PATHS={} ", path.adapter.path);
-    super::replays(record).into_iter().find(|command| command.contains(&selects))
+/// The command that replays a failure on this path, if it has one.
+fn replay_on(record: &Record, path: &PathRecord) -> Option<String> {
+    let faults = record.fault.iter().flat_map(|fault| &fault.paths);
+    let own = faults.filter(|fault| fault.adapter.path == path.adapter.path);
+    own.flat_map(PathFault::replays).next().map(ToString::to_string)
 }
 
 fn line(path: &PathRecord) -> String {

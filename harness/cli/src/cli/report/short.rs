@@ -5,7 +5,7 @@ use std::path::Path;
 
 use karat::diagnostic::shown;
 use karat::output::one_line;
-use karat::record::{PathRecord, Record, Subject};
+use karat::record::{ExpectationFault, PathRecord, Record, Subject};
 use karat::reflect::{Invalid, Opinion};
 
 use super::{Place, Sum, failing, is_failure, located, place};
@@ -63,31 +63,23 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !expectations.is_empty() {
         return expectations;
     }
-    // A frame that couldn't be drawn has the place of its test in its message.
-    let told = || {
-        let mut lines = record.message.as_deref().unwrap_or_default().lines();
-        located(lines.find_map(|line| line.trim().strip_prefix("--> "))?, root, root)
-    };
+    let told = || located(record.fault.as_ref()?.place.as_deref()?, root, root);
     vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
 }
 
-/// The expectations that fail, as the message has them: `failed = tests.wgsl:4:5: what was seen`.
+/// The expectations that fail, each where it stands.
 fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
     let mut all: Vec<Finding> = Vec::new();
-    let mut path = "";
-    for line in record.message.as_deref().unwrap_or_default().lines() {
-        if let Some(adapter) = line.strip_prefix("on ") {
-            path = adapter.split_once(':').map_or(adapter, |(path, _)| path);
-        }
-        let Some(failed) = line.trim_start().strip_prefix("failed = ") else { continue };
-        // What was seen may have colons, a place has no blank behind one.
-        let Some((at, seen)) = failed.split_once(": ") else { continue };
-        let Some(place) = located(at, Path::new(package), root) else { continue };
-        let message = format!("{seen}, in `{function}` on {path}");
-        let finding = Finding { place: Some(place), message };
-        if !all.contains(&finding) {
-            all.push(finding);
+    for fault in record.fault.iter().flat_map(|fault| &fault.paths) {
+        let cases = [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten();
+        for ExpectationFault { place, seen } in cases.flat_map(|case| &case.expectations) {
+            let Some(place) = located(place, Path::new(package), root) else { continue };
+            let message = format!("{seen}, in `{function}` on {}", fault.adapter.path);
+            let finding = Finding { place: Some(place), message };
+            if !all.contains(&finding) {
+                all.push(finding);
+            }
         }
     }
     all
@@ -95,11 +87,10 @@ fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
 
 /// The headline of a failure, with the worst error and its path.
 fn headline(record: &Record) -> String {
-    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
     let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
     else {
-        let whole = super::message(record).unwrap_or_else(|| message.to_owned());
-        return first_line(&whole);
+        let said = record.fault.as_ref().map(|fault| fault.headline.clone());
+        return said.unwrap_or_else(|| "it fails, and says nothing".to_owned());
     };
     let seen = match worst.asserted.is_empty() {
         true => worst.worst.clone(),

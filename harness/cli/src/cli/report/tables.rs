@@ -39,7 +39,7 @@ pub(in crate::cli) fn write(
     }
     let failed = write_functions(&others, out)? + write_frames(&others, names, out)?;
     for record in others.iter().filter(|record| is_failure(record)).take(IN_FULL) {
-        if let Some(message) = super::message(record) {
+        if let Some(message) = &record.message {
             writeln!(out, "\n{}", super::colour::painted(message.trim_end()))?;
         }
     }
@@ -371,6 +371,7 @@ pub(super) mod tests {
             verdict,
             paths,
             message: None,
+            fault: None,
             overlay: None,
             read: Vec::new(),
             time: None,

@@ -1,0 +1,179 @@
+//! A failure or an error as data. [`Record::message`](super::Record::message) is made of the same values, for
+//! people; programs read these.
+
+use serde::{Deserialize, Serialize};
+
+use super::Replay;
+use crate::diagnostic::Diagnostic;
+use crate::path::Adapter;
+
+/// What is wrong.
+///
+/// ```no_run
+/// for record in karat::record::read("target/karat/last".as_ref())? {
+///     let Some(fault) = &record.fault else { continue };
+///     println!("{}", fault.headline);
+///     for replay in fault.replays() {
+///         println!("  run it again: {replay}");
+///     }
+/// }
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// It in one line.
+    pub headline: String,
+    /// `file:line:column` of what is wrong, if that is another place than the subject's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
+    /// Each path that fails, or that stopped.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub paths: Vec<PathFault>,
+}
+
+/// What is wrong on one path.
+///
+/// ```
+/// use karat::record::PathFault;
+///
+/// # let json = r#"{ "adapter": { "path": "gl", "name": "", "driver": "", "software": true } }"#;
+/// let fault: PathFault = serde_json::from_str(json)?; // of a record
+/// assert_eq!((&*fault.adapter.path, fault.worst), ("gl", None));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathFault {
+    /// Path, adapter and driver.
+    pub adapter: Adapter,
+    /// Why it has no verdict; `None`: it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
+    /// What tells the arguments of failing cases from the others, if one property does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
+    /// The case with the largest error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst: Option<CaseFault>,
+    /// The failing case of the lowest index, if it is another one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<CaseFault>,
+    /// The simplest case that the worst one could be reduced to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simplest: Option<CaseFault>,
+}
+
+/// One failing case: of a function, an element of a buffer, or a configuration of a sampler.
+///
+/// ```
+/// use karat::record::CaseFault;
+///
+/// let case: CaseFault = serde_json::from_str(r#"{ "case": 7, "error": "2 ulp (1 allowed)" }"#)?;
+/// assert_eq!((case.case, &*case.error), (7, "2 ulp (1 allowed)"));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CaseFault {
+    /// Index of the case.
+    pub case: u64,
+    /// Each argument: its name, and its value as WGSL would write it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub arguments: Vec<(String, String)>,
+    /// The whole result.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub result: String,
+    /// The worst component: empty for a scalar, `.y`, or the element of a buffer, `[12].x`.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub component: String,
+    /// The component's value.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub actual: String,
+    /// What was expected there; empty if a statement judged.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub expected: String,
+    /// The error in its unit, with what is allowed.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub error: String,
+    /// What else is known: what WGSL allows there, and the first let-binding that leaves it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<(String, String)>,
+    /// The expectations of a test in WGSL that fail.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub expectations: Vec<ExpectationFault>,
+    /// The command that runs it again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub replay: Option<Replay>,
+}
+
+/// An expectation that fails.
+///
+/// ```
+/// use karat::record::ExpectationFault;
+///
+/// let json = r#"{ "place": "shaders/brdf_test.wgsl:4:5", "seen": "`expect(x)` saw false" }"#;
+/// let fault: ExpectationFault = serde_json::from_str(json)?; // of a case in a record
+/// println!("{}: {}", fault.place, fault.seen);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExpectationFault {
+    /// `file:line:column`; empty if the report is broken.
+    pub place: String,
+    /// Its text and what it saw.
+    pub seen: String,
+}
+
+impl std::fmt::Display for ExpectationFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &*self.place {
+            "" => f.write_str(&self.seen),
+            place => write!(f, "{place}: {}", self.seen),
+        }
+    }
+}
+
+impl Fault {
+    /// A fault that isn't about values: its message in one line.
+    pub(crate) fn of(message: &str) -> Self {
+        let line = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+        let headline = line.trim().trim_start_matches("error: ").to_owned();
+        Self { headline, ..Self::default() }
+    }
+
+    /// With the place of a message, if that has one.
+    pub(crate) fn at(self, diagnostic: Option<&Diagnostic>) -> Self {
+        let place = diagnostic.and_then(Diagnostic::location).map(ToString::to_string);
+        Self { place, ..self }
+    }
+
+    /// The commands that run failing cases again: for each path that of the worst case, then that of the
+    /// simplest one.
+    ///
+    /// ```
+    /// assert_eq!(karat::record::Fault::default().replays().count(), 0);
+    /// ```
+    pub fn replays(&self) -> impl Iterator<Item = &Replay> {
+        self.paths.iter().flat_map(PathFault::replays)
+    }
+}
+
+impl PathFault {
+    /// What was found on a path, with nothing in it yet.
+    pub(crate) fn on(adapter: &Adapter) -> Self {
+        let (stopped, cause) = (None, None);
+        let (worst, first, simplest) = (None, None, None);
+        Self { adapter: adapter.clone(), stopped, cause, worst, first, simplest }
+    }
+
+    /// The commands that run its failing cases again: that of the simplest one comes last.
+    ///
+    /// ```
+    /// # let json = r#"{ "adapter": { "path": "gl", "name": "", "driver": "", "software": true } }"#;
+    /// # let fault: karat::record::PathFault = serde_json::from_str(json)?;
+    /// assert_eq!(fault.replays().count(), 0);
+    /// # Ok::<(), serde_json::Error>(())
+    /// ```
+    pub fn replays(&self) -> impl Iterator<Item = &Replay> {
+        [&self.worst, &self.simplest].into_iter().flatten().filter_map(|case| case.replay.as_ref())
+    }
+}

@@ -1,0 +1,67 @@
+//! A command that runs a failing case again, as data.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// Runs a failing case again: variables of the environment, a program and its arguments.
+///
+/// `Display` writes it as a shell reads it.
+///
+/// ```
+/// use karat::record::Replay;
+///
+/// let replay = Replay {
+///     variables: vec![("KARAT_CASE".to_owned(), "brdf::lambert/agrees_with/7".to_owned())],
+///     program: "cargo".to_owned(),
+///     arguments: vec!["test".to_owned(), "it's exact".to_owned()],
+/// };
+/// let line = r"KARAT_CASE=brdf::lambert/agrees_with/7 cargo test 'it'\''s exact'";
+/// assert_eq!(replay.to_string(), line);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Replay {
+    /// Variables, in the order in which they are shown.
+    pub variables: Vec<(String, String)>,
+    /// `cargo`, `karat`, or the path of another program.
+    pub program: String,
+    /// Its arguments.
+    pub arguments: Vec<String>,
+}
+
+impl fmt::Display for Replay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, value) in &self.variables {
+            write!(f, "{name}={} ", quoted(value))?;
+        }
+        f.write_str(&quoted(&self.program))?;
+        self.arguments.iter().try_for_each(|argument| write!(f, " {}", quoted(argument)))
+    }
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,#+=".contains(c);
+    // A comment begins a word.
+    match word.chars().all(plain) && !word.starts_with('#') {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_needs_it() {
+        let shown = |word: &str| {
+            let (program, arguments) =
+                ("karat".to_owned(), vec!["test".to_owned(), word.to_owned()]);
+            Replay { variables: Vec::new(), program, arguments }.to_string()
+        };
+        assert_eq!(shown("a::b"), "karat test a::b");
+        assert_eq!(shown("it's 1"), "karat test 'it'\\''s 1'");
+        assert_eq!(shown("#1"), "karat test '#1'");
+    }
+}
