@@ -276,6 +276,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
     };
     let compatibility = "[limits]\nmode = \"compatibility\"\n";
     for (text, limits, place, part) in [
+        (sized, "", "2:32", "uses 512 invocations a workgroup, and WebGPU's default maxComputeInv"),
         (
             workgroup,
             "",
