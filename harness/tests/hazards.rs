@@ -315,8 +315,8 @@ fn inputs_are_declared_and_hazards_accepted() {
     assert_eq!(look().expect("read").found, []);
     write("karat.toml", "[inputs]\ntt = [0.5, 1]\n");
     match look() {
-        Err(HazardError::Declaration(text)) => {
-            assert!(text.contains("did you mean `t`?"), "{text}")
+        Err(HazardError::UnknownInput { name, nearest }) => {
+            assert_eq!((&*name, nearest.as_deref()), ("tt", Some("t")));
         }
         other => panic!("{other:?}"),
     }

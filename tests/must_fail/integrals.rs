@@ -62,7 +62,10 @@ fn a_wrong_constant_in_an_integral() {
     assert_eq!((found.check, &*found.assertion), ("integral.agrees_with", "rel 1.2e-7"));
     for path in &found.paths {
         assert_eq!((path.census.cases, path.census.failures, path.census.too_high), (5, 4, 4));
-        assert!(path.replay.to_string().contains("KARAT_CASE=brdf::eval/integral.agrees_with/"), "{found}");
+        assert!(
+            path.replay.to_string().contains("KARAT_CASE=brdf::eval/integral.agrees_with/"),
+            "{found}"
+        );
     }
     let found = over(vec![Vec3::new(0.0, 0.0, 0.75)]);
     let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));

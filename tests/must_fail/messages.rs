@@ -42,5 +42,10 @@ fn two_checks_of_one_function_are_told_apart() {
     let is_number = |_, x: f32| x >= 0.0;
     over(0.0).try_satisfies("is a number", is_number).expect("it is");
     let found = disagreement(over(-1.0).try_satisfies("is a number", is_number));
-    assert!(found.paths.iter().all(|path| path.replay.to_string().contains("KARAT_CASE=f/satisfies#2/")));
+    assert!(
+        found
+            .paths
+            .iter()
+            .all(|path| path.replay.to_string().contains("KARAT_CASE=f/satisfies#2/"))
+    );
 }

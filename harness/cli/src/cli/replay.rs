@@ -127,7 +127,9 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let Replay { variables, program, arguments } = replay;
     let mut command = match &**program {
         "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
-        "karat" => Command::new(std::env::current_exe().context("this program isn't where it was")?),
+        "karat" => {
+            Command::new(std::env::current_exe().context("this program isn't where it was")?)
+        }
         other => anyhow::bail!("the record's command is another program, `{other}`"),
     };
     for (name, value) in variables {

@@ -192,7 +192,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// What the last line says besides verdicts.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
-    let left_out = (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
+    let left_out =
+        (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
     left_out.into_iter().chain(opinion.remark()).collect()
 }
 

@@ -380,7 +380,11 @@ fn limits_that_are_requested_are_no_rejection() {
     // Required, a limit is an error, and it is told once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
-    assert_eq!((ran.code, ran.out.matches("uses 512 invocations").count()), (Some(1), 1), "{ran:?}");
+    assert_eq!(
+        (ran.code, ran.out.matches("uses 512 invocations").count()),
+        (Some(1), 1),
+        "{ran:?}"
+    );
 }
 
 /// In compatibility mode Tint and Dawn have more rules.

@@ -55,7 +55,8 @@ fn records(folder: &FilePath, names: &[String]) -> String {
         let replay = serde_json::json!({
             "variables": [], "program": "karat", "arguments": ["test", name]
         });
-        let adapter = serde_json::json!({ "path": "gl", "name": name, "driver": "", "software": true });
+        let adapter =
+            serde_json::json!({ "path": "gl", "name": name, "driver": "", "software": true });
         record["fault"] = serde_json::json!({
             "headline": format!("{name} fails"),
             "paths": [{ "adapter": adapter, "worst": { "replay": replay } }]

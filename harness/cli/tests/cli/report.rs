@@ -6,8 +6,8 @@ use karat::Image;
 use karat::image::Precision;
 use karat::record::Run;
 
-use super::pending::{pending_frame, provenance};
 use super::faults::fault;
+use super::pending::{pending_frame, provenance};
 use super::*;
 
 fn line(

@@ -6,9 +6,7 @@ use serde_json::{Value, json};
 pub(crate) fn fault(message: &str) -> Value {
     let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
     let mut paths: Vec<Value> = Vec::new();
-    let begin = |path: &str| {
-        json!({ "adapter": { "path": path, "name": "", "driver": "", "software": true } })
-    };
+    let begin = |path: &str| json!({ "adapter": { "path": path, "name": "", "driver": "", "software": true } });
     for line in message.lines() {
         if let Some((path, _)) = line.strip_prefix("on ").and_then(|on| on.split_once(':')) {
             paths.push(begin(path));
@@ -17,7 +15,9 @@ pub(crate) fn fault(message: &str) -> Value {
         let words = shell_words::split(command).expect("a command");
         // Without a heading a command says which path it is of.
         let named = words.iter().find_map(|word| word.strip_prefix("KARAT_PATHS="));
-        let begun = |paths: &[Value]| paths.iter().any(|own| own["adapter"]["path"] == *named.unwrap_or_default());
+        let begun = |paths: &[Value]| {
+            paths.iter().any(|own| own["adapter"]["path"] == *named.unwrap_or_default())
+        };
         if paths.is_empty() || (named.is_some() && !begun(&paths)) {
             paths.push(begin(named.unwrap_or("vulkan")));
         }
