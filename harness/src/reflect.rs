@@ -127,6 +127,9 @@ pub enum ReflectError {
     /// The function is valid, but can't be called by a compute kernel.
     #[error("{0}")]
     Unprobeable(Box<Diagnostic>),
+    /// An override has no value, or a value that it can't have.
+    #[error("{0}")]
+    Override(Box<Diagnostic>),
 }
 
 impl ReflectError {
@@ -145,7 +148,8 @@ impl ReflectError {
             Self::Package(PackageError::Shader(found))
             | Self::Invalid(found)
             | Self::Refused(found)
-            | Self::Unprobeable(found) => Some(found),
+            | Self::Unprobeable(found)
+            | Self::Override(found) => Some(found),
             Self::Package(_) => None,
         }
     }

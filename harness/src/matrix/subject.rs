@@ -119,7 +119,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
             Err(error) => failed("function", error.to_string()),
         },
         // It has no value to pass or to compare, or belongs to another stage: nothing calls it.
-        Err(ProbeError::Reflect(ReflectError::Unprobeable(why))) => {
+        Err(ProbeError::Reflect(ReflectError::Unprobeable(why) | ReflectError::Override(why))) => {
             failed("not callable", why.to_string())
         }
         Err(error) => failed("function", error.to_string()),

@@ -49,6 +49,19 @@ impl fmt::Display for Selector {
 }
 
 impl Selector {
+    /// True if its text names paths.
+    ///
+    /// ```
+    /// use karat::path::Selector;
+    ///
+    /// let (known, unknown): (Selector, Selector) = ("gl@llvmpipe".into(), "gll".into());
+    /// assert!(known.is_known() && !unknown.is_known());
+    /// ```
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        self.parts.is_some()
+    }
+
     /// Refuses a text that names no path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         match self.parts {

@@ -32,7 +32,7 @@ impl Program {
                     "the override `{name}` has two values, by its name and by its \
                                        number"
                 );
-                return Err(ReflectError::Unprobeable(Box::new(Diagnostic::new(message))));
+                return Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
             }
             values.insert(text_name, *value);
         }
@@ -105,7 +105,7 @@ impl Program {
         let nearest = nearest(name, known.iter().map(String::as_str));
         let nearest = nearest.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
         let message = format!("what is called uses no override `{name}`{nearest}");
-        Err(ReflectError::Unprobeable(Box::new(Diagnostic::new(message))))
+        Err(ReflectError::Override(Box::new(Diagnostic::new(message))))
     }
 
     fn told(&self, handle: Handle<Override>, diagnostic: Diagnostic) -> ReflectError {
@@ -115,7 +115,7 @@ impl Program {
             Some(span) => diagnostic.at(span, "declared here"),
             None => diagnostic,
         };
-        ReflectError::Unprobeable(Box::new(diagnostic))
+        ReflectError::Override(Box::new(diagnostic))
     }
 }
 

@@ -234,9 +234,9 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of the key that an error begins with.
-    pub(crate) fn place_of(&self, error: &str) -> Option<&Span> {
-        self.0.get(error.split([' ', ':']).next().unwrap_or_default())
+    /// The place of a key.
+    pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
+        self.0.get(key)
     }
 }
 
@@ -315,26 +315,10 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The place of what is wrong: of the key that an error begins with, or of what is asserted.
-    pub(crate) fn place_of(&self, error: &str) -> Option<&Span> {
-        self.keys.place_of(error).or_else(|| self.keys.0.get(self.what.key()))
-    }
-
-    /// The key that a check's error is about, which knows no file.
-    pub(crate) fn key_of(&self, error: &str) -> &'static str {
-        let test = &self.test;
-        let names = |paths: &BTreeMap<String, String>| {
-            paths.keys().any(|path| error.contains(&format!("`{path}`")))
-        };
-        match () {
-            () if error.contains(" cases, ") && test.cases.is_some() => "cases",
-            () if error.starts_with("the domain of ") && !test.over.is_empty() => "over",
-            () if error.contains("execution path") && names(&test.fails_on) => "fails_on",
-            () if error.contains("execution path") && names(&test.refused_on) => "refused_on",
-            () if error.contains("execution path") && names(&test.tolerance_on) => "tolerance_on",
-            () if error.contains("override `") => "override",
-            () => self.what.key(),
-        }
+    /// The place of a key, or of what is asserted.
+    pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
+        let named = key.and_then(|key| self.keys.place_of(key));
+        named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
     /// The tolerance, where one is needed.

@@ -22,6 +22,7 @@ mod essence;
 mod find;
 mod fixtures;
 mod json;
+mod misdeclared;
 mod numbers;
 mod rows;
 mod run;

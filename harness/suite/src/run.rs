@@ -10,7 +10,7 @@ use karat::domain::{Dynamic, Part};
 use karat::draw::Format;
 use karat::golden::FrameTolerance;
 use karat::made_up::Ranges;
-use karat::probe::Probed;
+use karat::probe::{ProbeError, Probed};
 use karat::reflect::{Binding, Program, Stage};
 use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
@@ -21,6 +21,7 @@ use crate::declared::{
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
+use crate::misdeclared::{Misdeclared, has_place, key_of};
 use crate::numbers::{self, Wanted};
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
@@ -123,27 +124,16 @@ impl Suite {
                 })
             }
             Kind::Function(assertion) => {
-                let placed = |error: String| {
-                    let span = assertion.place_of(&error).unwrap_or(&test.span);
-                    // What is wrong in a table has its place.
-                    match error.contains("\n   --> ") {
-                        true => format!("error: {error}"),
-                        false => Diagnostic::new(error).at(span.clone(), "").to_string(),
+                let judged = function(&self.package, assertion)
+                    .map_err(|wrong| wrong.told(assertion, &test.span))?;
+                judged.map(drop).map_err(|failure| {
+                    let words = declared_words(&failure.to_string());
+                    if has_place(&failure) {
+                        return words + &row_of(&failure, assertion).unwrap_or_default();
                     }
-                };
-                let judged = function(&self.package, assertion).map_err(placed)?;
-                judged.map(drop).map_err(|error| {
-                    let words = declared_words(&error.to_string());
-                    // What is wrong with the shader has its place.
-                    match words.contains("\n  --> ") || words.contains("\n   --> ") {
-                        true => words + &row_of(&error, assertion).unwrap_or_default(),
-                        false => {
-                            let words = words.strip_prefix("error: ").unwrap_or(&words).to_owned();
-                            let key = assertion.key_of(&words);
-                            let span = assertion.place_of(key).unwrap_or(&test.span).clone();
-                            Diagnostic::new(words).at(span, "").to_string()
-                        }
-                    }
+                    let words = words.strip_prefix("error: ").unwrap_or(&words).to_owned();
+                    let span = assertion.place_of(key_of(assertion, &failure));
+                    Diagnostic::new(words).at(span.unwrap_or(&test.span).clone(), "").to_string()
                 })
             }
             Kind::Frame(declared) => frame(&self.package, declared, &test.span).map_err(|error| {
@@ -157,7 +147,8 @@ impl Suite {
                     None if own.is_some() || words.starts_with("on ") => return words,
                     None => &words,
                 };
-                let key = declared.key_of(message).unwrap_or(message);
+                let first = message.split([' ', ':']).next().unwrap_or_default();
+                let key = declared.key_of(message).unwrap_or(first);
                 let place = declared.keys.place_of(key).unwrap_or(&test.span);
                 Diagnostic::new(message).at(place.clone(), "").to_string()
             }),
@@ -242,9 +233,9 @@ fn reworded(message: String, first: &str, last: &str, word: impl Fn(&str) -> Str
 }
 
 /// What a check concluded, or why it could not begin.
-type Judged = Result<Result<Agreement, Failure>, String>;
+type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
-fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged {
+fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<String> {
     let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
     let mut all = Vec::new();
     let parameters = test.parameters()?;
@@ -264,42 +255,44 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged {
 /// Cases of a test in WGSL that has parameters and says no number: each carries a report.
 const CASES: u64 = 4096;
 
-fn function(package: &Package, assertion: &Assertion) -> Judged {
+fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let Assertion { test, function, what, folder, .. } = assertion;
     let overrides = test.overrides.iter().map(|(name, value)| (name.clone(), value.number()));
     let overrides: BTreeMap<String, f64> = overrides.collect();
     let probed = match Probed::with_overrides(package, function, &overrides) {
         Ok(probed) => probed,
         // What isn't valid WGSL has its own place.
-        Err(error) if error.to_string().starts_with("error") => return Ok(Err(error.into())),
-        Err(error) => return Err(format!("function: {error}")),
+        Err(ProbeError::Reflect(error)) if error.diagnostic().is_some() => {
+            return Ok(Err(ProbeError::Reflect(error).into()));
+        }
+        Err(error) => return Err(Misdeclared::of("function")(error.to_string())),
     };
     for (name, value) in &test.overrides {
         let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
         if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
             let kind = kind.wgsl();
-            return Err(format!(
-                "override: `{name}` is {kind}, and {on} isn't one: write a number"
-            ));
+            let wrong = format!("`{name}` is {kind}, and {on} isn't one: write a number");
+            return Err(Misdeclared::of("override")(wrong));
         }
     }
     // With arguments that don't vary a derivative would be 0 in each case.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("it takes derivatives, and directions of an integral don't vary".to_owned());
+            return Err("it takes derivatives, and directions of an integral don't vary".into());
         }
         _ => probed.with_varying(),
     };
     let parameters = probed.function().parameters.clone();
     let known = || parameters.iter().map(|(name, _)| &**name);
     if let Some(unknown) = test.over.keys().find(|key| known().all(|name| name != key.as_str())) {
-        return Err(format!("over: {}", no_such("parameter", unknown, known())));
+        return Err(Misdeclared::of("over")(no_such("parameter", unknown, known())));
     }
     let mut probe = package.function(function);
     for (name, value) in overrides {
         probe = probe.override_(&name, value);
     }
-    let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)?;
+    let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)
+        .map_err(Misdeclared::of("with"))?;
     // What isn't bound, or wrongly, is told by the check.
     let _ = probed.fit(&fixtures);
     for (name, fixture) in fixtures {
@@ -308,19 +301,19 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let result = probed.function().result.clone();
     let shapes: Vec<Shape> = parameters.iter().map(|(_, shape)| shape.clone()).collect();
     let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
-    let domain = |count: usize| -> Result<Dynamic, String> {
+    let domain = |count: usize| -> Result<Dynamic, Misdeclared> {
         let own = parameters.iter().take(count);
         let parts = own.map(|(name, shape)| {
             parts(name, shape, test.over.get(name), &ranges)
-                .map_err(|error| format!("over: {error}"))
+                .map_err(Misdeclared::of("over"))
         });
         Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };
     let all = shapes.len();
-    let of_key = |error: String| format!("tolerance: {error}");
-    let required = || tolerance(assertion.tolerance()?).map_err(of_key);
-    let or_exact = || tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_key);
-    let wanted = || criterion(assertion.tolerance()?).map_err(of_key);
+    let of_key = || Misdeclared::of("tolerance");
+    let required = || tolerance(assertion.tolerance()?).map_err(of_key());
+    let or_exact = || tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_key());
+    let wanted = || criterion(assertion.tolerance()?).map_err(of_key());
     let plain = test.tolerance.as_deref().and_then(|text| tolerance(text).ok());
     let near = plain.as_ref().map_or(Wanted::Near, Wanted::from);
     match what {
@@ -338,7 +331,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
                 None => {
-                    return Err("a function without arguments has no table: `equals`".to_owned());
+                    return Err("a function without arguments has no table: `equals`".into());
                 }
             }
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
@@ -364,16 +357,16 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
-                return Err(format!("`finite` holds for every {result}, so it can't fail"));
+                return Err(format!("`finite` holds for every {result}, so it can't fail").into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.is_finite())
         }
         What::InRange([least, most]) => {
             if !(least <= most) {
-                return Err(format!("in_range = [{least}, {most}] has no value"));
+                return Err(format!("in_range = [{least}, {most}] has no value").into());
             }
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
-                return Err(format!("`in_range` is for numbers, and the result is a {result}"));
+                return Err(format!("`in_range` is for numbers, and the result is a {result}").into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.stays_within(*least, *most))
         }
@@ -381,7 +374,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
             if parameters[first.0].1 != parameters[second.0].1 || first.0 == second.0 {
-                return Err("symmetric_in names two parameters of one type".to_owned());
+                return Err("symmetric_in names two parameters of one type".into());
             }
             let width = shapes[first.0].lanes().len();
             let swap = |words: &[u32], out: &mut Vec<u32>| {
@@ -426,10 +419,10 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         }
         What::Integral(Integral { over, is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err("an integral is over the last parameter, a vec3f".to_owned());
+                return Err("an integral is over the last parameter, a vec3f".into());
             }
             if *rings == Some(0) {
-                return Err("an integral with 0 rings has no node".to_owned());
+                return Err("an integral with 0 rings has no node".into());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),
@@ -439,7 +432,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                return Err(format!("over: `{last}` is what is integrated over: leave it out"));
+                let wrong = format!("`{last}` is what is integrated over: leave it out");
+                return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
             let value = is.as_ref().or(at_most.as_ref()).expect("one of them");
@@ -466,7 +460,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
 fn settled<'p>(
     mut check: DynamicCheck<'p>,
     Assertion { test, what, .. }: &Assertion,
-) -> Result<DynamicCheck<'p>, String> {
+) -> Result<DynamicCheck<'p>, Misdeclared> {
     if let Some(cases) = test.cases {
         check = check.cases(cases);
     }
@@ -476,8 +470,7 @@ fn settled<'p>(
     // Others of the test's assertions may have it.
     if what.takes("tolerance_on") {
         for (on, text) in &test.tolerance_on {
-            let own: Tolerance =
-                tolerance(text).map_err(|error| format!("tolerance_on: {error}"))?;
+            let own: Tolerance = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;
             check = check.tolerance_on(on.as_str(), own);
         }
     }
@@ -535,8 +528,8 @@ fn bound(
     for (name, value) in with {
         let Some(binding) = bindings.iter().find(|binding| binding.name() == name) else {
             return Err(match bindings {
-                [] => format!("with: it reads no variable, so `{name}` binds nothing"),
-                _ => format!("with: {}", no_such("variable", name, known())),
+                [] => format!("it reads no variable, so `{name}` binds nothing"),
+                _ => no_such("variable", name, known()),
             });
         };
         all.push((name.clone(), fixture(program, binding, value, folder)?));
@@ -584,7 +577,8 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
     frame = frame.declared_at(&at.to_string());
     // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
     if is_there {
-        for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
+        let all = bound(&program, &bindings, &declared.with, &declared.folder);
+        for (name, fixture) in all.map_err(|error| format!("with: {error}"))? {
             frame = frame.with(&name, fixture);
         }
     }

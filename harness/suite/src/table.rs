@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::diagnostic::{nearest, read_file, shown};
+use karat::diagnostic::{nearest, read_file};
 use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
+use crate::misdeclared::Misdeclared;
 use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, begins_with_mark, head_of};
 
@@ -28,7 +29,7 @@ pub(crate) fn read(
     parameters: &[(String, Shape)],
     result: &Shape,
     compared: Wanted,
-) -> Result<Table, String> {
+) -> Result<Table, Misdeclared> {
     let name = file.display();
     let text = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
     let mut reader = reader(&text);
@@ -42,14 +43,14 @@ pub(crate) fn read(
         let others = head.iter().filter(|column| wanted().all(|name| name != *column));
         let near = nearest(missing, others);
         let near = near.map_or_else(String::new, |n| format!("; is it `{n}`, misspelt?"));
-        return Err(format!("`{name}`: the column `{missing}` is missing{near}"));
+        return Err(format!("`{name}`: the column `{missing}` is missing{near}").into());
     }
     if let Some((_, twice)) = head
         .iter()
         .enumerate()
         .find(|(at, column)| head.iter().take(*at).any(|earlier| earlier == *column))
     {
-        return Err(format!("`{name}` has two columns `{twice}`: one of them would be ignored"));
+        return Err(format!("`{name}` has two columns `{twice}`: one of them would be ignored").into());
     }
     // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
     let stems = || parameters.iter().map(|(name, _)| name.as_str()).chain([RESULT]);
@@ -61,7 +62,7 @@ pub(crate) fn read(
         let columns = wanted().collect::<Vec<_>>().join(", ");
         return Err(format!(
             "`{name}`: the column `{foreign}` is no part of what the function takes and returns: {columns}"
-        ));
+        ).into());
     }
     let place = |(column, scalar): &(String, Scalar)| {
         let place = head.iter().position(|known| known == column);
@@ -78,7 +79,7 @@ pub(crate) fn read(
         };
         let begins = begins(&text, position);
         let line = line_of(&text, begins);
-        let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
+        let at = |message: String| Misdeclared::at_line(file, line, message);
         if begins_with_mark(&text, begins) {
             return Err(at(format!("`{name}`: {MARKED}")));
         }
@@ -110,7 +111,7 @@ pub(crate) fn read(
         rows.push(words);
     }
     if rows.is_empty() {
-        return Err(format!("`{name}` has no row, so nothing would be compared"));
+        return Err(format!("`{name}` has no row, so nothing would be compared").into());
     }
     Ok(Table { rows, expected })
 }
@@ -169,7 +170,7 @@ mod tests {
         let float = Shape::Scalar(Scalar::F32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         let parameters = [("a".to_owned(), float.clone()), ("v".to_owned(), vector)];
-        read(&file, &parameters, &float, Wanted::Near)
+        read(&file, &parameters, &float, Wanted::Near).map_err(|wrong| wrong.to_string())
     }
 
     #[test]
