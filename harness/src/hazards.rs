@@ -648,10 +648,13 @@ impl AcceptedHazard {
     }
 }
 
-impl fmt::Display for Hazard {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let hidden = if self.hidden { ", hidden" } else { "" };
-        writeln!(f, "{}{hidden}: {}  at {}", self.kind.name(), self.text, self.location)?;
+impl Hazard {
+    /// The lines below the first: where it came from, what it means and what else shows it.
+    pub fn details(&self) -> impl fmt::Display + '_ {
+        fmt::from_fn(move |f| self.write_details(f))
+    }
+
+    fn write_details(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let named: Vec<String> =
             self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
@@ -683,6 +686,14 @@ impl fmt::Display for Hazard {
             )?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Hazard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hidden = if self.hidden { ", hidden" } else { "" };
+        writeln!(f, "{}{hidden}: {}  at {}", self.kind.name(), self.text, self.location)?;
+        self.write_details(f)
     }
 }
 

@@ -87,7 +87,11 @@ impl Kept<'_> {
         match wanted {
             Wanted::Near => format!("{actual}, expected {expected} within {first}"),
             Wanted::Relative => format!("{actual}, expected {expected} within {first} of it"),
-            Wanted::Ulp => format!("{actual}, expected {expected} within {first} ulp"),
+            Wanted::Ulp => {
+                let unusable = Tolerance::from(Ulp(self.bound(0))).unusable();
+                let nothing = unusable.map_or("", |_| ", which bounds nothing");
+                format!("{actual}, expected {expected} within {first} ulp{nothing}")
+            }
             Wanted::Within => {
                 format!("{actual}, expected {expected} within {first} of the larger, or {second}")
             }
@@ -409,6 +413,7 @@ mod tests {
         assert!(!holds(Wanted::Near, 1.5_f32.next_up(), 1.0, [0.5, 0.0]));
         assert!(holds(Wanted::Ulp, 1.0_f32.next_up(), 1.0, [1.0, 0.0]));
         assert!(!holds(Wanted::Ulp, 1.0_f32.next_up().next_up(), 1.0, [1.0, 0.0]));
+        assert!(!holds(Wanted::Ulp, 1.0, 1.0, [4.3e9, 0.0]), "no two numbers are farther apart");
         assert!(holds(Wanted::Within, 1000.9, 1000.0, [1e-3, 1e-6]));
         assert!(!holds(Wanted::Within, 1002.0, 1000.0, [1e-3, 1e-6]));
         assert!(holds(Wanted::InRange, 1.0, 0.0, [0.0, 1.0]));

@@ -118,7 +118,7 @@ impl Suite {
                     None => test.probe()?,
                 };
                 let judged = wgsl(&self.package, test, probe).map_err(placed)?;
-                judged.map(drop).map_err(|error| match unbound(&error.to_string()) {
+                judged.map(drop).map_err(|error| match unbound(&error) {
                     Some(unbound) => placed(unbound),
                     None => error.to_string(),
                 })
@@ -187,13 +187,12 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Opt
 }
 
 /// That a test in WGSL reads what nobody binds.
-fn unbound(message: &str) -> Option<String> {
-    let message = message.strip_prefix("error: ").unwrap_or(message);
-    let (variable, rest) = message.strip_prefix('`')?.split_once('`')?;
-    let (kind, _) = rest.split_once(" has no fixture")?;
+fn unbound(failure: &Failure) -> Option<String> {
+    let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
+    let (variable, kind) = error.missing()?;
     let name = variable.rsplit("::").next().unwrap_or(variable);
     Some(format!(
-        "`{name}`{kind} is read by this test, and a test in WGSL binds nothing: declare a test in \
+        "`{name}` ({kind}) is read by this test, and a test in WGSL binds nothing: declare a test in \
          `*.test.toml`, with `with = {{ {name} = ... }}`"
     ))
 }
@@ -304,8 +303,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let domain = |count: usize| -> Result<Dynamic, Misdeclared> {
         let own = parameters.iter().take(count);
         let parts = own.map(|(name, shape)| {
-            parts(name, shape, test.over.get(name), &ranges)
-                .map_err(Misdeclared::of("over"))
+            parts(name, shape, test.over.get(name), &ranges).map_err(Misdeclared::of("over"))
         });
         Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };
@@ -366,7 +364,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 return Err(format!("in_range = [{least}, {most}] has no value").into());
             }
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
-                return Err(format!("`in_range` is for numbers, and the result is a {result}").into());
+                return Err(
+                    format!("`in_range` is for numbers, and the result is a {result}").into()
+                );
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.stays_within(*least, *most))
         }

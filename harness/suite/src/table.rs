@@ -50,7 +50,9 @@ pub(crate) fn read(
         .enumerate()
         .find(|(at, column)| head.iter().take(*at).any(|earlier| earlier == *column))
     {
-        return Err(format!("`{name}` has two columns `{twice}`: one of them would be ignored").into());
+        return Err(
+            format!("`{name}` has two columns `{twice}`: one of them would be ignored").into()
+        );
     }
     // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
     let stems = || parameters.iter().map(|(name, _)| name.as_str()).chain([RESULT]);

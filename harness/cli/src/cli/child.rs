@@ -19,6 +19,13 @@ pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Res
     })
 }
 
+/// The test and the word of a line that Rust's test runner writes after a test:
+/// `test fresnel::is_reciprocal ... ok`.
+pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
+    let (name, word) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
+    Some((name.strip_suffix(" - should panic").unwrap_or(name), word))
+}
+
 /// Runs a program, with each line of its standard output given to `line`.
 ///
 /// What it writes to standard error passes through here, too, unless a terminal shows it: a pipe

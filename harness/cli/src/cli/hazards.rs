@@ -208,11 +208,9 @@ fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
         Kind::Nan | Kind::OutOfRange | Kind::ByZero | Kind::Infinite if !hazard.hidden => BAD,
         _ => KNOWN,
     };
-    let text = hazard.to_string();
-    let (head, rest) = text.split_once('\n').unwrap_or((&text, ""));
-    let (kind, rest_of_head) = head.split_once(": ").unwrap_or((head, ""));
-    let (operation, place) = rest_of_head.rsplit_once("  at ").unwrap_or((rest_of_head, ""));
-    writeln!(out, "{style}{kind}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
-    writeln!(out, "{DIM}{rest}{DIM:#}\n")?;
+    let (kind, operation, place) = (hazard.kind.name(), &hazard.text, &hazard.location);
+    let hidden = if hazard.hidden { ", hidden" } else { "" };
+    writeln!(out, "{style}{kind}{hidden}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
+    writeln!(out, "{DIM}{}{DIM:#}\n", hazard.details())?;
     Ok(())
 }

@@ -598,8 +598,7 @@ impl<'a> Asked<'a> {
         let mut told = false;
         let above = progress.line();
         let mut line = |line: &str| {
-            let verdict = line.strip_prefix("test ").and_then(|line| line.rsplit_once(" ... "));
-            if let Some((name, word)) = verdict {
+            if let Some((name, word)) = child::verdict(line) {
                 progress.step(name, word);
                 if word == "ok" {
                     return Ok(());

@@ -165,6 +165,30 @@ fn each_failing_expectation_is_told_with_its_place() {
 }
 
 /// Each kind of declared assertion fails where its fault is planted.
+/// No two numbers are as many steps apart, so the expectation couldn't fail.
+#[test]
+fn a_bound_that_nothing_exceeds_fails() {
+    let folder = folder();
+    let text = |steps: &str| {
+        format!(
+            "import karat::expect_ulp;\n@test fn far(@over(0, 1) x: f32) \
+             {{ expect_ulp(x, -3e38, {steps}); }}\n"
+        )
+    };
+    for paths in ["cpu", "cpu,vulkan"] {
+        let ran = |steps: &str| {
+            write(folder.path(), "far_test.wgsl", &text(steps));
+            karat(folder.path(), &["test", ".", "far", "--paths", paths])
+        };
+        ran("4e9").good();
+        for steps in ["4278190080.0", "1e30"] {
+            let ran = ran(steps);
+            assert_eq!(ran.code, Some(1), "{ran:?}");
+            assert!(ran.out.contains("ulp, which bounds nothing"), "{ran:?}");
+        }
+    }
+}
+
 #[test]
 fn planted_faults_turn_each_assertion_red() {
     for (fault, by, names) in [

@@ -62,10 +62,9 @@ impl Progress {
     /// A test has its verdict.
     pub(super) fn step(&mut self, name: &str, verdict: &str) {
         self.done += 1;
-        let own = name.strip_suffix(" - should panic").unwrap_or(name).to_owned();
         match verdict {
-            "FAILED" => self.failed.push(own),
-            "ok" => self.passed.push(own),
+            "FAILED" => self.failed.push(name.to_owned()),
+            "ok" => self.passed.push(name.to_owned()),
             _ => {}
         }
         let mut drawn = self.line.alone();

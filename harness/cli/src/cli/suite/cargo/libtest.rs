@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
 
-use super::super::super::child::LastWords;
+use super::super::super::child::{LastWords, verdict};
 use super::programs::TestProgram;
 
 /// Names in one command: Windows takes 32,767 characters.
@@ -116,9 +116,8 @@ impl Parser {
             }
             return None;
         }
-        let (name, verdict) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
-        let name = name.strip_suffix(" - should panic").unwrap_or(name);
-        match verdict {
+        let (name, word) = verdict(line)?;
+        match word {
             "ok" => {
                 self.passed.push(name.to_owned());
                 Some(name.to_owned())
