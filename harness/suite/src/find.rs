@@ -45,9 +45,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     for file in meant(&package)? {
         let read = match file.to_string_lossy().ends_with(ENDING) {
             true => declared::read(&file, &root),
-            false => {
-                Err(format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file)))
-            }
+            false => Err(unread(&file)),
         };
         match read {
             Ok(found) => tests.extend(found),
@@ -77,6 +75,15 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let folder = folder.to_owned();
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
+}
+
+/// That a file isn't read, and how those end that are.
+fn unread(file: &Path) -> String {
+    let read = match is_misnamed_module(file) {
+        true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
+        false => format!("declared tests are in `*{ENDING}`"),
+    };
+    format!("`{}` isn't read: {read}", shown(file))
 }
 
 /// A message about a whole file, at its beginning: editors show what has a place.
@@ -122,11 +129,23 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// True if a file's author meant it to declare tests, by its name or by what it holds.
+/// Whether a file with tests in WGSL has an ending that isn't theirs, such as `brdf_test.wgls`.
+fn is_misnamed_module(file: &Path) -> bool {
+    const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
+    let ending = file.extension().unwrap_or_default().to_string_lossy();
+    let is_near = !ENDINGS.contains(&&*ending) && nearest(&ending, ENDINGS).is_some();
+    let is_test = |line: &str| {
+        let rest = line.trim_start().strip_prefix("@test");
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t', '@']))
+    };
+    is_near && read_file(file).is_ok_and(|text| String::from_utf8_lossy(&text).lines().any(is_test))
+}
+
+/// True if a file's author meant it to hold tests, by its name or by what it holds.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    stem_of(&name).is_some() || declares(file, &name)
+    stem_of(&name).is_some() || declares(file, &name) || is_misnamed_module(file)
 }
 
 /// The files of a package, or of its one module, that were meant to declare tests.

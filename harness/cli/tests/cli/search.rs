@@ -66,12 +66,13 @@ fn what_looks_like_a_test_and_is_none_fails_every_command() {
     .enumerate()
     {
         // How a file can be none doesn't depend on where it is.
-        let kinds = if at == 0 { 4 } else { 1 };
+        let kinds = if at == 0 { 5 } else { 1 };
         for (file, text) in [
             ("a.test.toml", DECLARED.replace("function", "functionn")),
             ("a.test.toml", "\u{0}garbage".to_owned()),
             ("a.tests.toml", DECLARED.to_owned()),
             ("sub/tests.toml", DECLARED.to_owned()),
+            ("a_test.wgls", "@test fn t() {}\n".to_owned()),
         ]
         .into_iter()
         .take(kinds)

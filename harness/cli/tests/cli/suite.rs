@@ -349,6 +349,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
             "brdf.test.toml:2:1",
         ),
         ("brdf.tests.toml", "[[test]]\n", "declared tests are in `*.test.toml`"),
+        ("t.wgls", "@test fn t() {}\n", "tests in WGSL are in `*.wgsl` and `*.wesl`"),
         ("t.wgsl", "@tset fn t() {}\n", "tset"),
         (
             "t.wgsl",
