@@ -447,6 +447,12 @@ fn what_tint_alone_accepts_is_told() {
 fn a_chromium_is_asked_where_it_is_named() {
     let folder = folder("fn shift(x: u32) -> u32 { return x << x + 1u; }\n");
     write(folder.path(), "shaders/valid.wgsl", VALID);
+    // Its device is a software one, without halves: that is no fault of the text.
+    write(
+        folder.path(),
+        "shaders/half.wgsl",
+        "enable f16;\nfn half(x: f16) -> f16 { return 0.5 * x; }\n",
+    );
     let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
     let path = std::env::var_os("PATH").unwrap_or_default();
     let mut programs =
@@ -456,8 +462,10 @@ fn a_chromium_is_asked_where_it_is_named() {
     assert!(ran.out.contains("mixing '<<' and '+' requires parenthesis"), "{ran:?}");
     assert_eq!(
         last_line(&ran.out),
-        "1 package valid; Tint accepts 1 module; Tint rejects 1 module"
+        "1 package valid; Tint accepts 1 module; Tint rejects 1 module; \
+         Tint has no verdict on 1 module"
     );
+    assert!(ran.out.contains("this browser's device lacks a feature"), "{ran:?}");
 }
 
 /// Programs in the place of Tint.
