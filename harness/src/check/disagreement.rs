@@ -413,11 +413,15 @@ impl CaseFailure {
 }
 
 impl Disagreement {
+    /// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```
+    fn headline(&self) -> String {
+        format!("`{}` fails {}: {}", self.function.name, self.check, self.assertion)
+    }
+
     /// The same as data.
     pub(super) fn fault(&self) -> Fault {
-        let headline = format!("`{}` fails {}", self.function.name, self.check);
         Fault {
-            headline,
+            headline: self.headline(),
             paths: self.paths.iter().map(PathDisagreement::fault).collect(),
             ..Fault::default()
         }
@@ -458,9 +462,9 @@ impl CaseFailure {
             arguments: self.arguments.clone(),
             result: self.result.clone(),
             component: self.component.clone(),
-            actual,
             expected: self.expected.map(expected).unwrap_or_default(),
-            error: self.error.clone(),
+            error: if actual.is_empty() { String::new() } else { self.error.clone() },
+            actual,
             notes: self.explanation.iter().map(note).collect(),
             expectations: self.expectations.clone(),
             replay: None,
@@ -551,9 +555,7 @@ pub(crate) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, 
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let span = first_line(&self.function);
-        let Self { check, assertion, .. } = self;
-        let message = format!("`{}` fails {check}: {assertion}", self.function.name);
-        let diagnostic = Diagnostic::new(message).at(span, "");
+        let diagnostic = Diagnostic::new(self.headline()).at(span, "");
         writeln!(f, "{diagnostic}")?;
         if !self.domain.is_empty() {
             writeln!(f, "arguments: {}", self.domain)?;

@@ -91,7 +91,7 @@ pub struct CaseFault {
     /// What was expected there; empty if a statement judged.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub expected: String,
-    /// The error in its unit, with what is allowed.
+    /// The error in its unit, with what is allowed; empty if a statement judged.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub error: String,
     /// What else is known: what WGSL allows there, and the first let-binding that leaves it.

@@ -21,7 +21,9 @@ use karat::Package;
 use karat::image::write_whole;
 use karat::output::{counted, visible, visible_json};
 use karat::package::FunctionItem;
-use karat::record::{Fault, PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
+use karat::record::{
+    CaseFault, Fault, PathFault, PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed,
+};
 use karat::reflect::Opinion;
 use karat_suite::{Suite, Test};
 
@@ -345,6 +347,34 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
 /// The commands that replay a failure, for a shell: of the worst case first.
 fn replays(record: &Record) -> Vec<String> {
     record.fault.iter().flat_map(Fault::replays).map(ToString::to_string).collect()
+}
+
+/// What a path's failing cases say, each in a line: arguments, what came of them, expectations that fail; and
+/// the command that runs the worst of them again.
+fn facts(fault: &PathFault) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for case in [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten() {
+        let expectations = case.expectations.iter().map(ToString::to_string);
+        for line in std::iter::once(in_a_line(case)).chain(expectations) {
+            if !line.is_empty() && !lines.contains(&line) {
+                lines.push(line);
+            }
+        }
+    }
+    lines.extend(fault.replays().next().map(|replay| format!("replay: {replay}")));
+    lines
+}
+
+/// `x = 2; returned = (1, 3); .y = 3; expected = 2; error = 1 (0.5 allowed)`
+fn in_a_line(case: &CaseFault) -> String {
+    let CaseFault { arguments, result, component, actual, expected, error, .. } = case;
+    let part = if component.is_empty() { "" } else { actual };
+    let others =
+        [("returned", &**result), (component, part), ("expected", expected), ("error", error)];
+    let others = others.into_iter().filter(|(_, value)| !value.is_empty());
+    let arguments = arguments.iter().map(|(name, value)| (&**name, &**value));
+    let parts = arguments.chain(others).map(|(name, value)| format!("{name} = {value}"));
+    parts.collect::<Vec<_>>().join("; ")
 }
 
 /// Where the failure belongs, relative to the project.

@@ -126,7 +126,7 @@ fn junit_has_a_case_for_each_check_and_frame() {
         (child.attribute("message").map(str::to_owned), child.text().unwrap_or_default().to_owned())
     };
     let (message, description) = child(double, "failure");
-    assert_eq!(message.as_deref(), Some("error: `calc::double` fails, 50%: <b>"));
+    assert_eq!(message.as_deref(), Some("`calc::double` fails, 50%: <b>"));
     assert!(description.contains("worst"), "{description}");
     let (_, out) = child(double, "system-out");
     assert!(
@@ -261,7 +261,9 @@ fn the_first_line_says_what_is_wrong_and_not_where() {
         let adapter = "on vulkan: llvmpipe (LLVM 15.0.6, 256 bits)";
         let message = format!("frame `{name}` differs, 5%\n{adapter}\n  worst: pixel (2, 1)");
         let line = frame(&golden, name, &["gl", "vulkan"], "fail");
-        line.replace("\"frame differs\\n  by 100%\"", &serde_json::json!(message).to_string())
+        let line =
+            line.replace("\"frame differs\\n  by 100%\"", &serde_json::json!(message).to_string());
+        line.replace("\"frame differs\"", &format!("\"frame `{name}` differs, 5%\""))
     };
     let lines = [failing("one"), failing("two")].concat();
     assert_eq!(lines.matches("on vulkan").count(), 2, "{lines}");
@@ -712,4 +714,73 @@ fn a_part_that_lacks_checks_says_so() {
     }
     let good = karat(folder, &["report", "--merge", "b"]).good();
     assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
+}
+
+/// What a tool reads of a failure is data: with one word in the place of each message all of it is there.
+#[test]
+fn without_its_messages_a_failure_is_whole() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.6 * x; }\n");
+    let declared = "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [0, 1]\n";
+    write(folder.path(), "m.test.toml", declared);
+    let test = "import package::m::half;\nimport karat::expect_near;\n\
+                @test fn halves(@over(1, 2) x: f32) {\n    expect_near(half(x), 0.5 * x, 1e-3);\n    \
+                expect_near(half(x), x, 1e-3);\n}\n";
+    write(folder.path(), "m_test.wgsl", test);
+    let test =
+        |more: &[&str]| karat(folder.path(), &[&["test", ".", "--paths", "cpu"], more].concat());
+    assert_eq!(test(&[]).code, Some(1));
+    let record = folder.path().join(".karat/run/record");
+    for run in std::fs::read_dir(&record).expect("a record").map(|run| run.expect("a run").path()) {
+        if !run.is_dir() {
+            continue;
+        }
+        for file in std::fs::read_dir(run).expect("a run").map(|file| file.expect("a file").path())
+        {
+            if file.extension().is_none_or(|kind| kind != "jsonl") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&file).expect("records");
+            let worded = text.lines().map(|line| {
+                let mut record: serde_json::Value = serde_json::from_str(line).expect("a record");
+                record["message"] = "word".into();
+                format!("{record}\n")
+            });
+            std::fs::write(&file, worded.collect::<String>()).expect("written");
+        }
+    }
+    let report = |arguments: &[&str]| {
+        let ran = karat(folder.path(), &[&["report"], arguments].concat());
+        assert!(!ran.out.contains("expected 0.5 within 0.001\n   "), "no message: {}", ran.out);
+        ran.out
+    };
+    let all = |text: &str, parts: &[&str]| {
+        for part in parts {
+            assert!(text.contains(part), "no `{part}` in {text}");
+        }
+    };
+    let replay = "KARAT_CASE=m_test::halves/expects/0 karat test . --exact m_test::halves";
+    let seen = "`expect_near(half(x), x, 1e-3)` saw 0.6, expected 1 within 0.001";
+    let range = "doesn't hold (lies in 0..=1) on cpu";
+    let short = report(&["--short"]);
+    all(&short, &["m.wgsl:1:1: error: ", range, "m_test.wgsl:4:5: error: "]);
+    all(&short, &[&format!("m_test.wgsl:5:5: error: {seen}")]);
+    let github = report(&["--github"]);
+    let at =
+        |line: u32| format!("::error file=m_test.wgsl,line={line},col=5,title=m_test%3A%3Ahalves");
+    all(&github, &["::error file=m.wgsl,line=1,col=1,", &at(4), &at(5), seen, replay]);
+    report(&["--junit", "junit.xml", "--html", "report.html"]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
+    let junit = read("junit.xml");
+    all(&junit, &["file=\"m.wgsl\" line=\"1\"", "x = 2; returned = 1.2", seen, "x = 1", replay]);
+    all(&junit, &["message=\"`m_test::halves` fails expects: what its expectations say\""]);
+    all(&read("report.html"), &["m.wgsl:1:1", replay, "Copy the replay command"]);
+    let names = report(&[]);
+    let names = names.lines().filter_map(|line| line.strip_prefix("karat replay "));
+    let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
+    let commands =
+        names.iter().map(|name| karat(folder.path(), &["replay", name, "--print"]).good());
+    all(&commands.collect::<String>(), &[replay, "KARAT_CASE=m::half/stays_within/1 karat test ."]);
+    let again = test(&["--failed"]);
+    assert!(again.code == Some(1) && again.out.contains("2 checks, 2 failed"), "{again:?}");
 }

@@ -46,11 +46,15 @@ pub struct Rejection {
 }
 
 impl Rejection {
+    /// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```
+    fn headline(&self) -> String {
+        format!("`{}` fails {}: {}", self.function.name, self.check, self.assertion)
+    }
+
     /// The same as data.
     pub(crate) fn fault(&self) -> Fault {
-        let headline = format!("`{}` fails {}", self.function.name, self.check);
         Fault {
-            headline,
+            headline: self.headline(),
             paths: self.paths.iter().map(PathRejection::fault).collect(),
             ..Fault::default()
         }
@@ -344,13 +348,12 @@ impl Worst {
 
 impl fmt::Display for Rejection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { check, assertion, significance, threshold, .. } = self;
-        let message = format!("`{}` fails {check}: {assertion}", self.function.name);
+        let Self { significance, threshold, .. } = self;
         let mut span = self.function.span.clone();
         let text = span.file.text.get(span.range.clone()).unwrap_or_default();
         let head = text.find('\n').unwrap_or(text.len());
         span.range.end = span.range.start + text[..head].trim_end().len();
-        writeln!(f, "{}", Diagnostic::new(message).at(span, ""))?;
+        writeln!(f, "{}", Diagnostic::new(self.headline()).at(span, ""))?;
         for path in &self.paths {
             writeln!(f, "\non {}", path.adapter)?;
             let PathRejection { configurations, rejected, worst, replay, .. } = path;

@@ -9,6 +9,7 @@ use anyhow::Context;
 use karat::output::{counted, markdown, visible};
 use karat::record::{Record, Subject};
 
+use super::short::{self, Finding};
 use super::tables::{is_failure, share};
 use super::{Names, Place, Sum, pictures, place, replays, workspace};
 use crate::cli::project::Project;
@@ -78,18 +79,36 @@ pub(super) fn write(
 fn annotations(failures: &[&Record], sum: &Sum, names: &Names, project: &Project) -> Vec<String> {
     let reasons = sum.reasons();
     let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty());
-    let shown = if failures.len() > room { room - 1 } else { failures.len() };
-    let (shown, rest) = failures.split_at(shown);
     let workspace = workspace(project.root());
+    // Each expectation that fails is shown where it stands.
     let of = |record: &&Record| {
-        let place = place(record, project.root(), &workspace);
-        annotation(place.as_ref(), &names.subject(record), &message(record))
+        let title = names.subject(record);
+        let found = short::expectations(record, &workspace);
+        if found.is_empty() {
+            let place = place(record, project.root(), &workspace);
+            return vec![annotation(place.as_ref(), &title, &message(record))];
+        }
+        let replay = replays(record).first().map(|command| format!("\nreplay: {command}"));
+        let replay = replay.unwrap_or_default();
+        let one = |Finding { place, message }: &Finding| {
+            annotation(place.as_ref(), &title, &format!("{message}{replay}"))
+        };
+        found.iter().map(one).collect()
     };
-    let mut lines: Vec<String> = shown.iter().map(of).collect();
+    let all: Vec<Vec<String>> = failures.iter().map(of).collect();
+    let count = all.iter().flatten().count();
+    let shown = if count > room { room - 1 } else { count };
+    let (mut lines, mut rest) = (Vec::new(), Vec::new());
+    for (record, own) in failures.iter().zip(all) {
+        if lines.len() >= shown {
+            rest.push(names.subject(record));
+        }
+        lines.extend(own);
+    }
+    lines.truncate(shown);
     if !rest.is_empty() {
-        let names: Vec<String> = rest.iter().map(|record| names.subject(record)).collect();
         let title = format!("{} failed", counted(rest.len(), "more check"));
-        let message = format!("the log has their messages:\n{}", names.join("\n"));
+        let message = format!("the log has their messages:\n{}", rest.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
     if !reasons.is_empty() {

@@ -9,7 +9,7 @@ use karat::output::{name as name_of, one_line, visible};
 use karat::record::{PathFault, PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
-use super::{Names, Sum, failing, pictures, place, relative, workspace};
+use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};
 use crate::cli::project::Project;
 
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
@@ -96,11 +96,10 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
         if kind.is_some()
             && let Some(message) = &record.message
         {
-            status.set_message(&*one_line(message.lines().next().unwrap_or_default()));
+            let said = record.fault.as_ref().map_or(&**message, |fault| &fault.headline);
+            status.set_message(&*one_line(said.lines().next().unwrap_or_default()));
             status.set_description(&*visible(message));
-            let replay = path.and_then(|path| replay_on(record, path));
-            let replay = replay.or_else(|| super::replays(record).into_iter().next());
-            lines.extend(replay.map(|command| format!("replay: {command}")));
+            lines.extend(facts_on(record, path));
             // Readers find each on a line of its own.
             lines.extend(attached.iter().map(|file| format!("[[ATTACHMENT|{file}]]")));
         }
@@ -142,11 +141,20 @@ fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// The command that replays a failure on this path, if it has one.
-fn replay_on(record: &Record, path: &PathRecord) -> Option<String> {
-    let faults = record.fault.iter().flat_map(|fault| &fault.paths);
-    let own = faults.filter(|fault| fault.adapter.path == path.adapter.path);
-    own.flat_map(PathFault::replays).next().map(ToString::to_string)
+/// What is known of a failure on this path. What fails on none has the first command that there is.
+fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
+    let faults = || record.fault.iter().flat_map(|fault| &fault.paths);
+    let is_own =
+        |fault: &&PathFault| path.is_some_and(|path| fault.adapter.path == path.adapter.path);
+    let own: Vec<String> = faults().filter(is_own).flat_map(facts).collect();
+    if own.is_empty() {
+        return replays(record)
+            .first()
+            .map(|command| format!("replay: {command}"))
+            .into_iter()
+            .collect();
+    }
+    own
 }
 
 fn line(path: &PathRecord) -> String {

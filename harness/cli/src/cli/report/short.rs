@@ -68,7 +68,7 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
 }
 
 /// The expectations that fail, each where it stands.
-fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
+pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
     let mut all: Vec<Finding> = Vec::new();
     for fault in record.fault.iter().flat_map(|fault| &fault.paths) {
