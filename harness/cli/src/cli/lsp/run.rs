@@ -93,11 +93,10 @@ fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Res
     // Standard input and output are the protocol's.
     let ran = command.stdin(Stdio::null()).output().context("can't run `karat test`")?;
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
-    // The last line counts; one that couldn't run says why.
-    let count = out.lines().last().filter(|line| line.contains(" failed"));
-    let why =
-        || err.lines().find(|line| line.starts_with("error")).unwrap_or("it ended").to_owned();
-    let said = count.map_or_else(why, str::to_owned);
+    // A run that has verdicts counts them in its last line; one that has none says why.
+    let count = out.lines().last().filter(|_| matches!(ran.status.code(), Some(0 | 1)));
+    let why = || err.lines().find(|line| line.starts_with("error")).unwrap_or("it ended");
+    let said = count.unwrap_or_else(why).to_owned();
     let typ = match ran.status.code() {
         Some(0) => MessageType::INFO,
         Some(1) => MessageType::WARNING,
