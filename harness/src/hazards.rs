@@ -650,6 +650,14 @@ impl AcceptedHazard {
 
 impl Hazard {
     /// The lines below the first: where it came from, what it means and what else shows it.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
+    /// let hazard = &package.hazards().input("x", 0.0..=1.0).run()?.found[0];
+    /// assert!(hazard.details().to_string().trim_start().starts_with("inverse with x = 0"));
+    /// # Ok::<(), karat::hazards::HazardError>(())
+    /// ```
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
     }

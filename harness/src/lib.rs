@@ -85,8 +85,6 @@ pub mod settings;
 pub mod stats;
 pub mod tint;
 pub mod tolerance;
-#[cfg(feature = "engine")]
-pub mod trace;
 pub mod value;
 
 pub use check::{Check, Directions, Integral, Limit, SamplingCheck, Trend};
@@ -104,6 +102,12 @@ pub use probe::Inputs;
 pub use stats::Support;
 pub use tolerance::{Abs, Device, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
+
+/// Each intermediate of one call: a debugger's view without a debugger.
+#[cfg(feature = "engine")]
+pub mod trace {
+    pub use crate::interpret::trace::{Step, Value, trace};
+}
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {

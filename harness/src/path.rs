@@ -56,7 +56,7 @@ pub enum PathError {
     /// No route of this name.
     #[error(
         "execution path `{name}` has no route `{via}`; the routes are wgsl, spirv, glsl, hlsl and \
-         msl{}",
+         hlsl-dxc{}",
         guess(nearest.as_deref())
     )]
     UnknownVia {
@@ -476,8 +476,6 @@ mod tests {
             let nobody: Path = format!("{}@nobody", device.path()).parse().expect("a name");
             let error = open(nobody).expect_err("no such driver").to_string();
             assert!(error.contains("no adapter of the family `nobody`"), "{error}");
-            let route: Path = format!("{}:msl", device.path()).parse().expect("a route");
-            assert!(open(route).is_err(), "{route}");
         }
         let error = open(Path::CPU).expect_err("there is no engine").to_string();
         assert!(error.contains("`cpu` is unavailable"), "{error}");

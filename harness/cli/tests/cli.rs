@@ -495,7 +495,7 @@ fn doctor_tells_which_paths_open() {
     assert!(out.contains(&format!("\n{driver} ")), "{out}");
     let out = karat(folder, &["doctor", "--require", "cpu"]).good();
     assert!(out.contains("\ncpu      Karat's engine"), "{out}");
-    for missing in ["vulkan@nobody", "vulkan:msl", "cpu:msl"] {
+    for missing in ["vulkan@nobody", "gl:hlsl", "cpu:hlsl"] {
         let ran = karat(folder, &["doctor", "--require", missing]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains(&format!("`{missing}` is unavailable")), "{ran:?}");

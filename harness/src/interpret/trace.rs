@@ -1,4 +1,4 @@
-//! Each operation of one call, in three arithmetics.
+//! Each operation of one call, in three arithmetics: a debugger's view without a debugger.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +8,8 @@ use karat_engine::{F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer
 
 use super::Interpreted;
 use crate::diagnostic::Span;
-use crate::probe::ProbeError;
+use crate::fixture::Fixtures;
+use crate::probe::{ProbeError, Probed};
 
 /// An operation: one value a component.
 ///
@@ -182,6 +183,29 @@ impl Seen {
             _ => None,
         }
     }
+}
+
+/// The operations of a call with these lanes of arguments, in `f32`, in `f64`, and as WGSL bounds them.
+///
+/// ```
+/// use karat::Package;
+/// use karat::probe::Probed;
+///
+/// let text = "fn hidden(x: f32) -> f32 { let square = x * x; return 1.0 - square; }";
+/// let probed = Probed::new(&Package::from_source("m", text), "hidden")?;
+/// let steps = karat::trace::trace(&probed, &Vec::new(), &[0.5_f32.to_bits()])?;
+/// assert_eq!(steps[0].name.as_deref(), Some("square"));
+/// # Ok::<(), karat::probe::ProbeError>(())
+/// ```
+///
+/// # Errors
+/// If the engine doesn't execute the function, or a variable has no fixture.
+pub fn trace(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    arguments: &[u32],
+) -> Result<Vec<Step>, ProbeError> {
+    Interpreted::new(probed, fixtures)?.trace(arguments)
 }
 
 impl Interpreted {

@@ -75,7 +75,7 @@ impl Column {
             (Via::Direct, Api::Gl) | (Via::Glsl, _) => Target::Glsl,
             (Via::Direct, Api::Dx12) | (Via::Hlsl, _) => Target::Hlsl,
             (Via::HlslDxc, _) => Target::Hlsl6,
-            (Via::Direct, Api::Metal) | (Via::Msl, _) => Target::Msl,
+            (Via::Direct, Api::Metal) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
             // The engine runs naga's IR of the author's own text.
             (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,

@@ -78,13 +78,11 @@ pub enum Via {
     Hlsl,
     /// HLSL, by Microsoft's compiler.
     HlslDxc,
-    /// Metal's language.
-    Msl,
 }
 
 impl Via {
-    const ALL: [Self; 7] =
-        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::HlslDxc, Self::Msl];
+    const ALL: [Self; 6] =
+        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::HlslDxc];
 
     /// The name behind the `:` of a path.
     ///
@@ -102,7 +100,6 @@ impl Via {
             Self::Glsl => "glsl",
             Self::Hlsl => "hlsl",
             Self::HlslDxc => "hlsl-dxc",
-            Self::Msl => "msl",
         }
     }
 }
@@ -322,7 +319,7 @@ mod tests {
 
     #[test]
     fn a_name_says_api_route_and_driver() {
-        for name in ["vulkan", "cpu", "vulkan:hlsl", "gl@llvmpipe", "dx12:msl@warp"] {
+        for name in ["vulkan", "cpu", "vulkan:hlsl", "gl@llvmpipe", "dx12:hlsl-dxc@warp"] {
             let path: Path = name.parse().expect(name);
             assert_eq!((path.to_string().as_str(), path.name()), (name, name));
             assert_eq!(name.parse::<Path>().ok(), Some(path));
@@ -344,7 +341,7 @@ mod tests {
             (
                 "vulkan:hlls",
                 "execution path `vulkan:hlls` has no route `hlls`; the routes are wgsl, spirv, glsl, \
-                 hlsl and msl; did you mean `hlsl`?",
+                 hlsl and hlsl-dxc; did you mean `hlsl`?",
             ),
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (

@@ -30,7 +30,6 @@ fn target(path: Path) -> Target {
         Via::Glsl => Target::Glsl,
         Via::Hlsl => Target::Hlsl,
         Via::HlslDxc => Target::Hlsl6,
-        Via::Msl => Target::Msl,
         Via::Wgsl => Target::Wgsl,
         Via::Direct | Via::Spirv => Target::Spirv,
     }

@@ -8,6 +8,7 @@ use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, Wg
 use karat::diagnostic::{Diagnostic, Span, shown};
 use karat::domain::{Dynamic, Part};
 use karat::draw::Format;
+use karat::fixture::FixtureError;
 use karat::golden::FrameTolerance;
 use karat::made_up::Ranges;
 use karat::probe::{ProbeError, Probed};
@@ -189,7 +190,11 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Opt
 /// That a test in WGSL reads what nobody binds.
 fn unbound(failure: &Failure) -> Option<String> {
     let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
-    let (variable, kind) = error.missing()?;
+    let error = match error {
+        FixtureError::Declared { source, .. } => &**source,
+        other => other,
+    };
+    let FixtureError::Missing { variable, kind } = error else { return None };
     let name = variable.rsplit("::").next().unwrap_or(variable);
     Some(format!(
         "`{name}` ({kind}) is read by this test, and a test in WGSL binds nothing: declare a test in \

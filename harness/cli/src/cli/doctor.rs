@@ -289,7 +289,7 @@ fn remedy(path: Path) -> &'static str {
         Via::HlslDxc if path.api() == Api::Vulkan => {
             return "install dxc, from GitHub (microsoft/DirectXShaderCompiler) or Vulkan's SDK";
         }
-        Via::Glsl | Via::Hlsl | Via::HlslDxc | Via::Msl => return "nothing provides it yet",
+        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "nothing provides it yet",
         _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());

@@ -168,7 +168,7 @@ fn routes_are_paths() {
     }
     for (route, message) in [
         ("gl:hlsl", "there is no compiler from hlsl to what this API takes"),
-        ("vulkan:msl", "there is no compiler from msl to what this API takes"),
+        ("vulkan:msl", "execution path `vulkan:msl` has no route `msl`"),
     ] {
         let ran = call(route, &["maths::blend", "2", "1"]);
         assert!(ran.code != Some(0) && ran.err.contains(message), "{ran:?}");
