@@ -285,7 +285,7 @@ impl Interpreted {
         cases: usize,
         arguments: &[u32],
         options: &Options,
-        observer: &impl Observer<A>,
+        observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
         let (cases, mut rows) = match &self.quads {
             Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use crate::interval::{Interval, Range, Truth};
-use crate::observer::{Watch, Watched};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::{Call, Program};
 use crate::refusal::Stop;
@@ -121,7 +121,7 @@ pub(crate) mod sealed {
         fn call(
             program: &Program,
             call: &Call<'_>,
-            observer: Option<&dyn Watch<Self>>,
+            observer: &dyn Observer<Self>,
         ) -> Result<Results<Self>, Stop>
         where
             Self: Arithmetic;
@@ -130,7 +130,7 @@ pub(crate) mod sealed {
             workgroups: [u32; 3],
             resources: &mut Resources,
             options: &Options,
-            observer: Option<&dyn Watch<Self>>,
+            observer: &dyn Observer<Self>,
         ) -> Result<(), Stop>
         where
             Self: Arithmetic;
@@ -219,11 +219,11 @@ macro_rules! runs {
         fn call(
             program: &Program,
             call: &Call<'_>,
-            observer: Option<&dyn Watch<Self>>,
+            observer: &dyn Observer<Self>,
         ) -> Result<Results<Self>, Stop> {
-            match observer {
-                Some(observer) => program.run::<Self>(call, &Watched(observer)),
-                None => program.run::<Self>(call, &()),
+            match observer.is_active() {
+                true => program.run::<Self, true>(call, observer),
+                false => program.run::<Self, false>(call, observer),
             }
         }
         fn dispatch(
@@ -231,13 +231,15 @@ macro_rules! runs {
             workgroups: [u32; 3],
             resources: &mut Resources,
             options: &Options,
-            observer: Option<&dyn Watch<Self>>,
+            observer: &dyn Observer<Self>,
         ) -> Result<(), Stop> {
-            match observer {
-                Some(observer) => {
-                    program.run_workgroups(workgroups, resources, options, &Watched(observer))
+            match observer.is_active() {
+                true => {
+                    program.run_workgroups::<Self, true>(workgroups, resources, options, observer)
                 }
-                None => program.run_workgroups::<Self>(workgroups, resources, options, &()),
+                false => {
+                    program.run_workgroups::<Self, false>(workgroups, resources, options, observer)
+                }
             }
         }
     };

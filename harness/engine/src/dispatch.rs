@@ -5,7 +5,7 @@ use naga::{BuiltIn, Module, Span, TypeInner};
 use crate::arithmetic::Arithmetic;
 use crate::code::Binding;
 use crate::machine::Machine;
-use crate::observer::{Observer, watched};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::Program;
 use crate::refusal::{Refusal, Stop};
@@ -88,18 +88,18 @@ impl Program {
         workgroups: [u32; 3],
         resources: &mut Resources,
         options: &Options,
-        observer: &impl Observer<A>,
+        observer: &dyn Observer<A>,
     ) -> Result<(), Stop> {
-        A::dispatch(self, workgroups, resources, options, watched(observer))
+        A::dispatch(self, workgroups, resources, options, observer)
     }
 
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
-    pub(crate) fn run_workgroups<A: Arithmetic>(
+    pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],
         resources: &mut Resources,
         options: &Options,
-        observer: &impl Observer<A>,
+        observer: &dyn Observer<A>,
     ) -> Result<(), Stop> {
         let Some(entry) = &self.entry else {
             return Err(Stop::Misuse("a function is called, not dispatched"));
@@ -146,7 +146,7 @@ impl Program {
                             }
                         }
                         let first = group * invocations;
-                        machine.run(invocations, first, &mut memory, observer).map_err(
+                        machine.run::<SEEN>(invocations, first, &mut memory, observer).map_err(
                             |spent| {
                                 let case = first + spent.lane;
                                 spent.stop(case, options.fuel)

@@ -149,12 +149,12 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// Runs the program for the first `active` lanes, of which the first is `case`.
-    pub(crate) fn run<O: Observer<A>>(
+    pub(crate) fn run<const SEEN: bool>(
         &mut self,
         active: usize,
         case: usize,
         memory: &mut Memory<'_, A>,
-        observer: &O,
+        observer: &dyn Observer<A>,
     ) -> Result<(), Spent>
     where
         A: crate::arithmetic::Arithmetic,
@@ -177,7 +177,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
                 Op::Float(rule) => {
-                    if O::ACTIVE {
+                    if SEEN {
                         self.report_order(observer, instruction, case, rule, registers);
                     }
                     match self.options.accuracy.as_deref() {
@@ -187,40 +187,40 @@ impl<'p, A: Rules> Machine<'p, A> {
                         _ => rule.run::<A>(&mut self.floats, registers),
                     }
                     self.after_floats(instruction, registers, rule.arity());
-                    if O::ACTIVE {
+                    if SEEN {
                         let (ins, outs) = rule.arity();
                         let (outs, operands) = registers.split_at(outs);
                         self.show(observer, instruction, case, (outs, &operands[..ins]));
                     }
                 }
                 Op::Integer(rule) => {
-                    if O::ACTIVE && rule.divides() {
+                    if SEEN && rule.divides() {
                         let (zero, divisor) = (A::int(0, false), self.ints.get(registers[2]));
                         self.report_where(observer, instruction, case, Fault::Division, |lane| {
                             A::possible(A::int_equal(divisor[lane], zero))
                         });
                     }
                     rule.run::<A>(&mut self.ints, registers);
-                    self.show_other(observer, instruction, case, File::Int, registers[0]);
+                    self.show_other::<SEEN>(observer, instruction, case, File::Int, registers[0]);
                 }
                 Op::ToInt(rule) => {
-                    if O::ACTIVE {
+                    if SEEN {
                         self.report_conversion(observer, instruction, case, rule, registers);
                     }
                     rule.run::<A>(&self.floats, &mut self.ints, registers);
-                    self.show_other(observer, instruction, case, File::Int, registers[0]);
+                    self.show_other::<SEEN>(observer, instruction, case, File::Int, registers[0]);
                 }
                 Op::FromInt(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
-                    if O::ACTIVE {
+                    if SEEN {
                         self.show(observer, instruction, case, (&registers[..rule.arity()], &[]));
                     }
                 }
                 Op::Scale(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..2], (1, 1));
-                    if O::ACTIVE {
+                    if SEEN {
                         self.show(observer, instruction, case, (&registers[..1], &[]));
                     }
                 }
@@ -240,11 +240,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::IsNan
                 | Op::IsInf => {
                     self.decide(instruction.op, registers);
-                    self.show_other(observer, instruction, case, File::Bool, registers[0]);
+                    self.show_other::<SEEN>(observer, instruction, case, File::Bool, registers[0]);
                 }
                 Op::Select(file) => {
                     self.select(file, registers);
-                    self.show_other(observer, instruction, case, file, registers[0]);
+                    self.show_other::<SEEN>(observer, instruction, case, file, registers[0]);
                 }
                 Op::Move(File::Float) => self.floats.copy(registers[0], registers[1]),
                 Op::Move(File::Int) => self.ints.copy(registers[0], registers[1]),
@@ -253,21 +253,21 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Gather(file, walk) => {
                     self.gather(file, walk, registers);
                     self.estrange(instruction, registers);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Scatter(file, walk) => {
                     self.scatter(file, walk, registers);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Pick(file, count, signed) => {
                     self.pick(file, count, signed, registers);
                     self.estrange(instruction, registers);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Table(file, table) => {
                     self.table(file, table, registers);
                     self.estrange(instruction, registers);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Load(scalar, walk) => {
                     self.load(scalar, walk, registers, memory);
@@ -275,20 +275,20 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Write(scalar, walk) => {
                     self.write(scalar, walk, registers, memory);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
                     self.atomic(walk, registers, memory);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::ImageStore(image) => {
                     self.image_store(image, registers, memory);
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Image(image) => {
                     self.image(image, registers, memory);
@@ -300,11 +300,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
                         self.after_floats(instruction, &registers[..floats + from], (from, floats));
-                        if O::ACTIVE {
+                        if SEEN {
                             self.show(observer, instruction, case, (&registers[..floats], &[]));
                         }
                     }
-                    self.report(observer, instruction, case);
+                    self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::Round => self.round(instruction)?,
                 Op::If
@@ -328,7 +328,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                 }
                 Op::Mark(mark) => {
-                    if O::ACTIVE {
+                    if SEEN {
                         let [floats, ints, bools] = code.marks[mark as usize].map(|n| n as usize);
                         let float = registers[..floats].iter().map(|&r| self.floats.get(r));
                         let int = registers[floats..floats + ints].iter();
@@ -390,9 +390,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    fn show<O: Observer<A>>(
+    fn show(
         &self,
-        observer: &O,
+        observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
         (outs, operands): (&[u32], &[u32]),
@@ -416,9 +416,9 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Shows a result that isn't a new float.
     #[inline]
-    fn show_other<O: Observer<A>>(
+    fn show_other<const SEEN: bool>(
         &self,
-        observer: &O,
+        observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
         file: File,
@@ -426,7 +426,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     ) where
         A: crate::arithmetic::Arithmetic,
     {
-        if !O::ACTIVE {
+        if !SEEN {
             return;
         }
         let floats = (file == File::Float).then(|| self.floats.get(register));
@@ -477,11 +477,15 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Reports each lane whose index left its array.
     #[inline]
-    fn report<O: Observer<A>>(&mut self, observer: &O, instruction: &Instruction, case: usize)
-    where
+    fn report<const SEEN: bool>(
+        &mut self,
+        observer: &dyn Observer<A>,
+        instruction: &Instruction,
+        case: usize,
+    ) where
         A: crate::arithmetic::Arithmetic,
     {
-        if O::ACTIVE {
+        if SEEN {
             let site = self.site(instruction);
             for &lane in &self.strayed {
                 observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
@@ -491,9 +495,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// Reports each active lane in which something may go wrong.
-    fn report_where<O: Observer<A>>(
+    fn report_where(
         &self,
-        observer: &O,
+        observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
         fault: Fault,
@@ -510,9 +514,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// Reports lanes in which an operation on floats has its edges in the wrong order.
-    fn report_order<O: Observer<A>>(
+    fn report_order(
         &self,
-        observer: &O,
+        observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
         rule: FloatRule,
@@ -531,9 +535,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 
     /// Reports lanes whose float the integer type can't hold.
-    fn report_conversion<O: Observer<A>>(
+    fn report_conversion(
         &self,
-        observer: &O,
+        observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
         rule: ToInt,

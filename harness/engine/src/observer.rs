@@ -49,9 +49,14 @@ pub struct Faulty<'a> {
 
 /// Sees what a run computes. All methods do nothing by default, and `()` observes nothing at no
 /// cost. Chunks run on several threads at once.
+///
+/// Runs take it as `dyn`: the machine is compiled here, with this crate's optimisation, and not in each crate
+/// that observes.
 pub trait Observer<A: Arithmetic>: Sync {
     /// Whether it is called at all.
-    const ACTIVE: bool = true;
+    fn is_active(&self) -> bool {
+        true
+    }
 
     /// An operation gave floats: one for each result, before it is rounded to half precision.
     fn floats(&self, lanes: &Lanes<'_, A>) {
@@ -77,62 +82,7 @@ pub trait Observer<A: Arithmetic>: Sync {
 }
 
 impl<A: Arithmetic> Observer<A> for () {
-    const ACTIVE: bool = false;
-}
-
-/// An [`Observer`] whose type isn't known: the machine is compiled here, with this crate's optimisation,
-/// and not in each crate that observes.
-pub trait Watch<A: Arithmetic>: Sync {
-    /// See [`Observer::floats`].
-    fn floats(&self, lanes: &Lanes<'_, A>);
-    /// See [`Observer::others`].
-    fn others(&self, lanes: &Lanes<'_, A>);
-    /// See [`Observer::named`].
-    fn named(&self, lanes: &Lanes<'_, A>);
-    /// See [`Observer::fault`].
-    fn fault(&self, fault: &Faulty<'_>);
-}
-
-impl<A: Arithmetic, O: Observer<A>> Watch<A> for O {
-    fn floats(&self, lanes: &Lanes<'_, A>) {
-        Observer::floats(self, lanes);
-    }
-
-    fn others(&self, lanes: &Lanes<'_, A>) {
-        Observer::others(self, lanes);
-    }
-
-    fn named(&self, lanes: &Lanes<'_, A>) {
-        Observer::named(self, lanes);
-    }
-
-    fn fault(&self, fault: &Faulty<'_>) {
-        Observer::fault(self, fault);
-    }
-}
-
-/// `None` for what observes nothing.
-pub(crate) fn watched<A: Arithmetic, O: Observer<A>>(observer: &O) -> Option<&dyn Watch<A>> {
-    if O::ACTIVE { Some(observer) } else { None }
-}
-
-/// What is watched by an observer of a type that isn't known.
-pub(crate) struct Watched<'w, A: Arithmetic>(pub(crate) &'w dyn Watch<A>);
-
-impl<A: Arithmetic> Observer<A> for Watched<'_, A> {
-    fn floats(&self, lanes: &Lanes<'_, A>) {
-        self.0.floats(lanes);
-    }
-
-    fn others(&self, lanes: &Lanes<'_, A>) {
-        self.0.others(lanes);
-    }
-
-    fn named(&self, lanes: &Lanes<'_, A>) {
-        self.0.named(lanes);
-    }
-
-    fn fault(&self, fault: &Faulty<'_>) {
-        self.0.fault(fault);
+    fn is_active(&self) -> bool {
+        false
     }
 }

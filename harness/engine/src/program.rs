@@ -11,7 +11,7 @@ use crate::arithmetic::Arithmetic;
 use crate::code::{Binding, Code, Site};
 use crate::lower::{Lower, Settings};
 use crate::machine::{Buffer, Machine, Memory};
-use crate::observer::{Observer, watched};
+use crate::observer::Observer;
 use crate::options::Options;
 use crate::parallel;
 use crate::refusal::{Refusal, Stop};
@@ -144,16 +144,16 @@ impl Program {
         rows: &[u32],
         resources: &Resources,
         options: &Options,
-        observer: &impl Observer<A>,
+        observer: &dyn Observer<A>,
     ) -> Result<Results<A>, Stop> {
-        A::call(self, &Call { cases, rows, resources, options }, watched(observer))
+        A::call(self, &Call { cases, rows, resources, options }, observer)
     }
 
     /// [`call`](Self::call), compiled once for each arithmetic.
-    pub(crate) fn run<A: Arithmetic>(
+    pub(crate) fn run<A: Arithmetic, const SEEN: bool>(
         &self,
         call: &Call<'_>,
-        observer: &impl Observer<A>,
+        observer: &dyn Observer<A>,
     ) -> Result<Results<A>, Stop> {
         let Call { cases, rows, resources, options } = *call;
         if self.entry.is_some() {
@@ -188,7 +188,7 @@ impl Program {
                 let column = chunk_rows.iter().skip(k).step_by(width).copied();
                 machine.set(register.index, scalar, column);
             }
-            match machine.run(active, first, memory, observer) {
+            match machine.run::<SEEN>(active, first, memory, observer) {
                 Ok(()) => Ok(self.collect(machine, active)),
                 Err(spent) => {
                     failed.fetch_min(chunk, Ordering::Relaxed);

@@ -50,7 +50,7 @@ impl Observer<F32> for Seen {
     }
 }
 
-fn observed<A: Arithmetic>(settings: &Settings, observer: &impl Observer<A>) {
+fn observed<A: Arithmetic>(settings: &Settings, observer: &dyn Observer<A>) {
     let (module, info) = module(SOURCE);
     let program = Program::function(&module, &info, "f", settings).expect("it lowers");
     let rows = [0.5f32.to_bits(), 2, 0.5f32.to_bits(), 9, 5f32.to_bits(), 9];
