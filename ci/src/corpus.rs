@@ -38,7 +38,7 @@ write; most of the rejections are glslang's of naga's HLSL. Digits in messages a
 
 ";
 
-/// What stands above the table of both compilers.
+/// The text above the table of both compilers.
 const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
@@ -50,32 +50,31 @@ such as ray queries; the others don't run in Chrome, and nothing in them says th
 
 ";
 
-/// Asks both compilers about the shaders of a list. The table of the usual list is that of the documentation.
+/// Asks both compilers about the shaders of a list.
 pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
     setup::install_tint()?;
-    let documented = list.is_none();
-    let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
-    let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);
-    corpus.args(["--example", "corpus_compilers", "--"]).arg(list).stderr(Stdio::inherit());
-    let output = corpus.output().context("cargo doesn't run")?;
-    let table = String::from_utf8(output.stdout).context("the table isn't text")?;
-    ensure!(output.status.success(), "the corpus has faults");
-    if documented {
-        let file = command::root().join("docs/corpus-compilers.md");
-        std::fs::write(&file, format!("{COMPILERS_HEAD}{table}"))
-            .with_context(|| format!("can't write `{}`", file.display()))?;
-    }
-    Ok(())
+    let example = ["--example", "corpus_compilers", "--"];
+    table(list, &example, None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
 }
 
-/// Takes the shaders of a list through each translation. The table of the usual list is that of the
-/// documentation.
+/// Takes the shaders of a list through each translation.
 pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
+    let example = ["--features", "routes", "--example", "corpus_matrix", "--"];
+    table(list, &example, json, ("docs/corpus-translations.md", ROUTES_HEAD))
+}
+
+/// Runs an example over the shaders of a list, and prints its table. The table of the usual list is a page of the
+/// documentation.
+fn table(
+    list: Option<PathBuf>,
+    example: &[&str],
+    json: Option<PathBuf>,
+    (page, head): (&str, &str),
+) -> Result<()> {
     let documented = list.is_none();
     let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
     let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);
-    corpus.args(["--features", "routes", "--example", "corpus_matrix", "--"]);
-    corpus.arg(list).stderr(Stdio::inherit());
+    corpus.args(example).arg(list).stderr(Stdio::inherit());
     if let Some(folder) = json {
         corpus.arg("--json").arg(folder);
     }
@@ -84,8 +83,8 @@ pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result
     eprint!("{table}");
     ensure!(output.status.success(), "the corpus has faults");
     if documented {
-        let file = command::root().join("docs/corpus-translations.md");
-        std::fs::write(&file, format!("{ROUTES_HEAD}{table}"))
+        let file = command::root().join(page);
+        std::fs::write(&file, format!("{head}{table}"))
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     Ok(())

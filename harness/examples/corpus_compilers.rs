@@ -16,7 +16,7 @@ mod list;
 
 use list::{List, Wanted};
 
-/// What became of the modules of a crate.
+/// Counts of a crate's modules, by verdict.
 #[derive(Default)]
 struct Sum {
     modules: usize,

@@ -239,7 +239,7 @@ impl Passed for FrameAgreement {
     }
 }
 
-/// What is wrong, in a line; then what rendered the frame, which many failures share; then the rest.
+/// The difference in a line; then the adapter, which many failures share; then the rest.
 fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
     let text = source.to_string();
     match text.split_once('\n') {

@@ -79,7 +79,7 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
     validated_with: Vec<(String, Vec<String>)>,
-    /// Whether Tint's verdict is required, whatever `karat.toml` says.
+    /// True if the package requires Tint's verdict, even without `karat.toml`.
     requires_tint: bool,
     /// Texts that stand in for files.
     unsaved: Vec<(PathBuf, Arc<str>)>,

@@ -79,7 +79,7 @@ pub struct Record {
     pub paths: Vec<PathRecord>,
     /// The whole message of a failure or error, for people: [`fault`](Self::fault) has the same as data.
     pub message: Option<String>,
-    /// What is wrong, as data; `None` of what passes.
+    /// The fault, as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
     /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about
@@ -306,7 +306,7 @@ pub struct Run {
     /// Modules that aren't valid, whether or not a test uses them; a package that has none goes by its name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
-    /// What fails nothing and should be known: what Tint rejects, or that it wasn't asked.
+    /// Remarks that fail nothing: modules that Tint rejects, or why it wasn't asked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// Tests that the runner left out after a failure, by its own word. They were to run.

@@ -161,7 +161,7 @@ impl Tint {
         }
     }
 
-    /// What it says of itself: `webgpu 0.6.2, Node 20.20.2`. Asking starts it.
+    /// Its version: `webgpu 0.6.2, Node 20.20.2`. Asking starts it.
     ///
     /// ```
     /// if let Ok(tint) = karat::tint::Tint::beside(".".as_ref(), false) {

@@ -62,110 +62,50 @@ impl Family {
     }
 
     /// The commands that install it, in order.
-    fn commands(&self, wanted: Wanted) -> &'static [Package] {
-        match wanted {
-            Wanted::Drivers => self.drivers(),
-            Wanted::Browser => self.browser(),
-            Wanted::Validators => self.validators(),
-            Wanted::Node => self.node(),
+    fn commands(&self, wanted: Wanted) -> Vec<Package> {
+        let fatal = |line: String| Package { failing: Failing::Fatal, line };
+        let install = |manager: &str| fatal(format!("{manager} {}", self.packages(wanted)));
+        match self {
+            Self::Debian => vec![
+                // A stale or broken list of one repository need not concern our packages: the install decides.
+                Package { failing: Failing::Tolerated, line: format!("{APT} update") },
+                install(&format!("{APT} install -y --no-install-recommends")),
+            ],
+            Self::Fedora => vec![install("dnf install -y")],
+            Self::Arch => vec![install("pacman -Sy --noconfirm --needed")],
+            Self::Other(_) => Vec::new(),
         }
     }
 
-    /// Debian's own Node is too old, and its npm is 350 packages: pip brings both in one.
-    fn node(&self) -> &'static [Package] {
-        match self {
-            Self::Debian => &[
-                UPDATE,
-                Package {
-                    failing: Failing::Fatal,
-                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
-                           python3-pip",
-                },
-            ],
-            Self::Fedora => {
-                &[Package { failing: Failing::Fatal, line: "dnf install -y nodejs npm" }]
+    /// The names of the packages.
+    fn packages(&self, wanted: Wanted) -> &'static str {
+        match (self, wanted) {
+            (Self::Other(_), _) => "",
+            (Self::Debian, Wanted::Drivers) => {
+                "mesa-vulkan-drivers libvulkan1 libegl1 libgl1-mesa-dri"
             }
-            Self::Arch => &[Package {
-                failing: Failing::Fatal,
-                line: "pacman -Sy --noconfirm --needed nodejs npm",
-            }],
-            Self::Other(_) => &[],
-        }
-    }
-
-    fn validators(&self) -> &'static [Package] {
-        match self {
-            Self::Debian => &[
-                UPDATE,
-                Package {
-                    failing: Failing::Fatal,
-                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
-                           spirv-tools glslang-tools spirv-cross",
-                },
-            ],
-            Self::Fedora => &[Package {
-                failing: Failing::Fatal,
-                line: "dnf install -y spirv-tools glslang spirv-cross",
-            }],
-            Self::Arch => &[Package {
-                failing: Failing::Fatal,
-                line: "pacman -Sy --noconfirm --needed spirv-tools glslang spirv-cross",
-            }],
-            Self::Other(_) => &[],
-        }
-    }
-
-    fn browser(&self) -> &'static [Package] {
-        match self {
+            (Self::Fedora, Wanted::Drivers) => {
+                "mesa-vulkan-drivers vulkan-loader mesa-libEGL mesa-dri-drivers"
+            }
+            (Self::Arch, Wanted::Drivers) => "vulkan-swrast vulkan-icd-loader mesa",
             // Ubuntu has no such package (its Chromium is a snap), but its CI images have Chrome.
-            Self::Debian => &[
-                UPDATE,
-                Package {
-                    failing: Failing::Fatal,
-                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
-                           chromium fonts-liberation",
-                },
-            ],
-            Self::Fedora => &[Package { failing: Failing::Fatal, line: "dnf install -y chromium" }],
-            Self::Arch => &[Package {
-                failing: Failing::Fatal,
-                line: "pacman -Sy --noconfirm --needed chromium",
-            }],
-            Self::Other(_) => &[],
-        }
-    }
-
-    fn drivers(&self) -> &'static [Package] {
-        match self {
-            Self::Debian => &[
-                UPDATE,
-                Package {
-                    failing: Failing::Fatal,
-                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
-                           mesa-vulkan-drivers libvulkan1 libegl1 libgl1-mesa-dri",
-                },
-            ],
-            Self::Fedora => &[Package {
-                failing: Failing::Fatal,
-                line: "dnf install -y mesa-vulkan-drivers vulkan-loader mesa-libEGL \
-                       mesa-dri-drivers",
-            }],
-            Self::Arch => &[Package {
-                failing: Failing::Fatal,
-                line: "pacman -Sy --noconfirm --needed vulkan-swrast vulkan-icd-loader mesa",
-            }],
-            Self::Other(_) => &[],
+            (Self::Debian, Wanted::Browser) => "chromium fonts-liberation",
+            (Self::Fedora | Self::Arch, Wanted::Browser) => "chromium",
+            (Self::Debian, Wanted::Validators) => "spirv-tools glslang-tools spirv-cross",
+            (Self::Fedora | Self::Arch, Wanted::Validators) => "spirv-tools glslang spirv-cross",
+            // Debian's own Node is too old, and its npm is 350 packages: pip brings both in one.
+            (Self::Debian, Wanted::Node) => "python3-pip",
+            (Self::Fedora | Self::Arch, Wanted::Node) => "nodejs npm",
         }
     }
 }
 
-/// A stale or broken list of one repository need not concern our packages: the install decides.
-const UPDATE: Package =
-    Package { failing: Failing::Tolerated, line: "apt-get -o DPkg::Lock::Timeout=120 update" };
+/// Another process may hold the lock for a while.
+const APT: &str = "apt-get -o DPkg::Lock::Timeout=120";
 
 /// One run of a package manager.
 struct Package {
-    line: &'static str,
+    line: String,
     failing: Failing,
 }
 
@@ -224,7 +164,7 @@ pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Resu
         bail!("{}", advice(family, wanted));
     }
     for Package { line, failing } in commands {
-        let mut command = privilege.command(line);
+        let mut command = privilege.command(&line);
         eprintln!("running: {}", command::describe(&command));
         match (command::run(&mut command), failing) {
             (Ok(()), _) => {}
@@ -258,7 +198,7 @@ pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
              again"
         );
     }
-    let lines: Vec<&str> = family.commands(wanted).iter().map(|package| package.line).collect();
+    let lines: Vec<String> = family.commands(wanted).into_iter().map(|one| one.line).collect();
     format!("to install what is missing, run as root: {}", lines.join(" && "))
 }
 

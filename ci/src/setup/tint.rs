@@ -14,7 +14,7 @@ use crate::command;
 
 /// The oldest Node that Dawn runs in: in 18 it crashes as it is loaded.
 const OLDEST_NODE: u32 = 20;
-/// What is installed by, copied beside what it installs.
+/// The lock files, copied beside the packages that they install.
 const LOCK: &str = "package-lock.json";
 
 /// Installs it, unless it is here already.
@@ -154,7 +154,7 @@ mod tests {
         assert!(npm_in_path(&machine.host()).is_none());
     }
 
-    /// The lock file keeps what is installed, and no address that is somebody's mirror.
+    /// The lock file keeps versions and checksums, and no mirror's address.
     #[test]
     fn the_lock_file_has_integrity_and_no_addresses() {
         let lock = std::fs::read_to_string(command::root().join("ci/tint").join(LOCK));

@@ -412,16 +412,17 @@ impl CaseFailure {
     }
 }
 
-impl Disagreement {
-    /// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```
-    fn headline(&self) -> String {
-        format!("`{}` fails {}: {}", self.function.name, self.check, self.assertion)
-    }
+/// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```, at the function.
+pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagnostic {
+    let message = format!("`{}` fails {check}: {assertion}", function.name);
+    Diagnostic::new(message).at(first_line(function), "")
+}
 
+impl Disagreement {
     /// The same as data.
     pub(super) fn fault(&self) -> Fault {
         Fault {
-            headline: self.headline(),
+            headline: failed(&self.function, self.check, &self.assertion).message,
             paths: self.paths.iter().map(PathDisagreement::fault).collect(),
             ..Fault::default()
         }
@@ -554,9 +555,7 @@ pub(crate) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, 
 
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let span = first_line(&self.function);
-        let diagnostic = Diagnostic::new(self.headline()).at(span, "");
-        writeln!(f, "{diagnostic}")?;
+        writeln!(f, "{}", failed(&self.function, self.check, &self.assertion))?;
         if !self.domain.is_empty() {
             writeln!(f, "arguments: {}", self.domain)?;
         }

@@ -173,7 +173,7 @@ fn either(
 /// Cases that one task judges; large enough that a task costs more than its start.
 const TASK: usize = 2048;
 
-/// What a failing case is told by in place of its result.
+/// The text of a failing case, in place of its result.
 pub(super) struct Described {
     pub(super) expectations: Vec<ExpectationFault>,
     pub(super) notes: Vec<(&'static str, String)>,

@@ -51,7 +51,7 @@ fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord>
         Err(Invalid::Modules { errors, opinion, .. }) => (&**errors, &**opinion),
         Err(_) => return Vec::new(),
     };
-    // What karat.toml doesn't require is no failure.
+    // A remark that karat.toml doesn't require is no failure.
     let required = |(_, error): &&(String, ReflectError)| matches!(error, ReflectError::Refused(_));
     let refused = errors.iter().filter(required).count().min(opinion.refused.len());
     let rejected = errors.iter().filter(|error| !required(error)).count();

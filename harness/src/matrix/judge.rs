@@ -175,7 +175,7 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     all.map(|answer| said(tool, answer)).collect()
 }
 
-/// What Tint says of the author's texts; nothing if it isn't here.
+/// Tint's verdicts on the author's texts; none if Tint isn't here.
 fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) -> Vec<Said> {
     let Ok(tint) = Tint::beside(&package.root(), false) else { return Vec::new() };
     let question = |(translation, about): (&&Translation, &&About)| {

@@ -7,12 +7,12 @@ use super::manifest::Manifest;
 use super::{Package, PackageError};
 use crate::diagnostic::{nearest, shown};
 
-/// What `karat.toml` says of compilers and limits.
+/// The sections `[compilers]` and `[limits]` of `karat.toml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
     /// A shader that Tint rejects isn't valid, and without Tint there is no verdict.
     pub(crate) require_tint: bool,
-    /// What shaders use on purpose that wgpu alone has, by naga's names of capabilities.
+    /// Native features of wgpu that shaders use on purpose, by naga's names of capabilities.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
     /// The file, for messages about what it says.
@@ -43,7 +43,7 @@ impl Compilers {
 }
 
 impl Package {
-    /// What the folder's `karat.toml` says of compilers and limits.
+    /// The sections of the folder's `karat.toml`.
     pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
         let manifest = Manifest::of(self)?;
         let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();

@@ -7,7 +7,7 @@ use super::Replay;
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 
-/// What is wrong.
+/// A failure as data.
 ///
 /// ```no_run
 /// for record in karat::record::read("target/karat/last".as_ref())? {
@@ -31,7 +31,7 @@ pub struct Fault {
     pub paths: Vec<PathFault>,
 }
 
-/// What is wrong on one path.
+/// The fault of one path.
 ///
 /// ```
 /// use karat::record::PathFault;
@@ -48,7 +48,7 @@ pub struct PathFault {
     /// Why it has no verdict; `None`: it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
-    /// What tells the arguments of failing cases from the others, if one property does.
+    /// The property that tells the arguments of failing cases from the others, if one does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
     /// The case with the largest error.
@@ -88,13 +88,13 @@ pub struct CaseFault {
     /// The component's value.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub actual: String,
-    /// What was expected there; empty if a statement judged.
+    /// The expected value; empty if a statement judged.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub expected: String,
     /// The error in its unit, with what is allowed; empty if a statement judged.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub error: String,
-    /// What else is known: what WGSL allows there, and the first let-binding that leaves it.
+    /// Notes by name: the interval that WGSL allows, and the first let-binding outside of it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<(String, String)>,
     /// The expectations of a test in WGSL that fail.
@@ -158,7 +158,7 @@ impl Fault {
 }
 
 impl PathFault {
-    /// What was found on a path, with nothing in it yet.
+    /// An empty fault of a path.
     pub(crate) fn on(adapter: &Adapter) -> Self {
         let (stopped, cause) = (None, None);
         let (worst, first, simplest) = (None, None, None);

@@ -24,7 +24,7 @@ struct Used {
 }
 
 impl Program {
-    /// What exceeds limits.
+    /// Findings about limits.
     pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Diagnostic> {
         let mut found = Vec::new();
         for used in self.used() {
@@ -71,7 +71,7 @@ impl Program {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut all = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            // What no entry point uses is in no layout.
+            // A variable that no entry point uses is in no layout.
             let mut entries = 0..module.entry_points.len();
             if entries.any(|entry| !info.get_entry_point(entry)[handle].is_empty()) {
                 self.of_variable(handle, variable, &mut all);
@@ -152,7 +152,7 @@ impl Program {
         all
     }
 
-    /// What limits say of a variable, whoever uses it.
+    /// Limits of a variable by itself, in all entry points.
     fn of_variable(
         &self,
         handle: Handle<GlobalVariable>,

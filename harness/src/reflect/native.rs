@@ -1,4 +1,4 @@
-//! What wgpu has on native platforms alone, and no browser.
+//! Native features: wgpu has them, and no browser does.
 
 use naga::front::wgsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -6,7 +6,7 @@ use naga::{ImageClass, StorageFormat, TypeInner};
 
 use super::{Program, on_deep_stack};
 
-/// What WebGPU has, too, by default or as a feature. All else that naga knows of is wgpu's.
+/// Capabilities that WebGPU has, too, by default or as a feature. naga's others are wgpu's alone.
 const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::CUBE_ARRAY_TEXTURES)
     .union(Capabilities::SHADER_FLOAT16)
@@ -32,7 +32,7 @@ fn native() -> impl Iterator<Item = (String, Capabilities)> {
 }
 
 impl Program {
-    /// What the program uses that wgpu alone has: naga rejects it without, or an `enable` of it.
+    /// Native features that the program uses: naga rejects it without them, or it has their `enable`.
     pub(super) fn native_features(&self) -> Vec<String> {
         let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
         used.map(|(name, _)| name).collect()

@@ -1,4 +1,4 @@
-//! What others than naga say of a package: Tint, WebGPU's limits, and an engine that loads its files.
+//! The opinion on a package of others than naga: Tint, WebGPU's limits, and an engine that loads its files.
 
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ pub struct Opinion {
     pub limits: Vec<(String, Diagnostic)>,
     /// Modules that an engine would load, and that hold tests.
     pub shipped: Vec<(String, Diagnostic)>,
-    /// What Tint warns of.
+    /// Tint's warnings.
     pub warnings: Vec<(String, Diagnostic)>,
 }
 
@@ -57,7 +57,7 @@ pub struct Refused {
     pub module: String,
     /// The kind of its first reason.
     pub reason: Reason,
-    /// What it uses that wgpu alone has, by naga's names.
+    /// Native features of wgpu that it uses, by naga's names.
     pub native: Vec<String>,
     /// The message, with places.
     pub diagnostic: Diagnostic,
@@ -87,8 +87,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// What stands against the package, in a line: rejections, limits, and what there is no verdict on. `None`:
-    /// nothing does.
+    /// Objections to the package in a line: rejections, limits, and modules without a verdict. `None`: there are
+    /// none.
     ///
     /// ```
     /// # use karat::Package;
@@ -162,7 +162,7 @@ impl Opinion {
         all
     }
 
-    /// What is an error by `karat.toml`, by its module.
+    /// Errors by `karat.toml`, each with its module.
     pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))

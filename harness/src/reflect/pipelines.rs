@@ -14,7 +14,7 @@ impl Program {
     /// All entry points of stages that WebGPU has; none if an override has no value.
     pub(crate) fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
-        // What an override without a value is only its program knows: any other one may be wrong.
+        // Only the author's program knows the value of an override that has none: any other one may be wrong.
         if module.overrides.iter().any(|(_, one)| one.init.is_none()) {
             return Vec::new();
         }
@@ -84,7 +84,7 @@ impl Program {
         }
     }
 
-    /// What a scalar or a vector is made of.
+    /// The component type of a scalar or a vector.
     fn scalars_of(&self, ty: Handle<Type>) -> Option<(naga::Scalar, usize)> {
         match self.checked.module.types[ty].inner {
             TypeInner::Scalar(scalar) => Some((scalar, 1)),

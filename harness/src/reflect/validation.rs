@@ -28,7 +28,7 @@ pub struct Validated {
     pub entry_points: usize,
     /// Functions with `@test`. They are found, and validated when they run.
     pub tests: usize,
-    /// What others say of it: Tint, and WebGPU's limits. What `karat.toml` requires holds.
+    /// The opinion of Tint and of WebGPU's limits. All that `karat.toml` requires holds.
     pub opinion: Opinion,
 }
 
@@ -62,7 +62,7 @@ pub enum Invalid {
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
-        /// What others than naga say of the modules.
+        /// The opinion on the modules.
         opinion: Box<Opinion>,
     },
     /// `karat.toml` requires Tint's verdict, and there is none.
@@ -72,9 +72,9 @@ pub enum Invalid {
         package: String,
         /// Why there is none.
         reason: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
-        /// What others than naga say of the modules.
+        /// The opinion on the modules.
         opinion: Box<Opinion>,
     },
     /// There is nothing that could be run.
@@ -86,7 +86,7 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// What others than naga say of the modules, where that is known.
+    /// The opinion on the modules, where there is one.
     ///
     /// ```
     /// use karat::Package;
@@ -110,7 +110,7 @@ fn distinct(errors: &[(String, ReflectError)]) -> usize {
 
 fn list(errors: &[(String, ReflectError)]) -> String {
     let mut texts: Vec<String> = Vec::new();
-    // What is wrong with the package, or with a module that others import, is so for each.
+    // An error of the package, or of a module that others import, comes once for each of them.
     for (_, error) in errors {
         let text = error.to_string();
         if !texts.contains(&text) {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::NoVerdict;
 
-/// What Tint says of a text.
+/// Tint's answer about a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Answer {
     /// Messages about the text, in Tint's order: notes follow what they explain.

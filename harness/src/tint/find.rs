@@ -82,7 +82,7 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     }
 }
 
-/// What KARAT_TINT names: a package's folder or one that it is installed in, a `tint`, or a Chromium.
+/// The Tint that KARAT_TINT names: a package's folder or one that it is installed in, a `tint`, or a Chromium.
 fn of_named(named: &Path) -> Result<Kind, String> {
     let at = named.display();
     if named.is_dir() {

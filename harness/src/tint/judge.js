@@ -19,7 +19,7 @@ function sum(text) {
   for (let i = 0; i < text.length; i++) sum = Math.imul(sum ^ text.charCodeAt(i), 0x01000193) >>> 0;
   return sum;
 }
-// What `work` makes, with the first validation error or null.
+// The result of `work`, with the first validation error or null.
 async function scoped(device, work) {
   device.pushErrorScope('validation');
   let made, thrown = null;

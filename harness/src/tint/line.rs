@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::NoVerdict;
 
-/// What is kept of what a process says on stderr: its last words.
+/// Bytes that are kept of a process's log: its last words.
 const LAST_WORDS: usize = 2 << 10;
 /// The longest message that is read: more than any answer, and a bound for a process that never ends one.
 const LONGEST: u64 = 16 << 20;
@@ -21,7 +21,7 @@ const LINGER: Duration = Duration::from_secs(1);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Answers {
     Stdout,
-    /// As Dawn logs on stdout, whoever listens.
+    /// Dawn logs on stdout, so its answers come on stderr.
     Stderr,
 }
 
@@ -46,8 +46,8 @@ impl Lines {
         end: u8,
     ) -> Result<Self, NoVerdict> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // What interrupts this process at a terminal isn't for the other one: that ends with its input, and
-        // cleans up.
+        // An interrupt of this process at a terminal doesn't reach the other one: that ends with its input,
+        // and cleans up.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
         let mut child = command.spawn().map_err(|error| NoVerdict::Start(error.to_string()))?;
@@ -101,7 +101,7 @@ impl Lines {
     fn ended(&mut self) -> NoVerdict {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
-        // What it has started may go on to talk.
+        // Programs that it has started may go on to talk.
         let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let said = String::from_utf8_lossy(&said);

@@ -132,7 +132,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // What fails names a reason, what names one fails, and what is accepted is written again.
+    // A run fails if and only if it names an error, and one that succeeds writes the text again.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
         return Err(NoVerdict::Garbage(format!("it ended with {status} and said {said}")));

@@ -111,7 +111,7 @@ impl Reason {
         }
     }
 
-    /// What to do, in a line.
+    /// The remedy, in a line.
     ///
     /// ```
     /// assert!(karat::tint::Reason::Range.remedy().contains("0x1.fffffep+127f"));

@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.
 const MOST_STARTS: usize = 3;
 
-/// What every process runs that stays.
+/// The script of every process that stays.
 pub(super) const JUDGE: &str = include_str!("judge.js");
 /// In Node.
 const NODE: &str = include_str!("node.mjs");
@@ -104,7 +104,7 @@ impl Resident {
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
             let line = serde_json::to_string(&Numbered { id, question });
             if let Err(error) = self.asked.send(&line.expect("it is plain data")) {
-                // What it answered before its end is heard below.
+                // Answers from before its end are read below.
                 if id == first {
                     return vec![Err(error)];
                 }
@@ -158,7 +158,7 @@ pub(super) fn ask(
     answers
 }
 
-/// What the process says of itself.
+/// The version that the process reports.
 pub(super) fn version(kind: &Kind, resident: &mut Option<Resident>) -> Result<String, NoVerdict> {
     let running = match resident {
         Some(running) => running,

@@ -129,7 +129,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// Whether a file with tests in WGSL has an ending that isn't theirs, such as `brdf_test.wgls`.
+/// True of a file with tests in WGSL whose ending isn't theirs, such as `brdf_test.wgls`.
 fn is_misnamed_module(file: &Path) -> bool {
     const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
     let ending = file.extension().unwrap_or_default().to_string_lossy();

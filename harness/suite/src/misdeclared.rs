@@ -1,4 +1,4 @@
-//! What is wrong with a test that a file declares, and the key that it is of.
+//! Errors of tests that files declare, each with its key.
 
 use std::collections::BTreeMap;
 use std::path::Path;

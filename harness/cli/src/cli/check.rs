@@ -118,7 +118,7 @@ fn validate_found(
     Ok((valid, opinion))
 }
 
-/// What stands against modules that naga accepts: in a line, and then each remark; `None`: nothing does.
+/// Objections to modules that naga accepts: in a line, and then each remark; `None`: there are none.
 pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     let mut text = opinion.remark()?;
     for remark in opinion.remarks() {
@@ -127,7 +127,7 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     Some(text)
 }
 
-/// What others than naga say, each remark once.
+/// Remarks of Tint, of WebGPU's limits and about shipped tests, each once.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     write_each(&opinion.remarks(), out)?;
     write_broke(opinion, out)
@@ -213,8 +213,8 @@ pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// What isn't valid of a package, of which something isn't as its folder says. A module is valid if it is as
-/// its folder says, or as a test uses the package, with features and dependencies.
+/// The modules that are still invalid as tests use the package. A module is valid if it is as its folder says, or
+/// as a test uses the package, with features and dependencies.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

@@ -349,8 +349,8 @@ fn replays(record: &Record) -> Vec<String> {
     record.fault.iter().flat_map(Fault::replays).map(ToString::to_string).collect()
 }
 
-/// What a path's failing cases say, each in a line: arguments, what came of them, expectations that fail; and
-/// the command that runs the worst of them again.
+/// A path's failing cases, each in a line: arguments, results, expectations that fail; and the command that runs
+/// the worst of them again.
 fn facts(fault: &PathFault) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten() {

@@ -190,7 +190,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// What the last line says besides verdicts.
+/// Remarks of the last line, beside its verdicts.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
     let left_out =
         (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));

@@ -152,7 +152,7 @@ pub(super) struct Verdicts {
     pub(super) broken: Option<String>,
     /// Which modules aren't valid.
     pub(super) invalid: Option<String>,
-    /// What others than naga say of the modules, in a line, and then each remark.
+    /// The opinion on the modules in a line, and then each remark.
     pub(super) remarks: Option<String>,
 }
 

@@ -203,7 +203,7 @@ fn karat_tint_names_one_or_says_why_not() {
         ("nowhere", "KARAT_TINT=nowhere isn't there"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
-        // Whoever says nothing and ends well has read nothing.
+        // A program that says nothing and ends well has read nothing.
         ("true", "is another program than Tint"),
         ("cat", "is another program than Tint"),
     ] {
@@ -212,7 +212,7 @@ fn karat_tint_names_one_or_says_why_not() {
     }
 }
 
-/// What wgpu alone has is declared, and a declaration that nothing needs is an error.
+/// A package declares its native features, and a declaration that no module needs is an error.
 #[test]
 fn what_wgpu_alone_has_is_declared() {
     let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
@@ -337,7 +337,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
             "{ran:?}"
         );
     }
-    // What keeps to the limits is no finding: neither to the default ones, nor to others.
+    // A module within its limits has no finding: neither by the default limits, nor by others.
     let more = "[limits]\nmaxComputeInvocationsPerWorkgroup = 512\n\
                 maxComputeWorkgroupStorageSize = 32768\n";
     let stages = "[limits]\nmaxStorageBuffersPerShaderStage = 12\n";
@@ -377,7 +377,7 @@ fn limits_that_are_requested_are_no_rejection() {
     write(folder.path(), "shaders/karat.toml", limits);
     let out = with_tint(folder.path(), CHECK).good();
     assert_eq!(last_line(&out), "1 package valid; Tint accepts 1 module");
-    // Required, a limit is an error, and it is told once.
+    // A required limit is an error, which the output has once.
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     let ran = with_tint(folder.path(), CHECK);
     assert_eq!(
@@ -429,7 +429,7 @@ fn files_that_are_shipped_stay_shippable() {
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
-/// What naga rejects and Tint accepts is told as such.
+/// An error of naga's says where Tint accepts the module.
 #[test]
 fn what_tint_alone_accepts_is_told() {
     let folder = folder("enable subgroups;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");

@@ -716,7 +716,7 @@ fn a_part_that_lacks_checks_says_so() {
     assert!(good.contains("1 check, 0 failed") && !good.contains("lack"), "{good}");
 }
 
-/// What a tool reads of a failure is data: with one word in the place of each message all of it is there.
+/// Tools read a failure as data: all of it is there with one word in the place of each message.
 #[test]
 fn without_its_messages_a_failure_is_whole() {
     let folder = tempfile::tempdir().expect("a temporary folder");

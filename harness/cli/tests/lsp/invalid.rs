@@ -28,7 +28,7 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
     editor.wait(FILE, <[_]>::is_empty);
 }
 
-/// What Tint rejects is a warning as it is typed, and an error where the package requires its verdict.
+/// Tint's rejection is a warning as you type, and an error where the package requires its verdict.
 #[test]
 fn what_tint_rejects_is_shown() {
     let folder = folder();

@@ -22,7 +22,7 @@ use program::program;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// What a last line ends with in these tests, which ask no Tint.
+/// The end of each last line in these tests, which ask no Tint.
 const UNASKED: &str = "; Tint wasn't asked: KARAT_TINT=off";
 
 const CALC: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\n\

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use super::super::disagreement::failed;
 use super::picture::Histogram;
-use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 use crate::record::{CaseFault, Fault, PathFault, Replay};
 use crate::reflect::Function;
@@ -46,15 +46,10 @@ pub struct Rejection {
 }
 
 impl Rejection {
-    /// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```
-    fn headline(&self) -> String {
-        format!("`{}` fails {}: {}", self.function.name, self.check, self.assertion)
-    }
-
     /// The same as data.
     pub(crate) fn fault(&self) -> Fault {
         Fault {
-            headline: self.headline(),
+            headline: failed(&self.function, self.check, &self.assertion).message,
             paths: self.paths.iter().map(PathRejection::fault).collect(),
             ..Fault::default()
         }
@@ -349,11 +344,7 @@ impl Worst {
 impl fmt::Display for Rejection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { significance, threshold, .. } = self;
-        let mut span = self.function.span.clone();
-        let text = span.file.text.get(span.range.clone()).unwrap_or_default();
-        let head = text.find('\n').unwrap_or(text.len());
-        span.range.end = span.range.start + text[..head].trim_end().len();
-        writeln!(f, "{}", Diagnostic::new(self.headline()).at(span, ""))?;
+        writeln!(f, "{}", failed(&self.function, self.check, &self.assertion))?;
         for path in &self.paths {
             writeln!(f, "\non {}", path.adapter)?;
             let PathRejection { configurations, rejected, worst, replay, .. } = path;

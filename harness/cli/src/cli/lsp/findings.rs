@@ -44,7 +44,7 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     placeless
 }
 
-/// What others than naga say, as warnings. What `karat.toml` makes an error of is one already.
+/// An opinion's remarks, as warnings. Those that `karat.toml` makes errors are errors already.
 pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
         let own = findings.get(&file).map_or(&[][..], Vec::as_slice);

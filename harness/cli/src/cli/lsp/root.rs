@@ -109,7 +109,7 @@ impl Root {
         Ok(true)
     }
 
-    /// What is wrong with the modules, as they are in the editor, and what others than naga say of them.
+    /// Errors of the modules, as they are in the editor, and the opinion on them.
     pub(super) fn invalid(&self, documents: &Documents) -> (Vec<Invalid>, Opinion) {
         let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
         let (mut all, mut opinion) = (Vec::new(), Opinion::default());

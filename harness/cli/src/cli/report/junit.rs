@@ -141,7 +141,7 @@ fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// What is known of a failure on this path. What fails on none has the first command that there is.
+/// The facts of a failure on this path. A failure of no path has its first replay command.
 fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
     let faults = || record.fault.iter().flat_map(|fault| &fault.paths);
     let is_own =

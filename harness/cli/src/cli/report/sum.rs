@@ -24,7 +24,7 @@ pub(in crate::cli) struct Sum {
     outside: Vec<String>,
     /// Other reasons: modules that aren't valid, tests that weren't run.
     others: Vec<String>,
-    /// What fails nothing and should be known.
+    /// Remarks that fail nothing.
     remarks: Vec<String>,
 }
 
@@ -130,7 +130,7 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// What fails nothing and should be known, behind the line.
+    /// The remarks that fail nothing, behind the line.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }

@@ -51,7 +51,7 @@ pub(in crate::cli) enum Said {
         /// Which modules aren't valid, whether or not a test links them.
         #[serde(default)]
         invalid: Option<String>,
-        /// What others than naga say of them, in a line, and then each remark.
+        /// The opinion on the modules in a line, and then each remark.
         #[serde(default)]
         remarks: Option<String>,
         /// Files that matter besides modules and declared tests.
