@@ -108,6 +108,25 @@ fn the_address_names_the_frame() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'a'");
 }
 
+/// The page writes the address a moment after a key. A person's address of that moment is kept.
+#[test]
+fn a_typed_address_is_never_written_over() {
+    let project = with(&["a", "rooms/dark", "z"]);
+    let (_server, mut browser, tab) = open(&project, "#a");
+    browser.press(&tab, "j");
+    browser.value(
+        &tab,
+        "(() => {
+            // Both timers are due when the loop ends: this one runs, then the page's, then the event.
+            setTimeout(() => { location.hash = '#rooms/dark'; }, 0);
+            const end = performance.now() + 600; // longer than the page waits
+            while (performance.now() < end);
+        })()",
+    );
+    browser.wait(&tab, "document.getElementById('name').textContent === 'rooms/dark'");
+    assert_eq!(browser.value(&tab, "location.hash"), "#rooms/dark");
+}
+
 #[test]
 fn an_address_without_a_frame_is_told() {
     let project = with(&["a", "b"]);

@@ -13,8 +13,11 @@ const address = (() => {
     }
   };
 
+  let known = location.hash; // the fragment that the page has followed or written
+
   // Shows the frame that is named. Where there is none, no other takes its place.
   const follow = () => {
+    known = location.hash;
     const name = named();
     if (!name) return;
     const position = state.cases.findIndex((entry) => entry.name === name);
@@ -31,9 +34,11 @@ const address = (() => {
     shown = state.selected;
     clearTimeout(timer);
     timer = setTimeout(() => {
-      if (!selectedCase() || named() === selectedCase().name) return;
+      // Another fragment than the known one was typed this instant: its event comes and wins.
+      if (location.hash !== known || !selectedCase() || named() === selectedCase().name) return;
       try {
         history.replaceState(null, "", fragment(selectedCase().name));
+        known = location.hash;
       } catch {
         // Some viewers of artefacts forbid it. Only the link is lost.
       }

@@ -9,6 +9,7 @@ let state = fresh();
 let model = null;
 let models = [];
 let saving = null; // the timer of an address that changes soon
+let known = location.hash; // the fragment that the page has followed or written
 
 const encode = (text) => encodeURIComponent(text).replace(/%3A/g, ":").replace(/%2F/g, "/");
 const decode = (text) => {
@@ -37,6 +38,7 @@ function address() {
 
 function follow() {
   clearTimeout(saving);
+  known = location.hash;
   const asked = new Map(location.hash.slice(1).split("&").filter(Boolean).map((part) => {
     const cut = part.indexOf("=");
     return cut < 0 ? [decode(part), ""] : [decode(part.slice(0, cut)), part.slice(cut + 1)];
@@ -68,10 +70,12 @@ function change(changes, { step = false } = {}) {
   clearTimeout(saving);
   const save = () => {
     const to = address();
-    if (to === (location.hash || "#")) return;
+    // Another fragment than the known one was typed this instant: its event comes and wins.
+    if (location.hash !== known || to === (location.hash || "#")) return;
     try {
       // An address without a fragment keeps the page's own.
       history[step ? "pushState" : "replaceState"](null, "", to);
+      known = location.hash;
     } catch {
       // Some viewers of artefacts forbid it. Only the link is lost.
     }
