@@ -355,6 +355,7 @@ fn tri_ace_is_not_reciprocal() {
     let swapped = PBR
         .function("brdf::tri_ace_eval")
         .over((UnitRgb, UnitRgb, 0.0..=1e4, Hemisphere, Hemisphere))
+        .unrecorded()
         .try_invariant_under(|(albedo, f0, n, v, l)| (albedo, f0, n, l, v), Rel(0.5));
     assert!(matches!(swapped, Err(Failure::Disagreement(_))), "{swapped:?}");
 
@@ -481,7 +482,7 @@ fn tri_ace_nodes(&(exponent, f0, v): &(f32, Vec3, Vec3)) -> Vec<(TriAce, f64)> {
 fn tri_ace_in_a_furnace() {
     let furnace = || PBR.function("brdf::tri_ace_eval").integral(tri_ace_views(), tri_ace_nodes);
     furnace().is_at_most(|_| 20.0 / 21.0 + 3125.0 / 46656.0, 2e-4);
-    let conserving = furnace().try_is_at_most(|_| 1.0, 0.018);
+    let conserving = furnace().unrecorded().try_is_at_most(|_| 1.0, 0.018);
     assert!(matches!(conserving, Err(Failure::Disagreement(_))), "{conserving:?}");
     PBR.function("brdf::tri_ace_eval")
         .integral(Just((1e6, Vec3::ZERO, view(80.4))), tri_ace_nodes)

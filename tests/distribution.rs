@@ -183,7 +183,7 @@ fn lobes_rise_to_their_pole() {
     );
     let beckmann = |alpha| PBR.function("distribution::beckmann").over((alpha, -1.0..=1.0));
     beckmann(1e-4..=0.7).is_monotone_in("n_dot_h", up, exponential());
-    let ring = beckmann(0.8..=1.0).try_is_monotone_in("n_dot_h", up, exponential());
+    let ring = beckmann(0.8..=1.0).unrecorded().try_is_monotone_in("n_dot_h", up, exponential());
     assert!(matches!(ring, Err(karat::check::Failure::Disagreement(_))), "{ring:?}");
     PBR.function("distribution::blinn_phong").over((0.0..=300.0, -1.0..=1.0)).is_monotone_in(
         "n_dot_h",

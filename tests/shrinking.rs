@@ -37,17 +37,17 @@ const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
 fn each_verb_reduces_its_worst_case() {
     let package = Package::from_source("planted", THREE);
     let over = || package.function("f").over((UnitVector, 0.0..=1.0, Integers(0..=1000_u32)));
-    let found = over().try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0));
+    let found = over().unrecorded().try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0));
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "5"]);
-    let found = over().try_satisfies("is at most 1", |_, z: f32| z <= 1.0);
+    let found = over().unrecorded().try_satisfies("is at most 1", |_, z: f32| z <= 1.0);
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "5"]);
-    let found = over().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
+    let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
     assert!(found.is_ok(), "i is made no smaller than 4");
-    let found = over().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
+    let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
     let found = disagreement(found);
     assert!(found.paths.iter().all(|path| path.simplest.is_none()), "an edge is simple: {found}");
     let over = package.function("f").over((UnitVector, 0.4..=0.51, Integers(1..=3_u32)));
-    let found = over.try_invariant_under(|(n, x, i)| (n, x, i + 4), Ulp(0.0));
+    let found = over.unrecorded().try_invariant_under(|(n, x, i)| (n, x, i + 4), Ulp(0.0));
     // And `i'`.
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "1", "5"]);
 }
@@ -59,7 +59,7 @@ fn mapped_and_filtered_domains_are_reduced_within() {
     let package = Package::from_source("planted", wgsl);
     let cosine = |l: Vec3| l.z >= 0.1 && l.z <= 0.9;
     let domain = (Hemisphere, Hemisphere).filter(move |(l, _)| cosine(*l)).map(|(l, v)| (v, l));
-    let found = package.function("f").over(domain.map(|(v, l)| (l, v))).try_satisfies(
+    let found = package.function("f").over(domain.map(|(v, l)| (l, v))).unrecorded().try_satisfies(
         "is at most 1, of cosines in the domain",
         move |(l, _), x: f32| {
             assert!(cosine(l), "{l} was never drawn");
@@ -87,7 +87,8 @@ impl Domain for Upper {
 #[test]
 fn a_reference_that_fails_on_the_way_is_passed_over() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.01 / x; }");
-    let found = package.function("f").over(Upper).try_agrees_with(|x: f64| 1.0 / x, Rel(1e-5));
+    let found =
+        package.function("f").over(Upper).unrecorded().try_agrees_with(|x: f64| 1.0 / x, Rel(1e-5));
     assert_eq!(simplest(&disagreement(found)), ["0.25"]);
 }
 
@@ -97,7 +98,8 @@ fn reducing_is_deterministic() {
     let package = Package::from_source("planted", THREE);
     let run = || {
         let over = package.function("f").over((UnitVector, 0.0..=1.0, Integers(0..=1000_u32)));
-        let found = over.seed(7).try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0));
+        let found =
+            over.seed(7).unrecorded().try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0));
         disagreement(found).to_string().replace("agrees_with#2", "agrees_with")
     };
     assert_eq!(run(), run());
@@ -376,7 +378,8 @@ fn a_fault_is_found_from_every_source() {
     for (inputs, cases) in
         [(Inputs::Storage, 65_536), (Inputs::Uniform, 65_536), (Inputs::Constant, 64)]
     {
-        let found = disagreement(over().inputs(inputs).try_agrees_with(reference, Ulp(1.0)));
+        let found =
+            disagreement(over().inputs(inputs).unrecorded().try_agrees_with(reference, Ulp(1.0)));
         for path in &found.paths {
             assert_eq!((path.inputs, path.census.cases), (inputs, cases), "{found}");
             let check = match inputs {
@@ -390,10 +393,14 @@ fn a_fault_is_found_from_every_source() {
             assert!(case.starts_with(&check), "{found}");
         }
         assert_eq!(simplest(&found), ["(0, 0, 1)", "0.5", "5"]);
-        let found = over().inputs(inputs).try_invariant_under(|(n, x, i)| (n, x, i | 7), Ulp(0.0));
+        let found = over()
+            .inputs(inputs)
+            .unrecorded()
+            .try_invariant_under(|(n, x, i)| (n, x, i | 7), Ulp(0.0));
         disagreement(found);
     }
-    let all = disagreement(over().from_all_sources().try_agrees_with(reference, Ulp(1.0)));
+    let all =
+        disagreement(over().from_all_sources().unrecorded().try_agrees_with(reference, Ulp(1.0)));
     let text = all.to_string();
     for part in [", arguments from a uniform buffer\n", ", arguments as constants\n"] {
         assert!(text.contains(part), "{text}");
@@ -405,18 +412,22 @@ fn what_is_no_constant_is_refused() {
     let package =
         Package::from_source("planted", "fn f(x: f32) -> u32 { return bitcast<u32>(x); }");
     let over = |inputs| package.function("f").over(Edges::f32().and_non_finite()).inputs(inputs);
-    let error = over(Inputs::Constant).cases(1000).try_satisfies("is anything", |_, _: u32| true);
+    let error = over(Inputs::Constant)
+        .cases(1000)
+        .unrecorded()
+        .try_satisfies("is anything", |_, _: u32| true);
     let error = error.expect_err("NaN").to_string();
     assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
     // Not by chance: whatever is drawn.
     for seed in 0..10 {
         let over = package.function("f").over(AnyF32::with_non_finite()).inputs(Inputs::Constant);
-        let found = over.seed(seed).try_satisfies("is anything", |_, _: u32| true);
+        let found = over.seed(seed).unrecorded().try_satisfies("is anything", |_, _: u32| true);
         assert!(found.expect_err("infinity").to_string().contains("constant inputs: "), "{seed}");
     }
     let wide = "fn f(x: array<f32, 5000>) -> f32 { return x[0]; }";
     let package = Package::from_source("planted", wide);
     let over = package.function("f").over(Just([1.0_f32; 5000])).inputs(Inputs::Uniform);
-    let error = over.try_satisfies("is anything", |_, _: f32| true).expect_err("too large");
+    let error =
+        over.unrecorded().try_satisfies("is anything", |_, _: f32| true).expect_err("too large");
     assert!(error.to_string().contains("larger than 16 KiB"), "{error}");
 }

@@ -247,6 +247,7 @@ fn chi_square_alone(result: Result<Fit, Failure>) -> f64 {
 fn ggx_against(pdf: &str) -> Result<Fit, Failure> {
     PBR.function("sampling::ggx_normal")
         .sampled_over(Just(0.5), |&alpha, u: Vec2| (alpha, u))
+        .unrecorded()
         .try_follows(planted().function(pdf), |&alpha, h: Vec3| (alpha, h))
 }
 
@@ -270,6 +271,7 @@ fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
     planted
         .function(sampler)
         .sampled_over(Just(()), |(), u: Vec2| u)
+        .unrecorded()
         .try_follows(planted.function(pdf), |(), l: Vec3| l)
 }
 
@@ -288,7 +290,7 @@ fn a_density_above_one_leaves_nothing_out() {
     let planted = planted();
     let follows = |sampler: &str, pdf: &str| {
         let sampled = planted.function(sampler).sampled_over(Just(()), |(), u: Vec2| u);
-        sampled.may_leave().try_follows(planted.function(pdf), |(), l: Vec3| l)
+        sampled.may_leave().unrecorded().try_follows(planted.function(pdf), |(), l: Vec3| l)
     };
     follows("cosine", "full_cosine_pdf").expect("more than 1 by rounding alone");
     let found = findings(follows("falling", "fuller_cosine_pdf"));
@@ -312,7 +314,7 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
             .sampled_over(Just(alpha), |&alpha, u: Vec2| (alpha, u));
         let sampled = if leaves { sampled.may_leave() } else { sampled };
         let pdf = planted.function("tabled_pdf").with("table", Texture::constant(texel));
-        sampled.try_follows(pdf, |&alpha, h: Vec3| (alpha, h))
+        sampled.unrecorded().try_follows(pdf, |&alpha, h: Vec3| (alpha, h))
     };
     for leaves in [false, true] {
         follows(1.0, leaves).expect("the right density");
@@ -365,6 +367,7 @@ fn power_is_what_it_is_said_to_be() {
     let rate = Rate::over(0..40, |seed| {
         let result = sampled()
             .seed(seed)
+            .unrecorded()
             .try_follows(planted.function("tilted_pdf"), |&alpha, h: Vec3| (alpha, h));
         result.is_err()
     });
@@ -399,7 +402,9 @@ fn a_missing_jacobian_is_rejected() {
     };
     let at = |&alpha: &f32, l: Vec3| (alpha, v, l);
     reflected().follows(planted.function("reflected_pdf"), at);
-    let found = findings(reflected().try_follows(planted.function("without_jacobian_pdf"), at));
+    let found = findings(
+        reflected().unrecorded().try_follows(planted.function("without_jacobian_pdf"), at),
+    );
     let mass = found.iter().any(|f| matches!(f, Finding::Mass { integral, .. } if *integral > 2.0));
     let shape = found.iter().any(|f| matches!(f, Finding::ChiSquare { p, .. } if *p < 1e-12));
     assert!(mass && shape, "{found:?}");
@@ -407,6 +412,7 @@ fn a_missing_jacobian_is_rejected() {
     let strict = planted
         .function("reflected")
         .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
+        .unrecorded()
         .try_follows(planted.function("reflected_pdf"), at);
     let found = findings(strict);
     assert!(found.iter().any(|f| matches!(f, Finding::Outside { .. })), "{found:?}");
@@ -449,30 +455,37 @@ fn what_proves_nothing_is_an_error() {
     let pdf = || planted.function("cosine_pdf");
     let at = |(): &(), l: Vec3| l;
     for samples in [0, 1, 1023] {
-        let few = sampled("cosine").samples(samples).try_follows(pdf(), at);
+        let few = sampled("cosine").samples(samples).unrecorded().try_follows(pdf(), at);
         assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
     }
     // All samples in one cell: it expects fewer.
-    assert!(chi_square_alone(sampled("constant").try_follows(pdf(), at)) < 1e-12);
+    assert!(chi_square_alone(sampled("constant").unrecorded().try_follows(pdf(), at)) < 1e-12);
     for significance in [0.0, 1.0, f64::NAN] {
-        let none = sampled("cosine").significance(significance).try_follows(pdf(), at);
+        let none = sampled("cosine").significance(significance).unrecorded().try_follows(pdf(), at);
         assert!(matches!(none, Err(Failure::Domain { .. })), "{none:?}");
     }
-    let none = sampled("cosine").mass_within(f64::INFINITY).try_follows(pdf(), at);
+    let none = sampled("cosine").mass_within(f64::INFINITY).unrecorded().try_follows(pdf(), at);
     assert!(matches!(none, Err(Failure::Domain { .. })), "{none:?}");
-    let few = sampled("cosine").samples(50).try_has_mean("z", |l: Vec3| l.z.into(), |()| 0.6, 0.0);
+    let few = sampled("cosine").samples(50).unrecorded().try_has_mean(
+        "z",
+        |l: Vec3| l.z.into(),
+        |()| 0.6,
+        0.0,
+    );
     assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
     let empty = planted
         .function("cosine")
         .sampled_over(OneOf(Vec::<f32>::new()), |_, u: Vec2| u)
+        .unrecorded()
         .try_follows(pdf(), |_, l: Vec3| l);
     assert!(matches!(empty, Err(Failure::Domain { .. })), "{empty:?}");
     // Points of another support, and random numbers that have no uniform distribution.
-    let disk = sampled("cosine").on(Support::Disk).try_follows(pdf(), at);
+    let disk = sampled("cosine").on(Support::Disk).unrecorded().try_follows(pdf(), at);
     assert!(matches!(disk, Err(Failure::Signature { .. })), "{disk:?}");
     let signs = planted
         .function("cosine")
         .sampled_over(Just(()), |(), _: bool| Vec2::ZERO)
+        .unrecorded()
         .try_follows(pdf(), at);
     assert!(matches!(signs, Err(Failure::Signature { .. })), "{signs:?}");
 }
@@ -487,7 +500,7 @@ fn lines_and_disks_are_supports() {
             .on(Support::Interval(0.0, 1.0))
     };
     root().follows(planted.function("triangle_pdf"), |(), x: f32| x);
-    let bent = root().try_follows(planted.function("bent_pdf"), |(), x: f32| x);
+    let bent = root().unrecorded().try_follows(planted.function("bent_pdf"), |(), x: f32| x);
     assert!(chi_square_alone(bent) < 1e-12);
     planted
         .function("in_disk")
@@ -501,13 +514,17 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
     let planted = planted();
     let root = || planted.function("square_root").sampled_over(Just(()), |(), u: f32| u);
     root().has_mean("x", |x: f32| x.into(), |()| 2.0 / 3.0, 1e-7);
-    let found = findings(root().try_has_mean("x", |x: f32| x.into(), |()| 0.67, 1e-7));
+    let found = findings(root().unrecorded().try_has_mean("x", |x: f32| x.into(), |()| 0.67, 1e-7));
     assert!(matches!(found[..], [Finding::Mean { p, .. }] if p < 1e-4), "{found:?}");
     root().has_distribution("x", |x: f32| x.into(), |(), x| x * x, 1e-7);
-    let found =
-        findings(root().try_has_distribution("x", |x: f32| x.into(), |(), x| x.powf(2.05), 1e-7));
+    let found = findings(root().unrecorded().try_has_distribution(
+        "x",
+        |x: f32| x.into(),
+        |(), x| x.powf(2.05),
+        1e-7,
+    ));
     assert!(matches!(found[..], [Finding::Distribution { p, .. }] if p < 1e-9), "{found:?}");
-    let found = findings(root().try_has_mean("1/0", |_: f32| f64::NAN, |()| 0.0, 0.0));
+    let found = findings(root().unrecorded().try_has_mean("1/0", |_: f32| f64::NAN, |()| 0.0, 0.0));
     assert!(matches!(found[..], [Finding::NotFinite { .. }]), "{found:?}");
 }
 
@@ -519,7 +536,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
     let inner = || planted.function("inner").sampled_over(Just(()), |(), u: Vec2| u);
     inner().follows(planted.function("inner_pdf"), |(): &(), l: Vec3| l);
-    let found = findings(inner().try_estimates(with("grey"), with("inner_pdf")));
+    let found = findings(inner().unrecorded().try_estimates(with("grey"), with("inner_pdf")));
     let [Finding::Mean { mean, expected, .. }, ..] = &found[..] else { panic!("{found:?}") };
     // Heights from 1/2 to 1 hold 3/4 of all cosines.
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
@@ -531,22 +548,27 @@ fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
     let cosine = || planted.function("flat_cosine").sampled_over(Just(()), |(), u: Vec2| u);
     let density = || planted.function("cosine_pdf");
-    assert!(chi_square_alone(cosine().try_follows(density(), |(), l: Vec3| l)) < 1e-12);
+    assert!(
+        chi_square_alone(cosine().unrecorded().try_follows(density(), |(), l: Vec3| l)) < 1e-12
+    );
     let normal = planted
         .function("flat_normal")
         .sampled_over(OneOf(vec![0.001, 0.1, 1.0]), |&alpha, u: Vec2| (alpha, u))
+        .unrecorded()
         .try_follows(PBR.function("sampling::ggx_normal_pdf"), |&alpha, h: Vec3| (alpha, h));
     assert_eq!(rejected(normal).paths[0].rejected, 3);
     let disk = planted
         .function("flat_disk")
         .sampled_over(Just(()), |(), u: Vec2| u)
         .on(Support::Disk)
+        .unrecorded()
         .try_follows(planted.function("disk_pdf"), |(), at: Vec2| at);
     assert!(chi_square_alone(disk) < 1e-12);
     let stepped = planted
         .function("stepped")
         .sampled_over(Just(()), |(), u: f32| u)
         .on(Support::Interval(0.0, 1.0))
+        .unrecorded()
         .try_follows(planted.function("flat_pdf"), |(), x: f32| x);
     assert!(chi_square_alone(stepped) < 1e-12);
 }
@@ -557,10 +579,12 @@ fn a_die_has_the_distribution_of_a_die() {
     let die = || planted.function("die").sampled_over(Just(()), |(), u: f32| u);
     let steps = |sides: f64| move |(): &(), x: f64| ((x.floor() + 1.0) / sides).clamp(0.0, 1.0);
     die().has_distribution("pips", |pips: u32| pips.into(), steps(6.0), 0.0);
-    let found = die().try_has_distribution("pips", |pips: u32| pips.into(), steps(6.2), 0.0);
+    let found =
+        die().unrecorded().try_has_distribution("pips", |pips: u32| pips.into(), steps(6.2), 0.0);
     assert!(matches!(findings(found)[..], [Finding::Distribution { .. }]));
     for slack in [f64::NAN, 2.0, -1.0] {
-        let found = die().try_has_distribution("pips", |p: u32| p.into(), steps(7.0), slack);
+        let found =
+            die().unrecorded().try_has_distribution("pips", |p: u32| p.into(), steps(7.0), slack);
         assert!(matches!(found, Err(Failure::Evidence { .. })), "{slack}: {found:?}");
     }
 }
@@ -570,7 +594,8 @@ fn a_die_has_the_distribution_of_a_die() {
 fn the_mean_of_a_rare_event_is_no_verdict() {
     let planted = planted();
     let rare = || planted.function("rare").sampled_over(Just(()), |(), u: u32| u);
-    let found = rare().samples(65_536).try_has_mean("hits", |x: f32| x.into(), |()| 1e-6, 0.0);
+    let found =
+        rare().samples(65_536).unrecorded().try_has_mean("hits", |x: f32| x.into(), |()| 1e-6, 0.0);
     let text = found.expect_err("no hit or one").to_string();
     assert!(text.contains("take more samples"), "{text}");
 }
@@ -583,6 +608,7 @@ fn an_interval_of_no_length_is_refused() {
             .function("stepped")
             .sampled_over(Just(()), |(), u: f32| u)
             .on(Support::Interval(low, high))
+            .unrecorded()
             .try_follows(planted.function("flat_pdf"), |(), x: f32| x);
         assert!(matches!(found, Err(Failure::Domain { .. })), "{low} {high}: {found:?}");
     }
@@ -598,7 +624,9 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
     // A density of the wrong scale and a mean that is off by as much.
     let scaled = || (planted.function("scaled_cosine_pdf"), |(): &(), l: Vec3| l);
     let found = findings(
-        sampled().try_estimates((planted.function("grey"), |(): &(), l: Vec3| l), scaled()),
+        sampled()
+            .unrecorded()
+            .try_estimates((planted.function("grey"), |(): &(), l: Vec3| l), scaled()),
     );
     assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
 }
@@ -611,8 +639,12 @@ fn a_mean_is_granted_no_more_than_rounding() {
     let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
     let cosine = || planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
     cosine().mass_within(1e-2).estimates(with("grey"), with("cosine_pdf"));
-    let found =
-        findings(cosine().mass_within(1e-2).try_estimates(with("grey"), with("dense_cosine_pdf")));
+    let found = findings(
+        cosine()
+            .mass_within(1e-2)
+            .unrecorded()
+            .try_estimates(with("grey"), with("dense_cosine_pdf")),
+    );
     assert!(matches!(found[..], [Finding::Mean { .. }, ..]), "{found:?}");
 }
 
@@ -625,6 +657,7 @@ fn a_weight_that_is_not_the_quotient_is_rejected() {
             .function("cosine")
             .sampled_over(Just(()), |(), u: Vec2| u)
             .samples(65_536)
+            .unrecorded()
             .try_estimates_with_weight(with("grey"), with("cosine_pdf"), with(weight))
     };
     weighed("half").expect("the right weight");
@@ -825,7 +858,7 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     };
     assert!(said(1 << 16) > 0.999_999 && said(256) < 0.05);
     let rate = Rate::over(0..40, |seed| {
-        samples(5000).seed(seed).try_has_mean("cos", cosine, |()| wrong, 0.0).is_err()
+        samples(5000).seed(seed).unrecorded().try_has_mean("cos", cosine, |()| wrong, 0.0).is_err()
     });
     assert!((0.2..0.9).contains(&said(5000)), "{}", said(5000));
     assert!(accepts(binomial_tail(rate.rejected, rate.runs, said(5000)), 1e-3), "{rate:?}");
@@ -844,7 +877,7 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     assert!(said(1 << 17) > 0.999_999 && said(256) < 0.05);
     let rate = Rate::over(0..40, |seed| {
         let samples = samples(6000).seed(seed);
-        samples.try_has_distribution("cos", cosine, |(), x| bent(x), 0.0).is_err()
+        samples.unrecorded().try_has_distribution("cos", cosine, |(), x| bent(x), 0.0).is_err()
     });
     // What is said is the least: a distance elsewhere rejects as well.
     let least = said(6000);
@@ -901,6 +934,7 @@ fn checks_of_right_samplers_reject_as_often_as_they_say() {
             .samples(4096)
             .significance(0.1)
             .seed(seed)
+            .unrecorded()
             .try_follows(PBR.function("sampling::ggx_normal_pdf"), |&alpha, h: Vec3| (alpha, h))
             .is_err()
     });

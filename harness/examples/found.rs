@@ -128,6 +128,7 @@ fn hue_of_grey(package: &Package) -> Result<Agreement, Failure> {
     package
         .function("color_operations::rgb_to_hsv")
         .over(UnitRgb)
+        .unrecorded()
         .try_satisfies("has a hue from 0 to 2 pi", |_, hsv: Vec3| (0.0..=TAU).contains(&hsv.x))
     // end
 }
@@ -145,18 +146,20 @@ fn full_turn_of_hue(package: &Package) -> Result<Agreement, Failure> {
     package
         .function("color_operations::hsl_to_linear_rgb")
         .over(UnitRgb)
+        .unrecorded()
         .try_agrees_with(|hsl: DVec3| linear(rgb(hsl)), Abs(1e-4))
     // end
 }
 
 fn white_and_black(package: &Package) -> Result<Agreement, Failure> {
     // found: white-and-black
-    package.function("color_operations::hwb_to_linear_rgb").over(UnitRgb).try_satisfies(
-        "is grey where white and black fill it",
-        |hwb: Vec3, rgb: Vec3| {
+    package
+        .function("color_operations::hwb_to_linear_rgb")
+        .over(UnitRgb)
+        .unrecorded()
+        .try_satisfies("is grey where white and black fill it", |hwb: Vec3, rgb: Vec3| {
             hwb.y + hwb.z < 1.0 || (rgb.max_element() - rgb.min_element()) < 1e-3
-        },
-    )
+        })
     // end
 }
 
@@ -165,6 +168,7 @@ fn angle_of_nothing(package: &Package) -> Result<Agreement, Failure> {
     package
         .function("maths::fast_atan2")
         .over((-1.0..=1.0_f32, -1.0..=1.0_f32))
+        .unrecorded()
         .try_satisfies("is an angle", |_, angle: f32| angle.abs() <= 1.001 * PI)
     // end
 }
@@ -176,6 +180,7 @@ fn tone_of_black(package: &Package) -> Result<Agreement, Failure> {
     package
         .function("tonemapping::tonemapping_reinhard_luminance")
         .over(UnitRgb)
+        .unrecorded()
         .try_agrees_with(mapped, Rel(1e-5).or(Abs(1e-6)))
     // end
 }
@@ -187,6 +192,7 @@ fn round_ellipse(package: &Package) -> Result<Agreement, Failure> {
     package
         .function("smud::sd_ellipse")
         .over(circles)
+        .unrecorded()
         .try_agrees_with(|p: DVec2, a: f64, _b: f64| p.length() - a, Abs(1e-4))
     // end
 }
@@ -215,7 +221,11 @@ fn nearly_round_ellipse(package: &Package) -> Result<Agreement, Failure> {
         let (short, long) = (radius, radius * ratio);
         if upright { (point, short, long) } else { (point, long, short) }
     });
-    package.function("smud::sd_ellipse").over(nearly).try_agrees_with(distance, Abs(1e-4))
+    package
+        .function("smud::sd_ellipse")
+        .over(nearly)
+        .unrecorded()
+        .try_agrees_with(distance, Abs(1e-4))
     // end
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Each verb runs the function over the domain's cases on every selected path and returns an
 //! [`Agreement`] that says how much was compared, or panics with a [`Failure`]. The `try_` forms
-//! return the failure instead. Their verdict is the caller's, so it isn't written to the record of
-//! the run. A check that compared nothing is an error.
+//! return the failure instead. Both write their verdict to the record of the run, unless the check is
+//! [unrecorded](Check::unrecorded). A check that compared nothing is an error.
 
 mod agreement;
 mod batch;
@@ -58,7 +58,7 @@ pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
-pub use dynamic::{DynamicCheck, ExpectWords};
+pub use dynamic::{ExpectWords, Words};
 pub use integral::Integral;
 pub use limit::Limit;
 pub use mismatch::Mismatch;
@@ -68,17 +68,19 @@ use plan::Plan;
 pub use quadrature::Directions;
 pub use reference::Reference;
 pub use sampling::{
-    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, SamplingCheck,
+    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Sampling,
 };
 pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 pub use wgsl_test::{TestGroup, WgslTest};
 
+use std::marker::PhantomData;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::diagnostic::{FileRead, Span};
-use crate::domain::{Domain, Typed};
+use crate::domain::{Domain, Stream, Typed};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
@@ -247,15 +249,18 @@ impl<'a> Probe<'a> {
     /// package.function("half").over(0.0..=1.0).is_finite();
     /// package.function("pull").over((0.0..=1.0, UnitVector)).is_finite();
     /// ```
-    pub fn over<D: Domain>(self, domain: D) -> Check<'a, D>
+    pub fn over<D: Domain + 'a>(self, domain: D) -> Check<'a, Calls<D::Value>>
     where
         D::Value: Arguments,
     {
-        Check { plan: Plan::new(self), domain }
+        let calls =
+            Calls { shapes: D::Value::shapes(), who: "the domain draws", values: PhantomData };
+        Check::new(self, Typed::arguments(domain), calls)
     }
 }
 
-/// A function with the arguments that it is checked over.
+/// A function with the values that it is checked over, and how they are used: it is called with them
+/// ([`Calls`]), it is integrated for them ([`Integral`]), or it draws samples ([`Sampling`]).
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -263,20 +268,49 @@ impl<'a> Probe<'a> {
 /// let check = package.function("half").over(0.0..=1.0).cases(1000).seed(7);
 /// check.agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 #[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
-pub struct Check<'a, D> {
+pub struct Check<'a, C> {
     plan: Plan<'a>,
-    domain: D,
+    stream: Arc<dyn Stream + 'a>,
+    of: C,
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<C> std::fmt::Debug for Check<'_, C> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Check").field("plan", &self.plan).finish_non_exhaustive()
+    }
+}
+
+/// The way of a [`Check`] that calls a function with values of the type `V`, or with [words](Words).
+///
+/// ```
+/// use karat::check::Calls;
+/// use karat::prelude::*;
+///
+/// fn is_kept(half: Check<'_, Calls<f32>>) {
+///     half.stays_within(0.0, 0.5);
+/// }
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// is_kept(package.function("half").over(0.0..=1.0));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Calls<V> {
+    shapes: Vec<Shape>,
+    /// Who supplies the arguments: `the domain draws`.
+    who: &'static str,
+    values: PhantomData<fn(V)>,
+}
+
+impl<'a, C> Check<'a, C> {
+    fn new(probe: Probe<'a>, stream: impl Stream + 'a, of: C) -> Self {
+        Self { plan: Plan::new(probe), stream: Arc::new(stream), of }
+    }
+
     /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
-    /// Without this, a finite domain of up to 2^20 values is enumerated; any other domain draws
-    /// 65,536 cases.
+    ///
+    /// Without this, each way has its own number: 65,536 calls, 256 integrals or 16 configurations of a
+    /// sampler. A finite domain is enumerated up to 2^20 values, 65,536 for integrals, 4,096 for samplers.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -371,15 +405,26 @@ where
         self
     }
 
-    /// The arguments without their types.
-    fn stream(&self) -> Typed<'_, D> {
-        Typed::arguments(&self.domain)
+    /// Leaves the verdict out of the record of the run: it is yours. For a test that wants a failure.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let check = package.function("half").over(0.0..=1.0).unrecorded();
+    /// check.try_agrees_with(|x: f64| x, Ulp(4.0)).expect_err("it halves");
+    /// ```
+    pub fn unrecorded(mut self) -> Self {
+        self.plan.recorded = false;
+        self
     }
+}
 
-    fn demand() -> Demand {
+impl<V> Check<'_, Calls<V>> {
+    /// What a verb asks for that calls the function once for each case.
+    fn demand(&self) -> Demand {
         Demand {
-            arguments: D::Value::shapes(),
-            who: "the domain draws",
+            arguments: self.of.shapes.clone(),
+            who: self.of.who,
             draws_arguments: true,
             cases: CASES,
             enumerated: ENUMERATED,

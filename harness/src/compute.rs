@@ -85,6 +85,8 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
+    /// Whether the verdict goes into the record of the run.
+    recorded: bool,
 }
 
 /// What agreed, and how close it came.
@@ -186,7 +188,7 @@ pub enum ComputeError {
     /// A path that is declared to fail agrees.
     #[error(
         "`{variable}` is as it should be on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove `.fails_on(...)`"
+         the bug is gone, or hidden: remove its `fails_on`"
     )]
     UnexpectedPass {
         /// The variable.
@@ -199,7 +201,7 @@ pub enum ComputeError {
     /// A path runs passes that it is declared to refuse.
     #[error(
         "the passes run on {path}, which is declared to refuse them: {reason}\n\
-         the bug is gone, or hidden: remove `.refused_on(...)`"
+         the bug is gone, or hidden: remove its `refused_on`"
     )]
     NotRefused {
         /// The variable that is compared.
@@ -523,7 +525,7 @@ impl<'a> Compute<'a> {
     /// passes.dispatch("reset", [1, 1, 1]).after("totals").agrees_with([expected], Ulp(0.0));
     /// ```
     pub fn after(self, variable: &str) -> After<'a> {
-        After { compute: self, variable: variable.to_owned() }
+        After { compute: self, variable: variable.to_owned(), recorded: true }
     }
 
     fn passes(&self) -> Result<Passes, DispatchError> {
@@ -533,6 +535,21 @@ impl<'a> Compute<'a> {
 }
 
 impl After<'_> {
+    /// Leaves the verdict out of the record of the run: it is yours. For a test that wants a failure.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+    /// passes.after("data").unrecorded().try_agrees_with([8_u32], Abs(0.0)).expect_err("it is 7");
+    /// ```
+    pub fn unrecorded(mut self) -> Self {
+        self.recorded = false;
+        self
+    }
+
     /// Compares each element with a reference, which gives as many: the elements of an array, the one
     /// value of another type, or the texels of a texture as `DVec4`, `IVec4` or `UVec4`.
     ///
@@ -555,12 +572,10 @@ impl After<'_> {
         reference: impl IntoIterator<Item = T>,
         tolerance: impl Into<Tolerance>,
     ) -> ComputeAgreement {
-        let (lanes, place) = (lanes(reference), Location::caller());
-        let expected = judge::Expected { shape: T::shape(), lanes };
-        or_panic(self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place, true))
+        or_panic(self.try_agrees_with(reference, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with), with its failure as a value that isn't recorded.
+    /// [`agrees_with`](Self::agrees_with) without the panic.
     ///
     /// # Errors
     /// If an element differs, or nothing could be compared.
@@ -572,7 +587,7 @@ impl After<'_> {
     ) -> Result<ComputeAgreement, ComputeError> {
         let (lanes, place) = (lanes(reference), Location::caller());
         let expected = judge::Expected { shape: T::shape(), lanes };
-        self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place, false)
+        self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place)
     }
 
     /// Wants a statement of all elements to hold: that they are in order, that their sum is kept.
@@ -597,10 +612,10 @@ impl After<'_> {
         statement: &str,
         holds: impl Fn(&[T]) -> bool,
     ) -> ComputeAgreement {
-        or_panic(self.state(statement, holds, Location::caller(), true))
+        or_panic(self.try_satisfies(statement, holds))
     }
 
-    /// [`satisfies`](Self::satisfies), with its failure as a value that isn't recorded.
+    /// [`satisfies`](Self::satisfies) without the panic.
     ///
     /// # Errors
     /// If it doesn't hold, or nothing could be compared.
@@ -610,7 +625,14 @@ impl After<'_> {
         statement: &str,
         holds: impl Fn(&[T]) -> bool,
     ) -> Result<ComputeAgreement, ComputeError> {
-        self.state(statement, holds, Location::caller(), false)
+        let width = T::shape().lanes().len().max(1);
+        let holds = |words: &[u32]| {
+            let elements = words.chunks_exact(width).map(|words| T::load(&mut words.iter()));
+            holds(&elements.collect::<Vec<T>>())
+        };
+        let statement =
+            judge::Statement { text: statement.to_owned(), shape: T::shape(), holds: &holds };
+        self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
     /// The elements on one path.
@@ -633,23 +655,6 @@ impl After<'_> {
         let words = words(executor::of(path)?, &passes, number)?;
         let elements = words.chunks_exact(element.lanes().len().max(1));
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
-    }
-
-    fn state<T: Shareable>(
-        &self,
-        statement: &str,
-        holds: impl Fn(&[T]) -> bool,
-        place: &'static Location<'static>,
-        recorded: bool,
-    ) -> Result<ComputeAgreement, ComputeError> {
-        let width = T::shape().lanes().len().max(1);
-        let holds = |words: &[u32]| {
-            let elements = words.chunks_exact(width).map(|words| T::load(&mut words.iter()));
-            holds(&elements.collect::<Vec<T>>())
-        };
-        let statement =
-            judge::Statement { text: statement.to_owned(), shape: T::shape(), holds: &holds };
-        self.judge(judge::Assertion::Holds(statement), place, recorded)
     }
 
     /// The type of an element, if a host's type can stand for it.

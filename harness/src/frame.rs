@@ -57,6 +57,8 @@ pub struct Frame<'a> {
     known_issues: KnownIssues,
     /// Where it is written, if that isn't where it is compared.
     declared_at: Option<String>,
+    /// Whether verdicts go into the record of the run.
+    recorded: bool,
 }
 
 /// The paths on which a frame matches its golden.
@@ -128,7 +130,7 @@ pub enum FrameError {
     /// A path that is declared to fail agrees.
     #[error(
         "`{case}` is as it should be on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove `.fails_on(...)`"
+         the bug is gone, or hidden: remove its `fails_on`"
     )]
     UnexpectedPass {
         /// Name of the golden.
@@ -150,7 +152,7 @@ pub enum FrameError {
     /// A path draws what it is declared to refuse.
     #[error(
         "`{case}` is drawn on {path}, which is declared to refuse it: {reason}\n\
-         the bug is gone, or hidden: remove `.refused_on(...)`"
+         the bug is gone, or hidden: remove its `refused_on`"
     )]
     NotRefused {
         /// Name of the golden.
@@ -312,6 +314,7 @@ impl Package {
             aovs: Vec::new(),
             known_issues: KnownIssues::default(),
             declared_at: None,
+            recorded: true,
         }
     }
 }
@@ -711,6 +714,22 @@ impl<'a> Frame<'a> {
     /// ```
     pub fn aov(mut self, name: &str, frame: Self) -> Self {
         self.aovs.push((name.to_owned(), frame));
+        self
+    }
+
+    /// Leaves verdicts out of the record of the run: they are yours. For a test that wants a failure, which
+    /// `KARAT_FRAMES=off` doesn't leave out.
+    ///
+    /// ```
+    /// # use karat::metric::Rect;
+    /// # use karat::prelude::*;
+    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let frame = package.frame("", 8, 8).fragment("fragment").unrecorded();
+    /// frame.try_expect_mean(Rect::new(0, 0, 8, 8), [1.0; 3], Abs(1e-6)).expect_err("it is darker");
+    /// ```
+    pub fn unrecorded(mut self) -> Self {
+        self.recorded = false;
         self
     }
 

@@ -32,8 +32,8 @@
 //! | a function, and a plainer one in WGSL | [`Check::agrees_with_function`] |
 //! | a function, and what must hold of it | [`Check::satisfies`], [`Check::stays_within`], [`Check::is_monotone_in`], [`Check::invariant_under`] |
 //! | a function without a formula: noise, a fit | [`Check::matches`] with [`Goldens`] |
-//! | a BRDF or a density to be integrated | [`Check::integrates_to`] over [`Directions`], or an [`Integral`] with a rule of my own |
-//! | a sampler and its density | [`Probe::sampled_over`](check::Probe::sampled_over), [`SamplingCheck`] |
+//! | a BRDF or a density to be integrated | [`Check::integrates_to`] over [`Directions`], or [`Probe::integral`](check::Probe::integral) with a rule of my own |
+//! | a sampler and its density | [`Probe::sampled_over`](check::Probe::sampled_over) |
 //! | numbers as arguments | ranges such as `0.0..=1.0`, [`Integers`], [`Grid`], [`AnyF32`] |
 //! | directions and colours as arguments | [`UnitVector`], [`Hemisphere`], [`UnitRgb`] |
 //! | a structure of WGSL | [`shareable!`] |
@@ -87,7 +87,7 @@ pub mod tint;
 pub mod tolerance;
 pub mod value;
 
-pub use check::{Check, Directions, Integral, Limit, SamplingCheck, Trend};
+pub use check::{Check, Directions, Limit, Trend};
 pub use domain::{
     AnyF32, Domain, Edges, Grid, Hemisphere, Integers, Just, LatinHypercube, OneOf, UnitRgb,
     UnitVector,

@@ -71,7 +71,7 @@ impl Prepared for &Fake {
 fn check(fake: &Fake) -> Result<karat::check::Agreement, Failure> {
     let package = Package::from_source("s", SHADER);
     let over = package.function("twice").on(fake).over(-1.0..=1.0).cases(1000);
-    over.try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0))
+    over.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0))
 }
 
 #[test]
@@ -102,10 +102,14 @@ fn what_is_declared_holds_there() {
     }
     for selector in ["gl", "@llvmpipe", "cpu:hlsl"] {
         let loose = over().tolerance_on(selector, Rel(1e-3));
-        loose.try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("it isn't for this path");
+        loose
+            .unrecorded()
+            .try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0))
+            .expect_err("it isn't for this path");
     }
     let unknown = over().tolerance_on("cpv", Rel(1e-3));
-    let error = unknown.try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("no path");
+    let error =
+        unknown.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("no path");
     assert!(error.to_string().contains("did you mean `cpu`?"), "{error}");
 }
 
@@ -120,7 +124,7 @@ fn executors_that_cannot_be_told_apart_or_do_nothing_are_refused() {
     check(&Fake { path: mine, ..RIGHT }).expect("a name of its own");
     let package = Package::from_source("s", SHADER);
     let both = package.function("twice").on(&RIGHT).on(&RIGHT).over(0.0..=1.0);
-    let both = both.try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("one name");
+    let both = both.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("one name");
     assert!(both.to_string().contains("another executor is called `cpu` already"), "{both}");
 }
 
@@ -131,7 +135,8 @@ fn a_density_has_no_executor_of_its_own() {
     let package = Package::from_source("s", wgsl);
     let sampled = package.function("sample").sampled_over(Just(()), |(), u: f32| u);
     let density = package.function("twice").on(&RIGHT);
-    let found = sampled.on(Support::Interval(0.0, 1.0)).try_follows(density, |(), x: f32| x);
+    let found =
+        sampled.on(Support::Interval(0.0, 1.0)).unrecorded().try_follows(density, |(), x: f32| x);
     let error = found.expect_err("the executor would be passed over").to_string();
     assert!(error.contains("`twice` runs where the sampler runs"), "{error}");
 }
@@ -170,7 +175,10 @@ fn an_executor_draws_frames_or_says_that_it_does_not() {
     let mean = |executor: &dyn Executor| {
         let frame = package.frame("", 3, 2).fullscreen("cover", "white").on(executor);
         let whole = Rect { left: 0, top: 0, width: 3, height: 2 };
-        frame.try_expect_mean(whole, [1.0; 3], Rel(1e-3)).map_err(|error| error.to_string())
+        frame
+            .unrecorded()
+            .try_expect_mean(whole, [1.0; 3], Rel(1e-3))
+            .map_err(|error| error.to_string())
     };
     let right = mean(&RIGHT).expect("it is white");
     let paths: Vec<_> = right.paths.iter().map(|(adapter, _)| adapter.to_string()).collect();

@@ -108,7 +108,8 @@ fn is_mean(error: &FrameError) -> bool {
 #[test]
 fn the_mean_of_a_rectangle_is_what_is_expected() {
     let package = Package::from_source("frame", SHADER);
-    let frame: Frame<'_> = package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1);
+    let frame: Frame<'_> =
+        package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1).unrecorded();
     let right = Rect::new(2, 0, 2, 4);
     let mean = frame.expect_mean(right, [0.75, 0.25, 0.5], Abs(1e-6));
     assert!(!mean.paths.is_empty());
@@ -157,7 +158,7 @@ fn the_most_particular_tolerance_holds() {
             let frame = path.iter().fold(frame, |frame, bound| frame.tolerance_on(on, *bound));
             driver.iter().fold(frame, |frame, bound| frame.tolerance_on(&*name, *bound))
         });
-        all.try_matches(&goldens, "near").map(|agreement| agreement.paths.len())
+        all.unrecorded().try_matches(&goldens, "near").map(|agreement| agreement.paths.len())
     };
     on(frame().tolerance(tight()), None, None).expect_err("a hundredth off");
     on(frame().tolerance(tight()), Some(0.02), None).expect("allowed on the path");
@@ -189,7 +190,7 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
         .fact("samples", 64)
         .aov("levels", textured("levels"))
         .aov("missing", plain("no_such_function"));
-    let error = frame.try_matches(&goldens, "aovs_and_facts").expect_err("no golden");
+    let error = frame.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("no golden");
     let FrameError::Golden { source, .. } = &error else { panic!("{error}") };
     let GoldenError::Missing { pending, .. } = &**source else { panic!("{error}") };
     let ExrFile { parts, metadata } = ExrFile::read(pending.as_ref()).expect("written");
@@ -201,10 +202,11 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     for (name, reason) in [("", "use 1 to 255"), ("a/b", "use 1 to 255"), ("mask", "another part")]
     {
         let frame = plain("attributes").aov(name, plain("attributes"));
-        let error = frame.try_matches(&goldens, "aovs_and_facts").expect_err("no name");
+        let error =
+            frame.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("no name");
         assert!(error.to_string().contains(reason), "{error}");
     }
     let twice = plain("attributes").aov("a", plain("attributes")).aov("a", plain("attributes"));
-    let error = twice.try_matches(&goldens, "aovs_and_facts").expect_err("one name");
+    let error = twice.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("one name");
     assert!(error.to_string().contains("another one has it"), "{error}");
 }

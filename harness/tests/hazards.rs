@@ -55,7 +55,7 @@ fn each_is_found_where_it_is_born() {
     // All of its digits: 1 - cos(1e-4) is 0 in f32, and the result 0 where it should be a half.
     let all = "fn f(x: f32) -> f32 { return (1.0 - cos(x)) / (x * x); }";
     let package = Package::from_source("planted", all);
-    let lost = package.function("f").over(1e-6..=1e-4).cases(500).try_has_no_hazards();
+    let lost = package.function("f").over(1e-6..=1e-4).cases(500).unrecorded().try_has_no_hazards();
     let told = lost.expect_err("0 is no half").to_string();
     assert!(told.contains("digits lost at `1.0 - cos(x)`"), "{told}");
     // Of a result that is rounding itself nothing is lost.
@@ -128,7 +128,8 @@ fn each_input_of_a_hazard_counts() {
         "planted",
         "fn f(x: f32) -> f32 { var a = array(0.0, 1.0); return a[u32(x * 20.0)]; }",
     );
-    let failure = package.function("f").over(0.0..=1.0).cases(4096).try_has_no_hazards();
+    let failure =
+        package.function("f").over(0.0..=1.0).cases(4096).unrecorded().try_has_no_hazards();
     let text = failure.expect_err("most indices are outside").to_string();
     let share =
         text.lines().find_map(|line| line.trim().split_once(" cases fail (")?.1.split_once('%'));
@@ -352,13 +353,14 @@ fn a_domain_is_checked_for_hazards() {
     let text = "fn f(x: f32) -> f32 { return max(sqrt(x - 0.5), 0.0); }";
     let package = Package::from_source("planted", text);
     package.function("f").over(0.5..=1.0).cases(500).has_no_hazards();
-    let failure = package.function("f").over(0.0..=1.0).cases(500).try_has_no_hazards();
+    let failure =
+        package.function("f").over(0.0..=1.0).cases(500).unrecorded().try_has_no_hazards();
     let Err(Failure::Disagreement(found)) = failure else { panic!("{failure:?}") };
     let text = found.to_string();
     assert!(text.contains("hazard = NaN at `sqrt(x - 0.5)` ("), "{text}");
     assert!(text.contains("a later operation hides it"), "{text}");
     let refused = Package::from_source("planted", "fn f(x: f32) -> f32 { return dpdx(x); }");
-    assert!(refused.function("f").over(0.0..=1.0).try_has_no_hazards().is_err());
+    assert!(refused.function("f").over(0.0..=1.0).unrecorded().try_has_no_hazards().is_err());
 }
 
 /// A check that ends in an error has a dispatch that nobody reads. Its driver must not be at work when the

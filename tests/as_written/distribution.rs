@@ -18,7 +18,12 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
 fn ggx_loses_alpha_beside_one() {
     let ggx = || PBR.function("as_written::distribution::ggx");
     // With the tolerance of the library's form.
-    caught(ggx().over((2e-4..=1.0, 0.0..=1.0)).try_agrees_with(distribution::ggx, Ulp(14.0)));
+    caught(
+        ggx()
+            .over((2e-4..=1.0, 0.0..=1.0))
+            .unrecorded()
+            .try_agrees_with(distribution::ggx, Ulp(14.0)),
+    );
     // alpha^2 = 1e-6 is rounded to 17 * 2^-24, and squared.
     let rounded = 17.0 * 2.0_f64.powi(-24);
     let share = (1e-6 / rounded).powi(2);
@@ -35,6 +40,7 @@ fn ggx_divides_by_zero() {
     let found = caught(
         PBR.function("as_written::distribution::ggx")
             .over((1e-4..=1.7e-4, Just(1.0)))
+            .unrecorded()
             .try_satisfies("is finite", |_, _: f32| true),
     );
     for path in found.paths {
@@ -59,6 +65,6 @@ fn cosines_lose_narrow_lobes() {
     let from_vectors = || PBR.function("distribution::ggx_from_vectors").over(narrow());
     let reference = distribution::ggx_from_vectors;
     from_vectors().agrees_with(reference, Ulp(24.0));
-    caught(of_dot().try_agrees_with(reference, Rel(0.018)));
+    caught(of_dot().unrecorded().try_agrees_with(reference, Rel(0.018)));
     of_dot().agrees_with(reference, Rel(0.020));
 }

@@ -44,11 +44,11 @@ fn an_integral_that_is_right() {
     let tolerance = ALBEDO.or(Abs(3.7e-38));
     let agreement = integral().agrees_with(|albedo| albedo.as_dvec3(), tolerance);
     assert_eq!(agreement.cases, 256);
-    let agreement = integral().cases(1000).try_is_at_most(|_| 1.0, 1.2e-7);
+    let agreement = integral().cases(1000).unrecorded().try_is_at_most(|_| 1.0, 1.2e-7);
     assert_eq!(agreement.expect("no albedo is above 1").cases, 1000);
     let cases = OneOf(vec![Vec3::ZERO, Vec3::splat(0.5), Vec3::ONE]);
     let finite = package.function("brdf::eval").integral(cases, albedo_rule);
-    let agreement = finite.try_is_at_most(|albedo| albedo.as_dvec3(), 1.2e-7);
+    let agreement = finite.unrecorded().try_is_at_most(|albedo| albedo.as_dvec3(), 1.2e-7);
     assert_eq!(agreement.expect("each value of a finite domain").cases, 3);
 }
 
@@ -58,7 +58,8 @@ fn a_wrong_constant_in_an_integral() {
     let package = diffuse("0.33333334");
     let over = |cases| package.function("brdf::eval").integral(OneOf(cases), albedo_rule);
     let found = over([0.0, 0.25, 0.5, 0.75, 1.0].map(Vec3::splat).to_vec());
-    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
+    let found =
+        disagreement(found.unrecorded().try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
     assert_eq!((found.check, &*found.assertion), ("integral.agrees_with", "rel 1.2e-7"));
     for path in &found.paths {
         assert_eq!((path.census.cases, path.census.failures, path.census.too_high), (5, 4, 4));
@@ -68,7 +69,8 @@ fn a_wrong_constant_in_an_integral() {
         );
     }
     let found = over(vec![Vec3::new(0.0, 0.0, 0.75)]);
-    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
+    let found =
+        disagreement(found.unrecorded().try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
     for path in &found.paths {
         let integral = path.worst.integral.as_ref().expect("the check is one of integrals");
         assert_eq!((&*path.worst.component, integral.nodes), (".z", 256));
@@ -90,7 +92,7 @@ fn a_wrong_constant_in_an_integral() {
 fn an_integral_above_its_bound() {
     let package = diffuse("0.33333334");
     let integral = || package.function("brdf::eval").integral(Just(Vec3::splat(0.75)), albedo_rule);
-    let found = disagreement(integral().try_is_at_most(|_| 0.75, 0.03));
+    let found = disagreement(integral().unrecorded().try_is_at_most(|_| 0.75, 0.03));
     assert_eq!(
         (found.check, &*found.assertion),
         ("integral.is_at_most", "its bound, slack abs 3e-2")
@@ -98,17 +100,18 @@ fn an_integral_above_its_bound() {
     let text = found.to_string();
     let part = "at most = 0.75\n       error = abs 0.0354 (0.03 allowed)";
     assert!(text.contains(part), "`{part}` is missing in:\n{text}");
-    integral().try_is_at_most(|_| 0.75, 0.036).expect("the excess is 0.0354");
-    integral().try_is_at_most(|_| 0.786, 0.0).expect("the bound is larger");
+    integral().unrecorded().try_is_at_most(|_| 0.75, 0.036).expect("the excess is 0.0354");
+    integral().unrecorded().try_is_at_most(|_| 0.786, 0.0).expect("the bound is larger");
     // A bound for each component: only that of the last one is exceeded.
-    let found = disagreement(integral().try_is_at_most(|_| DVec3::new(1.0, 1.0, 0.7), 0.0));
+    let found =
+        disagreement(integral().unrecorded().try_is_at_most(|_| DVec3::new(1.0, 1.0, 0.7), 0.0));
     assert!(found.paths.iter().all(|path| path.worst.component == ".z"), "{found}");
     // Exactly the bound: each term and their sum are powers of two.
     let package = diffuse("0.5");
     let four = |albedo: &Vec3| vec![((*albedo, Vec3::Z), 0.5); 4];
     let integral = || package.function("brdf::eval").integral(Just(Vec3::splat(0.25)), four);
-    integral().try_is_at_most(|_| 0.25, 0.0).expect("the integral is the bound");
-    disagreement(integral().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
+    integral().unrecorded().try_is_at_most(|_| 0.25, 0.0).expect("the integral is the bound");
+    disagreement(integral().unrecorded().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
 }
 
 /// 100,000 nodes in two dispatches, one of which gives NaN or an infinity, at any weight.
@@ -126,8 +129,8 @@ fn one_bad_node_of_an_integral() {
             let integral = || package.function("f").integral(bad.clone(), rule);
             let loosest = Abs(6e38).or(Rel(1e83));
             let found = [
-                disagreement(integral().try_agrees_with(|_| 1.0, loosest)),
-                disagreement(integral().try_is_at_most(|_| 1e300, 6e38)),
+                disagreement(integral().unrecorded().try_agrees_with(|_| 1.0, loosest)),
+                disagreement(integral().unrecorded().try_is_at_most(|_| 1e300, 6e38)),
             ];
             for path in found.iter().flat_map(|found| &found.paths) {
                 assert_eq!((path.census.cases, path.census.failures), (4, 3));
@@ -138,7 +141,7 @@ fn one_bad_node_of_an_integral() {
         let one = package.function("f").integral(Just(70_000_u32), |bad| {
             (0..100_000_u32).map(|i| ((i, *bad), 0.25)).collect()
         });
-        let text = disagreement(one.try_is_at_most(|_| 1e300, 0.0)).to_string();
+        let text = disagreement(one.unrecorded().try_is_at_most(|_| 1e300, 0.0)).to_string();
         let value = if nan > 0 { "NaN" } else { "-inf" };
         let part = format!(
             "        case = 70000\n         bad = 70000\n    integral = {value}  over 100000 nodes\n        node = 70000: \
@@ -168,10 +171,13 @@ fn an_integral_of_nothing() {
     };
     let empty = "the quadrature rule of `f` has no nodes, so nothing would be integrated, for case \
                  3: 0.75";
-    assert_eq!(refused(integral(None).try_agrees_with(|x| f64::from(*x), Abs(6e38))), empty);
-    assert_eq!(refused(integral(None).try_is_at_most(|_| 1e300, 6e38)), empty);
+    assert_eq!(
+        refused(integral(None).unrecorded().try_agrees_with(|x| f64::from(*x), Abs(6e38))),
+        empty
+    );
+    assert_eq!(refused(integral(None).unrecorded().try_is_at_most(|_| 1e300, 6e38)), empty);
     for weight in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let text = refused(integral(Some(weight)).try_is_at_most(|_| 1e300, 6e38));
+        let text = refused(integral(Some(weight)).unrecorded().try_is_at_most(|_| 1e300, 6e38));
         let expected = format!(
             "the quadrature rule of `f` has the weight {weight} at node 1 for case 3: 0.75"
         );
@@ -180,24 +186,30 @@ fn an_integral_of_nothing() {
 
     let whole = || package.function("f").integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)]);
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let found =
-            [whole().try_agrees_with(|_| value, Abs(1.0)), whole().try_is_at_most(|_| value, 1.0)];
+        let found = [
+            whole().unrecorded().try_agrees_with(|_| value, Abs(1.0)),
+            whole().unrecorded().try_is_at_most(|_| value, 1.0),
+        ];
         assert!(found.iter().all(|f| matches!(f, Err(Failure::Reference { .. }))), "{found:?}");
     }
     for bound in [f64::NAN, f64::INFINITY, -1.0] {
-        let found =
-            [whole().try_agrees_with(|_| 0.5, Abs(bound)), whole().try_is_at_most(|_| 0.5, bound)];
+        let found = [
+            whole().unrecorded().try_agrees_with(|_| 0.5, Abs(bound)),
+            whole().unrecorded().try_is_at_most(|_| 0.5, bound),
+        ];
         assert!(found.iter().all(|f| matches!(f, Err(Failure::Signature { .. }))), "{found:?}");
     }
     let none = [
-        whole().cases(0).try_is_at_most(|_| 1.0, 0.0),
+        whole().cases(0).unrecorded().try_is_at_most(|_| 1.0, 0.0),
         package
             .function("f")
             .integral(OneOf::<f32>(vec![]), |x| vec![(*x, 1.0)])
+            .unrecorded()
             .try_is_at_most(|_| 1.0, 0.0),
         package
             .function("f")
             .integral((0.0..=1.0).filter(|_: &f32| false), |x| vec![(*x, 1.0)])
+            .unrecorded()
             .try_is_at_most(|_| 1.0, 0.0),
     ];
     assert!(none.iter().all(|found| matches!(found, Err(Failure::Domain { .. }))), "{none:?}");
@@ -214,16 +226,18 @@ fn an_integral_of_other_types() {
         package
             .function("f")
             .integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)])
+            .unrecorded()
             .try_is_at_most(|_| 1.0, 0.0),
-        whole().try_agrees_with(|_| 1.0, Abs(1.0)),
-        whole().try_is_at_most(|_| DVec3::ONE, 0.0),
-        whole().try_agrees_with(
+        whole().unrecorded().try_agrees_with(|_| 1.0, Abs(1.0)),
+        whole().unrecorded().try_is_at_most(|_| DVec3::ONE, 0.0),
+        whole().unrecorded().try_agrees_with(
             |x| glam::DVec2::splat(f64::from(*x)),
             Tolerance::per_lane([Abs(1.0).into()]),
         ),
         package
             .function("g")
             .integral(Just(7_u32), |n| vec![(*n, 1.0)])
+            .unrecorded()
             .try_agrees_with(|n| *n, Abs(1.0)),
     ];
     let expected = [
@@ -241,7 +255,7 @@ fn an_integral_of_other_types() {
             other => panic!("not a mismatch of signatures: {other:?}"),
         }
     }
-    whole().try_is_at_most(|_| 1.0, 0.0).expect("a bound for both components");
+    whole().unrecorded().try_is_at_most(|_| 1.0, 0.0).expect("a bound for both components");
 }
 
 /// The replay command takes the failing integral alone; the record counts integrals and nodes.
@@ -277,9 +291,16 @@ fn an_integral_over_directions() {
         let wgsl = format!("fn f(k: f32, l: vec3f) -> f32 {{ return k * {body}; }}");
         let package = Package::from_source("planted", wgsl);
         let over = package.function("f").over(0.0..=2.0).cases(16);
-        let integral =
-            over.clone().try_integrates_to_at_most(directions, |k| f64::from(*k) * expected, 1e-6);
-        let equal = over.try_integrates_to(directions, |k| f64::from(*k) * expected, Abs(1e-6));
+        let integral = over.clone().unrecorded().try_integrates_to_at_most(
+            directions,
+            |k| f64::from(*k) * expected,
+            1e-6,
+        );
+        let equal = over.unrecorded().try_integrates_to(
+            directions,
+            |k| f64::from(*k) * expected,
+            Abs(1e-6),
+        );
         (equal, integral)
     };
     let agrees = |(equal, below): (
@@ -342,7 +363,10 @@ fn an_integral_over_directions() {
     assert!(disagreement(equal).paths.iter().all(|path| path.census.nan > 0));
     // No arguments but the direction.
     let package = Package::from_source("planted", "fn f(l: vec3f) -> f32 { return 0.25; }");
-    let found =
-        package.function("f").over(()).try_integrates_to(Directions::sphere(), |()| PI, Rel(1e-6));
+    let found = package.function("f").over(()).unrecorded().try_integrates_to(
+        Directions::sphere(),
+        |()| PI,
+        Rel(1e-6),
+    );
     assert_eq!(found.expect("a quarter of 4 pi").cases, 1);
 }

@@ -11,8 +11,9 @@ use crate::processes::planted;
 /// The paths on which a function that is wrong everywhere is checked.
 pub(crate) fn selected() -> Vec<Path> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
-    let found =
-        disagreement(package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Abs(0.5)));
+    let found = disagreement(
+        package.function("f").over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| x, Abs(0.5)),
+    );
     let paths = found.paths.iter().map(|path| path.adapter.path.parse());
     paths.collect::<Result<_, _>>().expect("a path has its own name")
 }
@@ -29,7 +30,10 @@ fn a_known_issue_is_no_agreement() {
     let over = || package.function("f").over(0.0..=1.0);
     let paths = selected();
     let everywhere = paths.iter().fold(over(), |check, path| check.fails_on(*path, "bug 1"));
-    let agreement = everywhere.try_agrees_with(|x: f64| x, Abs(0.5)).expect("it fails as declared");
+    let agreement = everywhere
+        .unrecorded()
+        .try_agrees_with(|x: f64| x, Abs(0.5))
+        .expect("it fails as declared");
     assert!(agreement.paths.is_empty(), "{agreement}");
     assert_eq!(agreement.known_issues.len(), paths.len());
     for issue in &agreement.known_issues {
@@ -38,7 +42,8 @@ fn a_known_issue_is_no_agreement() {
     assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
     // Other paths are judged as ever.
     for path in &paths {
-        let found = over().fails_on(*path, "bug 1").try_agrees_with(|x: f64| x, Abs(0.5));
+        let found =
+            over().fails_on(*path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Abs(0.5));
         let others: Vec<_> = paths.iter().filter(|other| !covers(*path, **other)).collect();
         if others.is_empty() {
             assert!(found.is_ok(), "{found:?}");
@@ -56,21 +61,22 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
     let path = selected()[0];
     let over = || package.function("f").over(0.0..=1.0);
-    let found = over().fails_on(path, "bug 1").try_agrees_with(|x: f64| x, Ulp(0.0));
+    let found = over().fails_on(path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Ulp(0.0));
     let text = found.expect_err("it passes").to_string();
     let expected = format!(
         "`f` passes on {path}, where it is declared to fail: bug 1\n\
-         the bug is gone, or hidden: remove `.fails_on(...)`"
+         the bug is gone, or hidden: remove its `fails_on`"
     );
     assert_eq!(text, expected);
     for reason in ["", " "] {
-        let found = over().fails_on(path, reason).try_satisfies("is not", |_, _: f32| false);
+        let found =
+            over().fails_on(path, reason).unrecorded().try_satisfies("is not", |_, _: f32| false);
         let text = found.expect_err("no reason").to_string();
         let expected = format!("`f` is declared to fail on {path} without a reason: name the bug");
         assert_eq!(text, expected);
     }
     let integral = package.function("f").integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)]);
-    let found = integral.fails_on(path, "bug 1").try_is_at_most(|_| 1.0, 0.0);
+    let found = integral.fails_on(path, "bug 1").unrecorded().try_is_at_most(|_| 1.0, 0.0);
     assert!(matches!(found, Err(Failure::UnexpectedPass { .. })), "{found:?}");
 }
 
@@ -84,20 +90,20 @@ fn a_frame_that_is_declared_to_fail() {
     let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     let paths = selected();
     let declared = || paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
-    let error = declared().try_matches(&goldens, "gradient").expect_err("no golden");
+    let error = declared().unrecorded().try_matches(&goldens, "gradient").expect_err("no golden");
     assert!(error.to_string().contains("has no golden"), "{error}");
     let golden = folder.path().join("gradient.exr");
     let mut image = frame().render(paths[0]).expect("rendered");
     image.write_exr(&golden, Precision::Half, None).expect("written");
-    let error = declared().try_matches(&goldens, "gradient").expect_err("it matches");
+    let error = declared().unrecorded().try_matches(&goldens, "gradient").expect_err("it matches");
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
-    let error = frame().fails_on(paths[0], "").try_matches(&goldens, "gradient");
+    let error = frame().fails_on(paths[0], "").unrecorded().try_matches(&goldens, "gradient");
     assert!(error.expect_err("no reason").to_string().contains("without a reason"));
 
     // A frame of another size has no values that could be compared.
     let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
     small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
-    let error = small.try_matches(&goldens, "gradient").expect_err("another size");
+    let error = small.unrecorded().try_matches(&goldens, "gradient").expect_err("another size");
     assert!(error.to_string().contains("16 x 16"), "{error}");
     // Not a constant: WGSL refuses those.
     let nan = include_str!("../planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
@@ -105,12 +111,14 @@ fn a_frame_that_is_declared_to_fail() {
     let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     let nan = paths.iter().fold(nan, |frame, path| frame.fails_on(*path, "bug 1"));
     // NaN is a value, of frames as of functions and passes.
-    let agreement = nan.try_matches(&goldens, "gradient").expect("it fails as declared");
+    let agreement =
+        nan.unrecorded().try_matches(&goldens, "gradient").expect("it fails as declared");
     assert_eq!((agreement.paths.len(), agreement.known_issues.len()), (0, paths.len()));
 
     image.pixels_mut()[300][2] *= 1.01;
     image.write_exr(&golden, Precision::Half, None).expect("written");
-    let agreement = declared().try_matches(&goldens, "gradient").expect("it fails as declared");
+    let agreement =
+        declared().unrecorded().try_matches(&goldens, "gradient").expect("it fails as declared");
     assert!(agreement.paths.is_empty());
     assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
 }
@@ -134,12 +142,12 @@ fn what_stops_passes_is_no_known_issue() {
             true => passes.refused_on(path, "off by one"),
             false => passes.fails_on(path, "off by one"),
         });
-        passes.after("data").try_agrees_with([2_u32, 0], Abs(0.0))
+        passes.after("data").unrecorded().try_agrees_with([2_u32, 0], Abs(0.0))
     };
     let known = declared("wrong", false).expect("its values are wrong, as declared").known_issues;
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
-    assert!(error.contains("remove `.refused_on(...)`"), "{error}");
+    assert!(error.contains("remove its `refused_on`"), "{error}");
     // Lavapipe ends an endless loop; another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
         karat::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
@@ -164,7 +172,7 @@ fn samples_and_means_that_are_declared_to_fail() {
         let samples = package.function(sampler).sampled_over(Just(()), |(), u: f32| u);
         let samples = samples.on(Support::Interval(0.0, 1.0)).samples(16_384);
         let samples = paths.iter().fold(samples, |samples, path| samples.fails_on(*path, reason));
-        samples.try_follows(package.function("one"), |(), x: f32| x)
+        samples.unrecorded().try_follows(package.function("one"), |(), x: f32| x)
     };
     let fit = declared("squared", "bug 1").expect("it fails as declared");
     assert_eq!((fit.paths.len(), fit.known_issues.len()), (0, paths.len()));
@@ -175,7 +183,8 @@ fn samples_and_means_that_are_declared_to_fail() {
 
     let pictures = Package::from_source("gradient", include_str!("../planted/gradient.wgsl"));
     let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
-    let frame = paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
+    let frame =
+        paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1")).unrecorded();
     let whole = karat::metric::Rect { left: 0, top: 0, width: 32, height: 16 };
     let mean = frame.try_expect_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
     assert_eq!((mean.paths.len(), mean.known_issues.len()), (0, paths.len()));
@@ -243,18 +252,31 @@ fn a_tolerance_of_one_path() {
     let over = || package.function("f").over(0.0..=1.0);
     let paths = selected();
     let loose = paths.iter().fold(over(), |check, path| check.tolerance_on(*path, Abs(0.26)));
-    loose.clone().try_agrees_with(|x: f64| x, Ulp(1.0)).expect("each path has its own");
-    let halves = loose.try_invariant_under(|x| 0.5 * x, Ulp(1.0));
+    loose
+        .clone()
+        .unrecorded()
+        .try_agrees_with(|x: f64| x, Ulp(1.0))
+        .expect("each path has its own");
+    let halves = loose.unrecorded().try_invariant_under(|x| 0.5 * x, Ulp(1.0));
     assert!(halves.is_err(), "the difference is up to 0.5");
     for path in &paths {
-        let strict = over().tolerance_on(*path, Abs(0.24)).try_agrees_with(|x: f64| x, Abs(0.26));
+        let strict = over()
+            .tolerance_on(*path, Abs(0.24))
+            .unrecorded()
+            .try_agrees_with(|x: f64| x, Abs(0.26));
         let found = disagreement(strict);
         let covered =
             |name: &str| paths.iter().any(|other| other.name() == name && covers(*path, *other));
         assert!(found.paths.iter().all(|other| covered(&other.adapter.path)), "{found}");
         let refused = [
-            over().tolerance_on(*path, Abs(f64::NAN)).try_agrees_with(|x: f64| x, Abs(1.0)),
-            over().tolerance_on(*path, Abs(1.0)).try_satisfies("is anything", |_, _: f32| true),
+            over()
+                .tolerance_on(*path, Abs(f64::NAN))
+                .unrecorded()
+                .try_agrees_with(|x: f64| x, Abs(1.0)),
+            over()
+                .tolerance_on(*path, Abs(1.0))
+                .unrecorded()
+                .try_satisfies("is anything", |_, _: f32| true),
         ];
         for found in refused {
             assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");

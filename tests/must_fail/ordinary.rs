@@ -24,14 +24,18 @@ fn unsuited<T>(result: Result<T, Failure>) -> String {
 fn results_that_are_not_finite() {
     let inverse = package("fn f(x: f32) -> vec2f { return vec2f(1.0, 1.0 / x); }");
     let over = |domain| inverse.function("f").over(domain);
-    assert_eq!(over(0.5..=1.0).try_is_finite().expect("no pole is there").cases, 65_536);
-    let found = disagreement(over(0.0..=1.0).try_is_finite());
+    assert_eq!(
+        over(0.5..=1.0).unrecorded().try_is_finite().expect("no pole is there").cases,
+        65_536
+    );
+    let found = disagreement(over(0.0..=1.0).unrecorded().try_is_finite());
     assert_eq!(found.check, "is_finite");
     assert_eq!(found.assertion, "no result is NaN or infinite");
     let root = package("fn f(x: f32) -> f32 { return sqrt(x); }");
-    disagreement(root.function("f").over(-1.0..=1.0).try_is_finite());
+    disagreement(root.function("f").over(-1.0..=1.0).unrecorded().try_is_finite());
     let whole = package("fn f(x: u32) -> u32 { return x + 1u; }");
-    let reason = unsuited(whole.function("f").over(Integers(0..=9_u32)).try_is_finite());
+    let reason =
+        unsuited(whole.function("f").over(Integers(0..=9_u32)).unrecorded().try_is_finite());
     assert!(reason.contains("u32, which is always finite"), "{reason}");
 }
 
@@ -42,25 +46,25 @@ fn results_outside_of_their_range() {
     over().stays_within(0.0, 1.0);
     over().stays_within(0.0, f64::INFINITY);
     // One component, by one value of many.
-    let found = disagreement(over().try_stays_within(0.0, 0.999_999));
+    let found = disagreement(over().unrecorded().try_stays_within(0.0, 0.999_999));
     assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..=0.999999"));
-    disagreement(over().try_stays_within(1e-6, 1.0));
+    disagreement(over().unrecorded().try_stays_within(1e-6, 1.0));
     // What is meant by 2 pi is the float nearest to it, which is more.
     let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
     turn.function("f").over(Just(0.0)).stays_within(0.0, std::f64::consts::TAU);
     let next = turn.function("f").over(Just(4.8e-7));
-    disagreement(next.try_stays_within(0.0, std::f64::consts::TAU));
+    disagreement(next.unrecorded().try_stays_within(0.0, std::f64::consts::TAU));
     let infinite = package("fn f(x: f32) -> f32 { return 1.0 / x; }");
     let open = infinite.function("f").over(0.0..=1.0);
-    disagreement(open.try_stays_within(0.0, f64::INFINITY));
+    disagreement(open.unrecorded().try_stays_within(0.0, f64::INFINITY));
     for (least, most) in
         [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN), (f64::NEG_INFINITY, f64::INFINITY)]
     {
-        let reason = unsuited(over().try_stays_within(least, most));
+        let reason = unsuited(over().unrecorded().try_stays_within(least, most));
         assert!(reason.contains("no result, or every one, would"), "{reason}");
     }
     let truth = package("fn f(x: f32) -> bool { return x > 0.0; }");
-    unsuited(truth.function("f").over(-1.0..=1.0).try_stays_within(0.0, 1.0));
+    unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0, 1.0));
 }
 
 #[test]
@@ -68,17 +72,21 @@ fn vectors_of_another_length() {
     let half = package("fn f(a: vec3f, b: vec3f) -> vec3f { return normalize(a + b); }");
     let above = || half.function("f").over((Hemisphere.above(0.1), Hemisphere.above(0.1)));
     above().is_unit();
-    let found = disagreement(half.function("f").over((UnitVector, UnitVector)).try_is_unit());
+    let found =
+        disagreement(half.function("f").over((UnitVector, UnitVector)).unrecorded().try_is_unit());
     assert!(found.paths[0].census.failures > 0, "opposite ones have no half");
     let mean = package("fn f(a: vec3f, b: vec3f) -> vec3f { return 0.5 * (a + b); }");
     let found = disagreement(
-        mean.function("f").over((Hemisphere.above(0.1), Hemisphere.above(0.1))).try_is_unit(),
+        mean.function("f")
+            .over((Hemisphere.above(0.1), Hemisphere.above(0.1)))
+            .unrecorded()
+            .try_is_unit(),
     );
     assert_eq!((found.check, &*found.assertion), ("is_unit", "has length 1 to within 1e-5"));
     let slightly = package("fn f(v: vec3f) -> vec3f { return 1.00002 * v; }");
-    disagreement(slightly.function("f").over(UnitVector).try_is_unit());
+    disagreement(slightly.function("f").over(UnitVector).unrecorded().try_is_unit());
     let scalar = package("fn f(x: f32) -> f32 { return 1.0; }");
-    let reason = unsuited(scalar.function("f").over(0.0..=1.0).try_is_unit());
+    let reason = unsuited(scalar.function("f").over(0.0..=1.0).unrecorded().try_is_unit());
     assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
 }
 
@@ -96,7 +104,7 @@ fn functions_that_are_not_their_other_form() {
     };
     let compared = |package: &Package, reference: &str| {
         let check = package.function("fast").over((0.0..=1.0, UnitRgb));
-        check.try_agrees_with_function(reference, Rel(1e-5))
+        check.unrecorded().try_agrees_with_function(reference, Rel(1e-5))
     };
     assert_eq!(compared(&text("1.0"), "exact").expect("the same").cases, 65_536);
     disagreement(compared(&text("1.001"), "exact"));
@@ -121,7 +129,7 @@ fn functions_that_are_not_their_other_form() {
     let textures = |package: &Package| {
         let grey = |x: f32| Texture::from_fn(1, 1, move |_, _| glam::Vec4::splat(x));
         let probe = package.function("f").with("a", grey(0.75)).with("b", grey(0.25));
-        probe.over(0.0..=1.0_f32).try_agrees_with_function("slow", Rel(1e-5))
+        probe.over(0.0..=1.0_f32).unrecorded().try_agrees_with_function("slow", Rel(1e-5))
     };
     textures(&image("1.0")).expect("the same");
     disagreement(textures(&image("1.01")));
@@ -132,18 +140,21 @@ fn functions_that_are_not_their_other_form() {
         let squares = ((1.0..=2.0_f32), (1.0..=2.0_f32)).map(|(x, y)| Vec2::new(x, y));
         same.function("f").over(squares)
     };
-    disagreement(same().try_agrees_with_function("g", Rel(1e-7)));
+    disagreement(same().unrecorded().try_agrees_with_function("g", Rel(1e-7)));
     // No mistake in a function could be seen by itself; whether a driver keeps to WGSL can.
-    let reason = unsuited(same().try_agrees_with_function("f", Rel(1e-7)));
+    let reason = unsuited(same().unrecorded().try_agrees_with_function("f", Rel(1e-7)));
     assert!(reason.contains("is compared with itself"), "{reason}");
-    same().try_agrees_with_function("f", Spec.needing(Abs(1e-5))).expect("drivers keep to it");
+    same()
+        .unrecorded()
+        .try_agrees_with_function("f", Spec.needing(Abs(1e-5)))
+        .expect("drivers keep to it");
 }
 
 #[test]
 fn what_grazes_is_left_out() {
     let grazing = package("fn f(v: vec3f) -> f32 { return select(1.0, 2.0, v.z < 0.01); }");
     let over = |domain: &dyn Fn() -> karat::domain::Above| {
-        grazing.function("f").over(domain()).try_stays_within(1.0, 1.5)
+        grazing.function("f").over(domain()).unrecorded().try_stays_within(1.0, 1.5)
     };
     over(&|| Hemisphere.above(0.01)).expect("nothing is below");
     disagreement(over(&|| Hemisphere.above(0.009)));

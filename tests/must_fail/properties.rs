@@ -12,6 +12,7 @@ fn a_statement_that_does_not_hold() {
     let found = PBR
         .function("fresnel::schlick")
         .over((UnitRgb, 0.0..=1.0))
+        .unrecorded()
         .try_satisfies("is below 0.999", |_, f: Vec3| f.max_element() < 0.999);
     assert_eq!(disagreement(found).check, "satisfies");
 }
@@ -22,6 +23,7 @@ fn a_function_that_is_not_symmetric() {
     let found = package
         .function("geometry::smith_correlated")
         .over((1e-4..=1.0, 0.0..=1.0, 0.0..=1.0))
+        .unrecorded()
         .try_invariant_under(|(alpha, v, l)| (alpha, l, v), Ulp(2.0));
     assert_eq!(disagreement(found).check, "invariant_under");
 }
@@ -36,7 +38,7 @@ fn a_function_that_does_not_scale() {
         let above = Hemisphere.above(0.01);
         let quotient = |(v, l): (Vec3, Vec3)| f64::from(v.z) / f64::from(l.z);
         let check = package.function("eval").over((above, above));
-        check.try_scales_under(|(v, l)| (l, v), quotient, Rel(1e-5))
+        check.unrecorded().try_scales_under(|(v, l)| (l, v), quotient, Rel(1e-5))
     };
     assert!(eval("l.z / (v.z + l.z)").is_ok());
     let found = disagreement(eval("l.z / (v.z + 1.01 * l.z)"));
@@ -44,7 +46,8 @@ fn a_function_that_does_not_scale() {
     assert!(found.to_string().contains("expected is that for those without, times the factor"));
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x; }");
     let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
-    let error = over.try_scales_under(|(x, y)| (y, x), |(x, y)| f64::from(y / x), Rel(1e-5));
+    let error =
+        over.unrecorded().try_scales_under(|(x, y)| (y, x), |(x, y)| f64::from(y / x), Rel(1e-5));
     let error = error.expect_err("0 is divided by").to_string();
     assert!(error.contains("at factor for case"), "{error}");
 }
@@ -59,7 +62,8 @@ fn the_cause_is_named() {
          return select(q, 1.01 * q, q > 0.2 && q < 1.0);\n}",
     );
     let window = package.function("window").over((0.01..=10.0, 0.1..=10.0));
-    let found = disagreement(window.try_agrees_with(|d: f64, r: f64| d / r, Ulp(4.0))).to_string();
+    let found = disagreement(window.unrecorded().try_agrees_with(|d: f64, r: f64| d / r, Ulp(4.0)))
+        .to_string();
     let cause =
         "it fails where distance / radius is from 0.2 to 1 (all that fails, nothing that passes)";
     assert!(found.contains(cause), "{found}");
@@ -74,7 +78,7 @@ fn messages_of_properties_show_both_calls() {
          fn g(x: f32) -> f32 { return select(x, x - 0.002, x > 0.731); }",
     );
     let over = || package.function("f").over((0.0..=1.0, 0.0..=1.0));
-    let found = disagreement(over().try_invariant_under(|(a, b)| (b, a), Ulp(4.0)));
+    let found = disagreement(over().unrecorded().try_invariant_under(|(a, b)| (b, a), Ulp(4.0)));
     let text = found.to_string();
     let expected = "
   worst (case 1)
@@ -91,7 +95,7 @@ fn messages_of_properties_show_both_calls() {
     assert!(text.contains(expected), "{text}");
     // A step of 1/500 between numbers that are closer than that.
     let g = package.function("g").over(0.0..=1.0);
-    let found = disagreement(g.try_is_monotone_in("x", Trend::Increasing, Ulp(1.0)));
+    let found = disagreement(g.unrecorded().try_is_monotone_in("x", Trend::Increasing, Ulp(1.0)));
     assert!(found.paths.iter().all(|path| path.census.failures < 100), "{found}");
 }
 
@@ -101,7 +105,7 @@ fn changes_within_the_tolerance() {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x * x; }");
     let check = |tolerance: f64| {
         let check = package.function("f").over(-1.0..=1.0);
-        check.try_is_monotone_in("x", Trend::Increasing, Abs(tolerance))
+        check.unrecorded().try_is_monotone_in("x", Trend::Increasing, Abs(tolerance))
     };
     let failure = check(5.0).expect_err("nothing is compared").to_string();
     assert!(failure.contains("by more than the tolerance"), "{failure}");
@@ -116,7 +120,7 @@ fn a_function_that_is_not_monotone() {
         let package = Package::from_source("planted", wgsl);
         let pairs = (-1.0..=1.0_f32, -1.0..=1.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
         let over = package.function("f").over((pairs, 0.0..=1.0, Integers(0..=9_u32)));
-        over.try_is_monotone_in("x", direction, tolerance)
+        over.unrecorded().try_is_monotone_in("x", direction, tolerance)
     };
     let up = Trend::Increasing;
     let exact = || Tolerance::from(Ulp(0.0));
@@ -147,18 +151,27 @@ fn a_monotone_check_of_nothing() {
     let over = || package.function("f").over((0.0..=1.0, Just(0.5), UnitVector));
     let up = Trend::Increasing;
     let vacuous = [
-        (over().try_is_monotone_in("alpha", up, Ulp(0.0)), "no case whose result changes"),
-        (over().try_is_monotone_in(1, up, Ulp(0.0)), "has one value of argument 1 only"),
+        (
+            over().unrecorded().try_is_monotone_in("alpha", up, Ulp(0.0)),
+            "no case whose result changes",
+        ),
+        (
+            over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
+            "has one value of argument 1 only",
+        ),
     ];
     for (found, message) in vacuous {
         assert!(matches!(found, Err(Failure::Domain { .. })), "{found:?}");
         assert!(found.expect_err("nothing").to_string().contains(message), "{message}");
     }
     let unknown = [
-        (over().try_is_monotone_in("alhpa", up, Ulp(0.0)), "did you mean `alpha`?"),
-        (over().try_is_monotone_in(3, up, Ulp(0.0)), "has 3 parameters, so there is no argument 3"),
-        (over().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't one number"),
-        (over().try_is_monotone_in("c", up, Ulp(f64::NAN)), "isn't a bound"),
+        (over().unrecorded().try_is_monotone_in("alhpa", up, Ulp(0.0)), "did you mean `alpha`?"),
+        (
+            over().unrecorded().try_is_monotone_in(3, up, Ulp(0.0)),
+            "has 3 parameters, so there is no argument 3",
+        ),
+        (over().unrecorded().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't one number"),
+        (over().unrecorded().try_is_monotone_in("c", up, Ulp(f64::NAN)), "isn't a bound"),
     ];
     for (found, message) in unknown {
         assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");
@@ -174,7 +187,7 @@ fn a_limit_that_is_not_approached() {
         let over = package.function("f").over((0.0..=1.0, Just(7.0)));
         // The reference is given the limit, not what the domain draws.
         let limit = |x: f64, alpha: f64| x + alpha;
-        over.try_at_limit("alpha", Limit::toward(0.0, steps), limit, Abs(2e-3))
+        over.unrecorded().try_at_limit("alpha", Limit::toward(0.0, steps), limit, Abs(2e-3))
     };
     let steps = [0.1, 0.01, 0.001];
     check("alpha", &steps).expect("the error is alpha");
@@ -200,7 +213,7 @@ fn a_function_that_knows_which_way_is_up() {
         let wgsl = format!("fn f(n: vec3f, v: vec3f) -> vec3f {{ return {body}; }}");
         let package = Package::from_source("planted", wgsl);
         let turned = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
-        package.function("f").over((UnitVector, UnitVector)).try_equivariant_under(
+        package.function("f").over((UnitVector, UnitVector)).unrecorded().try_equivariant_under(
             move |(n, v), q| (turned(q, n), turned(q, v)),
             |l: Vec3, q| q * l.as_dvec3(),
             Abs(2e-6),
@@ -214,8 +227,13 @@ fn a_function_that_knows_which_way_is_up() {
     let package = Package::from_source("planted", "fn f(n: vec3f) -> f32 { return n.z; }");
     let angle = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
     let over = || package.function("f").over(UnitVector);
-    let fault = over().try_equivariant_under(|n, q| angle(q, n), |z: f32, _| z.into(), Abs(0.1));
+    let fault = over().unrecorded().try_equivariant_under(
+        |n, q| angle(q, n),
+        |z: f32, _| z.into(),
+        Abs(0.1),
+    );
     disagreement(fault);
-    let nothing = over().try_equivariant_under(|n, _| n, |z: f32, _| z.into(), Abs(6e38));
+    let nothing =
+        over().unrecorded().try_equivariant_under(|n, _| n, |z: f32, _| z.into(), Abs(6e38));
     assert!(matches!(nothing, Err(Failure::Domain { .. })), "{nothing:?}");
 }

@@ -25,7 +25,7 @@ fn a_function_that_falls_in_short_steps() {
     let rises = |seed: u64| {
         let check = package(text);
         let check = check.function("f").over(0.0..=1.0).seed(seed).cases(65_536);
-        check.try_is_monotone_in("x", Trend::Increasing, Abs(1e-6))
+        check.unrecorded().try_is_monotone_in("x", Trend::Increasing, Abs(1e-6))
     };
     for path in disagreement(rises(1)).paths {
         // Steps of 2e-5 and less fall. The nearest of 32 draws is hardly ever so near: one pair in 2,000.
@@ -42,7 +42,8 @@ fn rules_of_an_integral_that_differ_in_the_second_component() {
     let package = package(&text);
     let over = package.function("f").over(());
     let expected = glam::DVec2::new(std::f64::consts::PI, 6.283e-3);
-    let found = over.try_integrates_to(Directions::sphere(), move |()| expected, Abs(1e-6));
+    let found =
+        over.unrecorded().try_integrates_to(Directions::sphere(), move |()| expected, Abs(1e-6));
     let error = found.expect_err("a lobe of 0.03 between rings of 0.05").to_string();
     assert!(error.contains("so there is no verdict: use more rings"), "{error}");
 }
@@ -51,13 +52,17 @@ fn rules_of_an_integral_that_differ_in_the_second_component() {
 fn integers_have_an_upper_bound_too() {
     let package = package("fn f(i: u32) -> u32 { return i; }\nfn g(i: i32) -> i32 { return i; }");
     let unsigned = |least: f64, most: f64| {
-        package.function("f").over(Integers(2..=10_u32)).try_stays_within(least, most)
+        package.function("f").over(Integers(2..=10_u32)).unrecorded().try_stays_within(least, most)
     };
     unsigned(2.0, 10.0).expect("they do");
     disagreement(unsigned(2.0, 9.0));
     disagreement(unsigned(3.0, 10.0));
     let signed = |least: f64, most: f64| {
-        package.function("g").over(Integers(-10..=10_i32)).try_stays_within(least, most)
+        package
+            .function("g")
+            .over(Integers(-10..=10_i32))
+            .unrecorded()
+            .try_stays_within(least, most)
     };
     signed(-10.0, 10.0).expect("they do");
     disagreement(signed(-10.0, 9.0));
@@ -75,7 +80,8 @@ fn an_allowed_interval_is_wide_at_either_end() {
             let wave = 1.0 + 1000.0 * x.sin();
             if side > 0.0 { wave.max(1.0) } else { wave.min(1.0) }
         };
-        let found = package.function("f").over(Just(0.0)).try_agrees_with(reference, Spec);
+        let found =
+            package.function("f").over(Just(0.0)).unrecorded().try_agrees_with(reference, Spec);
         for path in disagreement(found).paths {
             assert_eq!(path.census.ill_conditioned, 1, "{function}: {:?}", path.census);
         }
@@ -90,6 +96,7 @@ fn cases_beyond_the_first_dispatch_are_new() {
         let seen = Mutex::new(HashSet::new());
         let check = package.function("f").over(0.0..=1.0).seed(3).cases(cases);
         check
+            .unrecorded()
             .try_satisfies("is seen", |x: f32, _: f32| {
                 seen.lock().expect("no panic").insert(x.to_bits());
                 true
@@ -134,7 +141,9 @@ fn each_case_that_is_out_of_range_is_told() {
     let package = package(text);
     for bad in 0..8 {
         let indices = (0..8).map(|case| if case == bad { 3 } else { 1 }).collect::<Vec<u32>>();
-        let found = disagreement(package.function("f").over(OneOf(indices)).try_has_no_hazards());
+        let found = disagreement(
+            package.function("f").over(OneOf(indices)).unrecorded().try_has_no_hazards(),
+        );
         for path in found.paths {
             assert_eq!((path.census.failures, path.worst.case), (1, bad), "{:?}", path.census);
         }
@@ -147,7 +156,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
     let package = package("fn f(x: f32) -> f32 { return x; }\nfn u(i: u32) -> u32 { return i; }");
     let half = |tolerance: Tolerance| {
         let check = package.function("f").over(0.0..=1.0);
-        check.try_agrees_with(|x: f64| x, tolerance)
+        check.unrecorded().try_agrees_with(|x: f64| x, tolerance)
     };
     for bound in [Rel(1e300).into(), Abs(1e39).into(), Ulp(1e10).into(), Ulp(1.0).or(Rel(1e300))] {
         let error = half(bound).expect_err("it can't fail").to_string();
@@ -156,8 +165,9 @@ fn bounds_that_nothing_exceeds_are_refused() {
     for bound in [Rel(1e30), Rel(1e-30)] {
         half(bound.into()).expect("it is equal");
     }
-    let all =
-        |most: f64| package.function("u").over(Integers(0..=9_u32)).try_stays_within(0.0, most);
+    let all = |most: f64| {
+        package.function("u").over(Integers(0..=9_u32)).unrecorded().try_stays_within(0.0, most)
+    };
     let error = all(f64::from(u32::MAX)).expect_err("every u32 is there").to_string();
     assert!(error.contains("no result, or every one, would"), "{error}");
     all(f64::from(u32::MAX) - 1.0).expect("they do");
@@ -180,13 +190,16 @@ fn passes_that_change_no_word() {
     };
     let in_order = |data: &[u32]| data.is_sorted();
     let unchanged = |error: &ComputeError| matches!(error, ComputeError::Unchanged { .. });
-    let found = after("idle", [1, 2]).try_satisfies("is in order", in_order);
+    let found = after("idle", [1, 2]).unrecorded().try_satisfies("is in order", in_order);
     assert!(unchanged(&found.expect_err("it was in order")));
-    let found = after("idle", [1, 2]).try_agrees_with([1_u32, 2], Abs(0.0));
+    let found = after("idle", [1, 2]).unrecorded().try_agrees_with([1_u32, 2], Abs(0.0));
     assert!(unchanged(&found.expect_err("it was so")));
-    after("swap", [2, 1]).try_satisfies("is in order", in_order).expect("it is sorted");
+    after("swap", [2, 1])
+        .unrecorded()
+        .try_satisfies("is in order", in_order)
+        .expect("it is sorted");
     // What fails has shown something.
-    let found = after("idle", [2, 1]).try_satisfies("is in order", in_order);
+    let found = after("idle", [2, 1]).unrecorded().try_satisfies("is in order", in_order);
     assert!(!unchanged(&found.expect_err("it isn't in order")));
 }
 
@@ -208,7 +221,7 @@ fn a_draw_that_touches_no_pixel() {
         let package = package(&text.replace("OFFSET", offset));
         let mesh = Mesh::new(corners.clone(), vec![0, 1, 2]);
         let frame = package.frame("", 16, 16).mesh("vertex", "white", mesh, 1);
-        let found = frame.clone().try_matches(&goldens, "mesh");
+        let found = frame.clone().unrecorded().try_matches(&goldens, "mesh");
         (found.map_err(|error| error.to_string()), frame.render(path))
     };
     // With a golden of nothing, and without one.
@@ -233,15 +246,22 @@ fn a_variable_is_given_once() {
     let gain = |value: f32| Uniform::new(value);
     let twice = |error: String| assert!(error.contains("`gain` is given twice"), "{error}");
     let function = package.function("louder").with("gain", gain(1.0)).with("gain", gain(2.0));
-    let found = function.over(0.0..=1.0).try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    let found = function.over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
     let Err(found @ Failure::Probe(_)) = found else { panic!("{found:?}") };
     twice(found.to_string());
     let passes = package.compute().with("gain", gain(1.0)).with("gain", gain(2.0));
     let passes = passes.with("data", Storage::new([0.0_f32])).dispatch("fill", [1, 1, 1]);
-    twice(passes.after("data").try_agrees_with([2.0], Ulp(0.0)).expect_err("twice").to_string());
+    twice(
+        passes
+            .after("data")
+            .unrecorded()
+            .try_agrees_with([2.0], Ulp(0.0))
+            .expect_err("twice")
+            .to_string(),
+    );
     let frame = package.frame("", 4, 4).fragment("gray");
     let frame = frame.with("gain", gain(1.0)).with("gain", gain(2.0));
     let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 4 };
-    let found = frame.try_expect_mean(whole, [2.0; 3], Abs(1e-3));
+    let found = frame.unrecorded().try_expect_mean(whole, [2.0; 3], Abs(1e-3));
     twice(found.expect_err("twice").to_string());
 }

@@ -66,6 +66,7 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
     Package::from_source("planted", wgsl)
         .function(function)
         .over(0.0..=1.0)
+        .unrecorded()
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
@@ -96,6 +97,7 @@ fn two() -> Result<String, String> {
         package
             .function(function)
             .over(0.0..=1.0)
+            .unrecorded()
             .try_agrees_with(|x: f64| x, Ulp(0.0))
             .map_err(|failure| failure.to_string())?;
     }
@@ -106,7 +108,7 @@ fn two() -> Result<String, String> {
 fn mirrored() -> Result<String, String> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x * x; }");
     let over = package.function("f").over(OneOf(vec![-1.0, 1.0]));
-    let found = over.try_invariant_under(f32::abs, Ulp(0.0));
+    let found = over.unrecorded().try_invariant_under(f32::abs, Ulp(0.0));
     found.map(|agreement| agreement.to_string()).map_err(|error| error.to_string())
 }
 
@@ -120,6 +122,7 @@ fn one_path() -> Result<String, String> {
     let (_, others) = open.split_last().ok_or("no path opens")?;
     let granted = others.iter().fold(check, |check, path| check.tolerance_on(*path, Abs(1.0)));
     granted
+        .unrecorded()
         .try_agrees_with(|x: f64, _: u32| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
@@ -191,6 +194,7 @@ fn kept() -> Result<String, String> {
             return package
                 .function("f")
                 .over(domain)
+                .unrecorded()
                 .try_agrees_with(reference, Ulp(1.0))
                 .map(|agreement| agreement.to_string())
                 .map_err(|failure| failure.to_string());
@@ -255,6 +259,7 @@ fn frame(wgsl: &str) -> Result<String, String> {
     let frame: Frame<'_> =
         package.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     frame
+        .unrecorded()
         .try_matches(&Goldens::open(folder.as_ref()), "gradient")
         .map(|agreement| format!("{agreement:?}"))
         .map_err(|error| error.to_string())

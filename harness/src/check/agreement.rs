@@ -8,12 +8,12 @@ use super::flush::allowing_flushes;
 use super::granted::Granted;
 use super::grants::{self, Grants};
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording};
-use super::session::{Asserted, Expect, Session};
+use super::plan::Plan;
+use super::session::{Asserted, Expect, Explained, Session};
 use super::tally::{Judge, Judged, compare, is_within};
 use super::tolerances::Tolerances;
-use super::{Agreement, Check, Failure, Reference, Vacuous};
-use crate::domain::{Domain, Stream};
+use super::{Agreement, Calls, Check, Failure, Reference, Vacuous};
+use crate::domain::Stream;
 use crate::record::{self, Grant};
 use crate::run::or_panic;
 use crate::tolerance::{Criterion, Granting, Tolerance};
@@ -102,10 +102,7 @@ fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     })
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the function agrees with a reference to within a tolerance.
     ///
     /// The reference receives the very `f32` values that the shader gets, widened to `f64`. Where a
@@ -132,10 +129,10 @@ where
     #[track_caller]
     pub fn agrees_with(
         self,
-        reference: impl Reference<D::Value>,
+        reference: impl Reference<V>,
         tolerance: impl Into<Criterion>,
     ) -> Agreement {
-        or_panic(self.compare(reference, tolerance.into(), Recording::On))
+        or_panic(self.try_agrees_with(reference, tolerance))
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
@@ -144,7 +141,7 @@ where
     /// # use karat::prelude::*;
     /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
     /// let check = package.function("half").over(0.0..=1.0);
-    /// let failure = check.try_agrees_with(|x: f64| x, Ulp(4.0)).unwrap_err();
+    /// let failure = check.unrecorded().try_agrees_with(|x: f64| x, Ulp(4.0)).unwrap_err();
     /// assert!(failure.to_string().contains("`half` fails agrees_with: 4 ulp"));
     /// ```
     ///
@@ -152,20 +149,12 @@ where
     /// If a case disagrees or nothing could be compared.
     pub fn try_agrees_with(
         self,
-        reference: impl Reference<D::Value>,
+        reference: impl Reference<V>,
         tolerance: impl Into<Criterion>,
     ) -> Result<Agreement, Failure> {
-        self.compare(reference, tolerance.into(), Recording::Off)
-    }
-
-    fn compare(
-        self,
-        reference: impl Reference<D::Value>,
-        criterion: Criterion,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
+        let criterion = tolerance.into();
         with_reference(&reference, |expected| {
-            self.plan.agrees(&self.stream(), &Self::demand(), &expected, &criterion, recording)
+            self.plan.agrees(&*self.stream, &self.demand(), &expected, &criterion)
         })
     }
 }
@@ -177,16 +166,17 @@ impl Plan<'_> {
         demand: &Demand,
         expected: &Expected<'_>,
         criterion: &Criterion,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let (general, granting) = match criterion {
             Criterion::Within(tolerance) => (tolerance.clone(), None),
             Criterion::Allowed(granting) => (granting.need.clone(), Some(granting)),
         };
         let tolerances = self.tolerances(general);
-        let asserted = Asserted::new("agrees_with", criterion.to_string());
-        self.conclude(&asserted, stream, demand, recording, &mut |session| {
-            session.agrees(expected, &tolerances, granting, recording)
+        let explained = Explained::ByBounds;
+        let asserted =
+            Asserted { explained, ..Asserted::new("agrees_with", criterion.to_string()) };
+        self.conclude(&asserted, stream, demand, &mut |session| {
+            session.agrees(expected, &tolerances, granting)
         })
     }
 }
@@ -198,7 +188,6 @@ impl Session<'_> {
         expected: &Expected<'_>,
         tolerances: &Tolerances,
         granting: Option<&Granting>,
-        recording: Recording,
     ) -> Result<PathTally, Failure> {
         let session = self;
         session.called.expect_result(&expected.shape, "the reference returns")?;
@@ -218,7 +207,7 @@ impl Session<'_> {
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
         // What WGSL grants is for whoever reads the record.
-        let wanted = granting.is_none() && recording == Recording::On && record::wanted();
+        let wanted = granting.is_none() && self.recorded && record::wanted();
         let granter = wanted.then(|| session.witness().ok()).flatten();
         let mut grant: Option<Grant> = None;
         let mut left = grants::wanted(&session.called.probed.program);

@@ -23,7 +23,7 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 /// use karat::prelude::*;
 ///
 /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// assert_eq!((found.function.name.as_str(), found.check), ("f", "agrees_with"));
 /// for path in &found.paths {
@@ -56,7 +56,7 @@ pub struct Disagreement {
 /// # use karat::check::Failure;
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// # let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// assert_eq!(found.expectation.to_string(), "expected"); // what an integral may be `at most`
 /// ```
@@ -84,7 +84,7 @@ impl fmt::Display for Expectation {
 /// # use karat::check::Failure;
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// # let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// for path in &found.paths {
 ///     println!("on {}: {}", path.adapter, path.worst.error);
@@ -119,7 +119,7 @@ pub struct PathDisagreement {
 /// # use karat::check::Failure;
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// # let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// if let Some(simplest) = &found.paths[0].simplest {
 ///     println!("the simplest case: {:?}", simplest.failure.arguments);
@@ -149,7 +149,7 @@ impl Simplest {
 /// # use karat::check::Failure;
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// # let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// let worst = &found.paths[0].worst;
 /// assert_eq!(worst.arguments[0].0, "x");
@@ -196,7 +196,7 @@ pub struct CaseFailure {
 /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
 /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
 /// let integral = package.function("f").integral(0.1..=1.0, midpoint).cases(16);
-/// let wrong = integral.try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
+/// let wrong = integral.unrecorded().try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is b * b / 2") };
 /// let integral = found.paths[0].worst.integral.as_ref().expect("it is one of integrals");
 /// assert_eq!(integral.nodes, 1);
@@ -221,7 +221,7 @@ pub struct IntegralFailure {
 /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return log(x - 2.0); }");
 /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
 /// let integral = package.function("f").integral(0.1..=1.0, midpoint).cases(16);
-/// let wrong = integral.try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
+/// let wrong = integral.unrecorded().try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
 /// if let Err(Failure::Disagreement(found)) = wrong {
 ///     let node = found.paths[0].worst.integral.as_ref().and_then(|integral| integral.node.as_ref());
 ///     println!("{:?}", node.map(|node| (&node.arguments, &node.result)));
@@ -283,7 +283,7 @@ impl CaseFailure {
                     // A few operations away from where subnormals begin, 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
-                        "; so near to 0 a driver may flush to 0: allow that with `Spec.or(Abs(1e-37))`"
+                        "; so near to 0 a driver may flush to 0: allow that by an absolute 1e-37 beside `Spec`"
                     } else {
                         ""
                     };

@@ -6,12 +6,12 @@ use glam::{DQuat, DVec3};
 
 use super::companion::{Companion, WithCompanion};
 use super::demand::Demand;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::property::Exhibit;
 use super::session::Asserted;
 use super::tally::compare;
-use super::{Agreement, Check, Failure, Vacuous};
-use crate::domain::{Domain, Source, Stream};
+use super::{Agreement, Calls, Check, Failure, Vacuous};
+use crate::domain::{Source, Stream};
 use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
@@ -27,10 +27,7 @@ struct Turned<'t> {
     shape: Shape,
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result turns with its arguments. Each case has its own rotation: most are
     /// uniformly distributed, one in eight is a quarter turn about an axis.
     ///
@@ -57,11 +54,11 @@ where
     #[track_caller]
     pub fn equivariant_under<R: Shareable>(
         self,
-        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
+        arguments: impl Fn(V, DQuat) -> V + Sync,
         result: impl Fn(R, DQuat) -> R::Mirror + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.turn(arguments, result, tolerance.into(), Recording::On))
+        or_panic(self.try_equivariant_under(arguments, result, tolerance))
     }
 
     /// [`equivariant_under`](Self::equivariant_under) without the panic.
@@ -71,30 +68,20 @@ where
     /// nothing could be compared.
     pub fn try_equivariant_under<R: Shareable>(
         self,
-        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
+        arguments: impl Fn(V, DQuat) -> V + Sync,
         result: impl Fn(R, DQuat) -> R::Mirror + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.turn(arguments, result, tolerance.into(), Recording::Off)
-    }
-
-    fn turn<R: Shareable>(
-        self,
-        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
-        result: impl Fn(R, DQuat) -> R::Mirror + Sync,
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
         let turned = Turned {
             arguments: &|row, rotation, lanes| {
-                arguments(D::Value::load_all(&mut row.iter()), rotation).store_all(lanes);
+                arguments(V::load_all(&mut row.iter()), rotation).store_all(lanes);
             },
             result: &|words, rotation, lanes| {
                 result(R::load(&mut words.iter()), rotation).lanes(lanes);
             },
             shape: R::shape(),
         };
-        self.plan.is_equivariant(&self.stream(), &Self::demand(), &turned, tolerance, recording)
+        self.plan.is_equivariant(&*self.stream, &self.demand(), &turned, tolerance.into())
     }
 }
 
@@ -105,12 +92,11 @@ impl Plan<'_> {
         demand: &Demand,
         turned: &Turned<'_>,
         tolerance: Tolerance,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let asserted = Asserted::new("equivariant_under", tolerances.general.to_string());
         let stream = WithCompanion { arguments: stream, companion: &Rotations };
-        self.conclude(&asserted, &stream, demand, recording, &mut |session| {
+        self.conclude(&asserted, &stream, demand, &mut |session| {
             let called = &session.called;
             called.expect_result(&turned.shape, "the rotation of the result takes")?;
             tolerances.expect_usable(&session.called)?;

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::demand::Demand;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::{Asserted, Session};
 use super::tally::{Class, Described, Judge, Judged};
 use super::trial::{Body, Last};
@@ -275,10 +275,9 @@ impl<'a> Plan<'a> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let identity = Identity::of(&self.probe.name, NAME)?;
-        if let Some(agreement) = self.together(&identity, stream, demand, recording) {
+        if let Some(agreement) = self.together(&identity, stream, demand) {
             return Ok(agreement);
         }
         let alone = |package: &'a Package, telling| {
@@ -286,11 +285,11 @@ impl<'a> Plan<'a> {
             Plan { probe, ..self.clone() }
         };
         let counting = alone(self.probe.package, self.probe.telling);
-        match (counting.counted(&identity, stream, demand, recording), self.probe.telling) {
+        match (counting.counted(&identity, stream, demand), self.probe.telling) {
             (Counted::Concluded(verdict), _) => verdict,
             (Counted::Suspicious, None) => unreachable!("without telling it concludes"),
             (Counted::Suspicious, Some(package)) => {
-                match alone(package, None).counted(&identity, stream, demand, recording) {
+                match alone(package, None).counted(&identity, stream, demand) {
                     Counted::Concluded(verdict) => verdict,
                     Counted::Suspicious => unreachable!("without telling it concludes"),
                 }
@@ -304,7 +303,6 @@ impl<'a> Plan<'a> {
         identity: &Identity,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
     ) -> Option<Agreement> {
         let Together { package, shapes, which, first, words, .. } = self.probe.together.as_ref()?;
         let name = &self.probe.name;
@@ -317,19 +315,13 @@ impl<'a> Plan<'a> {
         let probe = Probe { package, ..self.probe.clone() };
         let stream = Placed { stream: Rows(stream), which: *which, first: *first, words: *words };
         let demand = Demand { arguments: shapes.to_vec(), ..*demand };
-        match (Plan { probe, ..self.clone() }).counted(identity, &stream, &demand, recording) {
+        match (Plan { probe, ..self.clone() }).counted(identity, &stream, &demand) {
             Counted::Concluded(Ok(agreement)) => Some(agreement),
             _ => None,
         }
     }
 
-    fn counted(
-        &self,
-        identity: &Identity,
-        stream: &dyn Stream,
-        demand: &Demand,
-        recording: Recording,
-    ) -> Counted {
+    fn counted(&self, identity: &Identity, stream: &dyn Stream, demand: &Demand) -> Counted {
         let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
         let suspicious = AtomicBool::new(false);
         // With others, anything but a success is another run's verdict.
@@ -354,7 +346,7 @@ impl<'a> Plan<'a> {
             verdict
         };
         let verb = (&mut verb as Body<'_>, last);
-        let verdict = self.conclude_unless(run, &asserted, stream, demand, recording, verb);
+        let verdict = self.conclude_unless(run, &asserted, stream, demand, verb);
         match suspicious.into_inner() {
             true => Counted::Suspicious,
             false => Counted::Concluded(verdict),

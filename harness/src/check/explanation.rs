@@ -1,7 +1,7 @@
 //! What is said below a failing case: what WGSL allows there, and where a path leaves that.
 
 use super::CaseFailure;
-use super::session::Session;
+use super::session::{Explained, Session};
 use crate::diagnostic::one_line;
 use crate::executor::Executor;
 use crate::interpret::{Bound, Interpreted};
@@ -12,17 +12,15 @@ impl Session<'_> {
     /// Adds to a failing case what WGSL allows for its arguments. A function that the engine doesn't
     /// execute gets nothing.
     pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32]) {
-        #[cfg(feature = "engine")]
-        if self.asserted.check == "has_no_hazards" {
-            failure.explanation = self.hazards_of(row);
-            return;
-        }
-        // Other verbs expect something of several calls, or of other arguments.
-        if self.asserted.check != "agrees_with" {
-            return;
-        }
-        if let Ok(explanation) = self.explanation(failure, row) {
-            failure.explanation = explanation;
+        match self.asserted.explained {
+            Explained::Nothing => {}
+            Explained::ByBounds => {
+                if let Ok(explanation) = self.explanation(failure, row) {
+                    failure.explanation = explanation;
+                }
+            }
+            #[cfg(feature = "engine")]
+            Explained::ByHazards => failure.explanation = self.hazards_of(row),
         }
     }
 

@@ -7,12 +7,12 @@ use super::agreement::Expected;
 use super::batch::Rows;
 use super::demand::{Demand, number};
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::{Asserted, Session};
 use super::tolerances::Tolerances;
-use super::{Agreement, Census, Check, Failure, Vacuous};
+use super::{Agreement, Calls, Census, Check, Failure, Vacuous};
 use crate::diagnostic::text_hash;
-use crate::domain::{Domain, Dynamic, Numbering, Part, Stream};
+use crate::domain::{Dynamic, Numbering, Part, Stream};
 use crate::executor::{self, Executor};
 use crate::golden::{Column, Goldens, Made, Table, ValuesError, other_columns};
 use crate::path::Path;
@@ -20,7 +20,7 @@ use crate::probe;
 use crate::reflect::Function;
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
-use crate::value::{Arguments, Scalar, Shape};
+use crate::value::{Scalar, Shape};
 
 /// Cases unless the check says otherwise: a person can look through so many rows, and they are stored
 /// for ever.
@@ -29,10 +29,7 @@ const CASES: u64 = 256;
 /// Values of a finite domain that are all kept unless a number of cases is asked for.
 const ENUMERATED: u64 = 1024;
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V> Check<'_, Calls<V>> {
     /// Checks that the function returns what it returned when its golden was accepted, to within a
     /// tolerance: `golden/<case>.csv`, arguments beside results. It is for functions that have no
     /// reference.
@@ -62,7 +59,7 @@ where
         case: &str,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.compare_with((goldens, case), tolerance.into(), Recording::On))
+        or_panic(self.try_matches(goldens, case, tolerance))
     }
 
     /// [`matches`](Self::matches) without the panic.
@@ -75,16 +72,7 @@ where
         case: &str,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.compare_with((goldens, case), tolerance.into(), Recording::Off)
-    }
-
-    fn compare_with(
-        self,
-        golden: (&Goldens, &str),
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        self.plan.matches(&self.stream(), Self::demand(), golden, tolerance, recording)
+        self.plan.matches(&*self.stream, self.demand(), (goldens, case), tolerance.into())
     }
 }
 
@@ -95,7 +83,6 @@ impl Plan<'_> {
         demand: Demand,
         (goldens, case): (&Goldens, &str),
         tolerance: Tolerance,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let golden = goldens.table(case);
         let text = format!("golden `{case}`, {tolerance}");
@@ -109,7 +96,6 @@ impl Plan<'_> {
             case,
             seed: self.seed.unwrap_or_else(|| seed_of(case)),
             tolerances: self.tolerances(tolerance),
-            recording,
             canonical: self.canonical(),
             left: Cell::new(Left::Nothing),
             agrees: Cell::new(false),
@@ -131,7 +117,6 @@ impl Plan<'_> {
             &asserted,
             stream,
             &comparison.demand,
-            recording,
             &mut |session| match &golden {
                 Some(golden) => comparison.compare(session, golden),
                 None if is_unread => session.called.vacuous(Vacuous::NoCases),
@@ -236,7 +221,6 @@ struct Comparison<'c> {
     case: &'c str,
     seed: u64,
     tolerances: Tolerances,
-    recording: Recording,
     /// The path that goldens are made on.
     canonical: Option<Path>,
     left: Cell<Left>,
@@ -296,7 +280,7 @@ impl Comparison<'_> {
             }
         };
         let expected = Expected { shape: function.result.clone(), expect: &expect };
-        let tally = session.agrees(&expected, &self.tolerances, None, self.recording)?;
+        let tally = session.agrees(&expected, &self.tolerances, None)?;
         if session.is_replay() {
             return Ok(tally);
         }

@@ -2,20 +2,16 @@
 
 use super::batch::Batch;
 use super::demand::Demand;
-use super::plan::{Plan, Recording};
-use super::session::{Asserted, Session};
+use super::plan::Plan;
+use super::session::{Asserted, Explained, Session};
 use super::tally::{Class, Judged};
-use super::{Agreement, Check, Failure, tolerances};
-use crate::domain::{Domain, Stream};
+use super::{Agreement, Calls, Check, Failure, tolerances};
+use crate::domain::Stream;
 use crate::interpret::hazards::{Found, Kind};
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
-use crate::value::Arguments;
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V> Check<'_, Calls<V>> {
     /// Checks that nothing goes wrong inside of the function, whether or not its result shows it: no
     /// value becomes NaN or infinite, loses more than half of its digits, is looked up outside of an
     /// array, or comes of an operation that WGSL doesn't bound.
@@ -29,14 +25,14 @@ where
     /// let text = "fn capped(x: f32) -> f32 { return min(1.0 / x, 100.0); }";
     /// let package = Package::from_source("m", text);
     /// package.function("capped").over(0.001..=1.0).has_no_hazards();
-    /// assert!(package.function("capped").over(0.0..=1.0).try_has_no_hazards().is_err());
+    /// assert!(package.function("capped").over(0.0..=1.0).unrecorded().try_has_no_hazards().is_err());
     /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if something goes wrong, or the engine doesn't execute the function.
     #[track_caller]
     pub fn has_no_hazards(self) -> Agreement {
-        or_panic(self.plan.hazards(&self.stream(), &Self::demand(), Recording::On))
+        or_panic(self.try_has_no_hazards())
     }
 
     /// [`has_no_hazards`](Self::has_no_hazards) without the panic.
@@ -44,7 +40,7 @@ where
     /// # Errors
     /// As it panics.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
-        self.plan.hazards(&self.stream(), &Self::demand(), Recording::Off)
+        self.plan.hazards(&*self.stream, &self.demand())
     }
 }
 
@@ -53,10 +49,12 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let asserted = Asserted::new("has_no_hazards", "nothing goes wrong inside".to_owned());
-        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+        let asserted = Asserted {
+            explained: Explained::ByHazards,
+            ..Asserted::new("has_no_hazards", "nothing goes wrong inside".to_owned())
+        };
+        self.conclude(&asserted, stream, demand, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, "has_no_hazards", &session.called)?;
             let witness = session.witness()?;
             session.run(&mut |batch: &Batch, running| {

@@ -1,11 +1,10 @@
 //! A check with arguments from several sources: one after the other, with one verdict.
 
-use super::{Check, Plan};
-use crate::domain::Domain;
+use super::{Calls, Check, Plan};
 use crate::probe::Inputs;
 use crate::run::Identity;
 
-impl<D: Domain> Check<'_, D> {
+impl<V> Check<'_, Calls<V>> {
     /// Chooses where the function's arguments come from. The default is a storage buffer.
     ///
     /// With [constants](Inputs::Constant), at most 64 cases are checked: all values of a finite

@@ -10,18 +10,18 @@ mod group;
 mod sum;
 
 use std::cell::Cell;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use super::demand::Demand;
 use super::disagreement::Simplest;
 use super::effort::Effort;
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::{Asserted, Session};
 use super::shrink::JudgeValues;
-use super::{Agreement, Failure, Probe, Vacuous};
+use super::{Agreement, Check, Failure, Probe, Vacuous};
 use crate::domain::{Domain, Held, Stream, Typed};
-use crate::path::Selector;
 use crate::probe::BATCH;
 use crate::run::{Descent, or_panic};
 use crate::tolerance::Tolerance;
@@ -69,17 +69,18 @@ impl<'a> Probe<'a> {
     ///     })
     ///     .agrees_with(|(albedo, _)| albedo.as_dvec3(), Rel(1e-6));
     /// ```
-    pub fn integral<D, A, Q>(self, cases: D, rule: Q) -> Integral<'a, D, Q>
+    pub fn integral<D, A, Q>(self, cases: D, rule: Q) -> Check<'a, Integral<D::Value, Q>>
     where
-        D: Domain,
+        D: Domain + 'a,
         A: Arguments,
         Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
     {
-        Integral { plan: Plan::new(self), cases, rule }
+        Check::new(self, Typed::values(cases), Integral { rule, cases: PhantomData })
     }
 }
 
-/// A function with the quadrature rules that it is integrated by: see [`Probe::integral`].
+/// The way of a [`Check`] that integrates a function: see [`Probe::integral`]. `V` are the cases, each of
+/// which has a quadrature rule.
 ///
 /// ```no_run
 /// use glam::{DVec3, Vec3};
@@ -95,11 +96,9 @@ impl<'a> Probe<'a> {
 ///     .agrees_with(|_: &f32| DVec3::ONE, Rel(1e-6));
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "an integral is not taken until a verb such as `.agrees_with(...)`"]
-pub struct Integral<'a, D, Q> {
-    plan: Plan<'a>,
-    cases: D,
+pub struct Integral<V, Q> {
     rule: Q,
+    cases: PhantomData<fn(V)>,
 }
 
 /// The nodes of a quadrature rule: rows of arguments, and their weights.
@@ -126,95 +125,12 @@ pub(super) struct Integrals<'i> {
     pub(super) assertion: Assertion,
 }
 
-impl<D, A, Q> Integral<'_, D, Q>
+impl<V, A, Q> Check<'_, Integral<V, Q>>
 where
-    D: Domain,
+    V: 'static,
     A: Arguments,
-    Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
+    Q: Fn(&V) -> Vec<(A, f64)> + Sync,
 {
-    /// Sets the number of integrals. A finite domain of at most that many values is enumerated
-    /// instead. Without this, a finite domain of up to 65,536 values is enumerated; any other
-    /// domain draws 256 cases.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// // The integral of x from 0 to b, by the midpoint.
-    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
-    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
-    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
-    /// let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
-    /// assert_eq!(integral.cases(16).agrees_with(half, Rel(1e-6)).cases, 16);
-    /// ```
-    pub fn cases(mut self, cases: u64) -> Self {
-        self.plan.cases = Some(cases);
-        self
-    }
-
-    /// Sets the seed, which otherwise derives from the test's name.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
-    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
-    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
-    /// integral.seed(7).cases(16).is_at_most(|_: &f32| 0.5, 0.0);
-    /// ```
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.plan.seed = Some(seed);
-        self
-    }
-
-    /// Sets another tolerance for one path: see
-    /// [`Check::tolerance_on`](super::Check::tolerance_on).
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
-    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
-    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
-    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
-    /// integral.tolerance_on(Path::GL, Rel(1e-3)).agrees_with(half, Rel(1e-6));
-    /// ```
-    pub fn tolerance_on(
-        mut self,
-        on: impl Into<Selector>,
-        tolerance: impl Into<Tolerance>,
-    ) -> Self {
-        self.plan.tolerance_on.declare(on.into(), tolerance.into());
-        self
-    }
-
-    /// Declares that the check fails on a path, and why: see
-    /// [`Check::fails_on`](super::Check::fails_on).
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
-    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
-    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
-    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
-    /// integral.fails_on("gl@llvmpipe", "mesa#1234").agrees_with(half, Rel(1e-6));
-    /// ```
-    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
-        self.plan.known_issues.declare(on.into(), reason);
-        self
-    }
-
-    /// See [`Check::refused_on`](super::Check::refused_on).
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
-    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
-    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
-    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
-    /// integral.refused_on("gl@llvmpipe", "mesa#1234").agrees_with(half, Rel(1e-6));
-    /// ```
-    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
-        self.plan.known_issues.declare_refusal(on.into(), reason);
-        self
-    }
-
     /// Checks that each integral agrees with the expected one to within a tolerance, component by
     /// component. The sum isn't rounded to `f32` before it is compared.
     ///
@@ -233,11 +149,10 @@ where
     #[track_caller]
     pub fn agrees_with<E: Mirror>(
         self,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        or_panic(self.check(expected, assertion, Recording::On))
+        or_panic(self.try_agrees_with(expected, tolerance))
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
@@ -246,11 +161,11 @@ where
     /// If an integral disagrees, a node has no finite result, or nothing could be compared.
     pub fn try_agrees_with<E: Mirror>(
         self,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        self.check(expected, assertion, Recording::Off)
+        self.check(expected, assertion)
     }
 
     /// Checks that each integral is at most a bound plus `slack`. The slack is absolute: it is the
@@ -268,12 +183,8 @@ where
     /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or
     /// nothing could be compared.
     #[track_caller]
-    pub fn is_at_most<E: Mirror>(
-        self,
-        bound: impl Fn(&D::Value) -> E + Sync,
-        slack: f64,
-    ) -> Agreement {
-        or_panic(self.check(bound, Assertion::IsAtMost(slack), Recording::On))
+    pub fn is_at_most<E: Mirror>(self, bound: impl Fn(&V) -> E + Sync, slack: f64) -> Agreement {
+        or_panic(self.try_is_at_most(bound, slack))
     }
 
     /// [`is_at_most`](Self::is_at_most) without the panic.
@@ -282,23 +193,21 @@ where
     /// If an integral exceeds its bound, a node has no finite result, or nothing could be compared.
     pub fn try_is_at_most<E: Mirror>(
         self,
-        bound: impl Fn(&D::Value) -> E + Sync,
+        bound: impl Fn(&V) -> E + Sync,
         slack: f64,
     ) -> Result<Agreement, Failure> {
-        self.check(bound, Assertion::IsAtMost(slack), Recording::Off)
+        self.check(bound, Assertion::IsAtMost(slack))
     }
 
     fn check<E: Mirror>(
         self,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         assertion: Assertion,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let Self { plan, cases, rule } = self;
         let integrals = Integrals {
             arguments: A::shapes(),
             rule: &|case, nodes| {
-                for (arguments, weight) in rule(case.get()) {
+                for (arguments, weight) in (self.of.rule)(case.get()) {
                     arguments.store_all(&mut nodes.rows);
                     nodes.weights.push(weight);
                 }
@@ -308,7 +217,7 @@ where
             shape: E::shape(),
             assertion,
         };
-        plan.integrates(&Typed::values(&cases), &integrals, recording)
+        self.plan.integrates(&*self.stream, &integrals)
     }
 }
 
@@ -318,7 +227,6 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         integrals: &Integrals<'_>,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let demand = Demand {
             arguments: integrals.arguments.clone(),
@@ -333,7 +241,7 @@ impl Plan<'_> {
             expectation: assertion.expectation(),
             ..Asserted::new(assertion.name(), assertion.to_string())
         };
-        self.conclude(&asserted, stream, &demand, recording, &mut |session| {
+        self.conclude(&asserted, stream, &demand, &mut |session| {
             assertion.expect_result(session, &integrals.shape, &self.tolerance_on)?;
             integrals.run(session)
         })

@@ -3,18 +3,18 @@
 use super::batch::Batch;
 use super::demand::Demand;
 use super::disagreement::arguments;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Session};
 use super::tally::compare;
-use super::{Agreement, Check, Failure, Vacuous};
-use crate::domain::{Domain, Stream};
+use super::{Agreement, Calls, Check, Failure, Vacuous};
+use crate::domain::Stream;
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 
 /// Appends the words of transformed arguments.
-type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
+pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
 /// What the plain result is multiplied by, from the words of the plain arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
@@ -48,10 +48,7 @@ impl Scaling<'_> {
     }
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the function returns the same, to within a tolerance, when its arguments are
     /// transformed: reciprocity, symmetry, rotation.
     ///
@@ -69,10 +66,10 @@ where
     #[track_caller]
     pub fn invariant_under(
         self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
+        transform: impl Fn(V) -> V + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.transform(transform, tolerance.into(), Recording::On))
+        or_panic(self.try_invariant_under(transform, tolerance))
     }
 
     /// [`invariant_under`](Self::invariant_under) without the panic.
@@ -81,10 +78,11 @@ where
     /// If a case differs or nothing could be compared.
     pub fn try_invariant_under(
         self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
+        transform: impl Fn(V) -> V + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.transform(transform, tolerance.into(), Recording::Off)
+        let (stream, demand, transform) = (&*self.stream, &self.demand(), words(transform));
+        self.plan.is_invariant(stream, demand, &transform, Scaling::NONE, tolerance.into())
     }
 
     /// Checks that the result is multiplied by a factor, to within a tolerance, when the arguments are
@@ -115,11 +113,11 @@ where
     #[track_caller]
     pub fn scales_under(
         self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
-        factor: impl Fn(D::Value) -> f64 + Sync,
+        transform: impl Fn(V) -> V + Sync,
+        factor: impl Fn(V) -> f64 + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.scale(transform, factor, tolerance.into(), Recording::On))
+        or_panic(self.try_scales_under(transform, factor, tolerance))
     }
 
     /// [`scales_under`](Self::scales_under) without the panic.
@@ -128,36 +126,14 @@ where
     /// If a case differs or nothing could be compared.
     pub fn try_scales_under(
         self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
-        factor: impl Fn(D::Value) -> f64 + Sync,
+        transform: impl Fn(V) -> V + Sync,
+        factor: impl Fn(V) -> f64 + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.scale(transform, factor, tolerance.into(), Recording::Off)
-    }
-
-    fn scale(
-        self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
-        factor: impl Fn(D::Value) -> f64 + Sync,
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        let factor = |row: &[u32]| factor(D::Value::load_all(&mut row.iter()));
+        let factor = |row: &[u32]| factor(V::load_all(&mut row.iter()));
         let scaling = Scaling { check: "scales_under", factor: Some(&factor) };
-        let transform = words(transform);
-        let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.is_invariant(stream, demand, &transform, scaling, tolerance, recording)
-    }
-
-    fn transform(
-        self,
-        transform: impl Fn(D::Value) -> D::Value + Sync,
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        let transform = words(transform);
-        let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.is_invariant(stream, demand, &transform, Scaling::NONE, tolerance, recording)
+        let (stream, demand, transform) = (&*self.stream, &self.demand(), words(transform));
+        self.plan.is_invariant(stream, demand, &transform, scaling, tolerance.into())
     }
 }
 
@@ -178,11 +154,10 @@ impl Plan<'_> {
         transform: Transform<'_>,
         scaling: Scaling<'_>,
         tolerance: Tolerance,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let asserted = Asserted::new(scaling.check, tolerances.general.to_string());
-        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+        self.conclude(&asserted, stream, demand, &mut |session| {
             tolerances.expect_usable(&session.called)?;
             let called = &session.called;
             let (scalars, tolerance) = (called.scalars(), tolerances.of(called));

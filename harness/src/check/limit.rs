@@ -8,12 +8,12 @@ use super::batch::Rows;
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::parameter::Parameter;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::property::Exhibit;
 use super::session::Asserted;
 use super::tally::{Judged, compare};
-use super::{Agreement, Check, Failure, Mismatch, Reference, Vacuous};
-use crate::domain::{Domain, Stream};
+use super::{Agreement, Calls, Check, Failure, Mismatch, Reference, Vacuous};
+use crate::domain::Stream;
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
@@ -73,10 +73,7 @@ impl fmt::Display for Limit {
     }
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result approaches a reference as one argument approaches a limit.
     ///
     /// Each case is called at every step of the limit, with its other arguments as they were drawn.
@@ -102,11 +99,10 @@ where
         self,
         argument: impl Into<Parameter>,
         limit: Limit,
-        reference: impl Reference<D::Value>,
+        reference: impl Reference<V>,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        let tolerance = tolerance.into();
-        or_panic(self.limit(&argument.into(), &limit, reference, tolerance, Recording::On))
+        or_panic(self.try_at_limit(argument, limit, reference, tolerance))
     }
 
     /// [`at_limit`](Self::at_limit) without the panic.
@@ -118,25 +114,13 @@ where
         self,
         argument: impl Into<Parameter>,
         limit: Limit,
-        reference: impl Reference<D::Value>,
+        reference: impl Reference<V>,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        let tolerance = tolerance.into();
-        self.limit(&argument.into(), &limit, reference, tolerance, Recording::Off)
-    }
-
-    fn limit(
-        self,
-        argument: &Parameter,
-        limit: &Limit,
-        reference: impl Reference<D::Value>,
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        let (stream, demand) = (&self.stream(), &Self::demand());
+        let approach = (&argument.into(), &limit);
         with_reference(&reference, |expected| {
-            let approach = (argument, limit);
-            self.plan.has_limit(stream, demand, approach, &expected, tolerance, recording)
+            let (stream, demand) = (&*self.stream, &self.demand());
+            self.plan.has_limit(stream, demand, approach, &expected, tolerance.into())
         })
     }
 }
@@ -149,12 +133,11 @@ impl Plan<'_> {
         (argument, limit): (&Parameter, &Limit),
         expected: &Expected<'_>,
         tolerance: Tolerance,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{argument} toward {limit}: {}", tolerances.general);
         let asserted = Asserted::new("at_limit", text);
-        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+        self.conclude(&asserted, stream, demand, &mut |session| {
             let called = &session.called;
             let function = called.function();
             called.expect_result(&expected.shape, "the reference returns")?;

@@ -6,16 +6,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::companion::{Companion, WithCompanion};
 use super::demand::Demand;
 use super::parameter::{Parameter, ScalarParameter};
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::property::{Exhibit, PRIMED};
 use super::session::Asserted;
 use super::tally::{Class, Judged, classify};
-use super::{Agreement, Check, Failure, Vacuous};
-use crate::domain::{Domain, Origin, Source, Stream, complexity};
+use super::{Agreement, Calls, Check, Failure, Vacuous};
+use crate::domain::{Origin, Source, Stream, complexity};
 use crate::probe::Probed;
 use crate::run::or_panic;
 use crate::tolerance::{LaneError, Tolerance};
-use crate::value::{Arguments, Scalar, format_lane};
+use crate::value::{Scalar, format_lane};
 
 /// Which way results go as an argument grows. Equal results satisfy both trends.
 ///
@@ -53,10 +53,7 @@ const PATIENCE: u32 = 64;
 
 const NAME: &str = "is_monotone_in";
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V> Check<'_, Calls<V>> {
     /// Checks that each component of the result only rises, or only falls, as one argument grows
     /// while the others stay the same.
     ///
@@ -83,7 +80,7 @@ where
         trend: Trend,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.monotone(&argument.into(), trend, tolerance.into(), Recording::On))
+        or_panic(self.try_is_monotone_in(argument, trend, tolerance))
     }
 
     /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
@@ -97,18 +94,8 @@ where
         trend: Trend,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.monotone(&argument.into(), trend, tolerance.into(), Recording::Off)
-    }
-
-    fn monotone(
-        self,
-        argument: &Parameter,
-        trend: Trend,
-        tolerance: Tolerance,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.is_monotone(stream, demand, (argument, trend), tolerance, recording)
+        let (stream, demand) = (&*self.stream, &self.demand());
+        self.plan.is_monotone(stream, demand, (&argument.into(), trend), tolerance.into())
     }
 }
 
@@ -119,7 +106,6 @@ impl Plan<'_> {
         demand: &Demand,
         (argument, trend): (&Parameter, Trend),
         tolerance: Tolerance,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{trend} in {argument}, {}", tolerances.general);
@@ -129,14 +115,14 @@ impl Plan<'_> {
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
             // The session finds the same fault, and records it.
-            return self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            return self.conclude(&asserted, stream, demand, &mut |session| {
                 argument.scalar(session.called.function())?;
                 session.called.vacuous(Vacuous::NoCases)
             });
         };
         let companion = &Other { domain: stream, argument: varied.clone() };
         let stream = WithCompanion { arguments: stream, companion };
-        self.conclude(&asserted, &stream, demand, recording, &mut |session| {
+        self.conclude(&asserted, &stream, demand, &mut |session| {
             tolerances.expect_usable(&session.called)?;
             let called = &session.called;
             let (scalars, tolerance) = (called.scalars(), tolerances.of(called));

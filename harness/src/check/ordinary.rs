@@ -4,27 +4,24 @@
 use super::agreement::Expected;
 use super::batch::Rows;
 use super::demand::Demand;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::{Asserted, Session};
-use super::{Agreement, Check, Failure, Mismatch, Vacuous};
+use super::{Agreement, Calls, Check, Failure, Mismatch, Vacuous};
 use crate::diagnostic::Span;
-use crate::domain::{Domain, Stream};
+use crate::domain::Stream;
 use crate::fixture::Fixtures;
 use crate::interpret::Interpreted;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Function, Program};
 use crate::run::or_panic;
 use crate::tolerance::Criterion;
-use crate::value::{Arguments, Scalar, Shape};
+use crate::value::{Scalar, Shape};
 
 /// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
 /// a cosine by `sqrt(1 - c * c)` by several times that; whoever forgets to normalise is off by more.
 const LENGTH: f64 = 1e-5;
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V> Check<'_, Calls<V>> {
     /// Checks that no component of a result is NaN or infinite.
     ///
     /// It can't see a wrong number. [`has_no_hazards`](Self::has_no_hazards) sees what is not finite on
@@ -41,7 +38,7 @@ where
     /// could be checked.
     #[track_caller]
     pub fn is_finite(self) -> Agreement {
-        or_panic(self.plan.is_finite(&self.stream(), &Self::demand(), Recording::On))
+        or_panic(self.try_is_finite())
     }
 
     /// [`is_finite`](Self::is_finite) without the panic.
@@ -49,7 +46,7 @@ where
     /// # Errors
     /// If a result isn't finite, if the function returns no float, or if nothing could be checked.
     pub fn try_is_finite(self) -> Result<Agreement, Failure> {
-        self.plan.is_finite(&self.stream(), &Self::demand(), Recording::Off)
+        self.plan.is_finite(&*self.stream, &self.demand())
     }
 
     /// Checks that each number in a result is at least `least` and at most `most`.
@@ -68,8 +65,7 @@ where
     /// could be checked.
     #[track_caller]
     pub fn stays_within(self, least: f64, most: f64) -> Agreement {
-        let bounds = [least, most];
-        or_panic(self.plan.stays_within(&self.stream(), &Self::demand(), bounds, Recording::On))
+        or_panic(self.try_stays_within(least, most))
     }
 
     /// [`stays_within`](Self::stays_within) without the panic.
@@ -77,7 +73,7 @@ where
     /// # Errors
     /// If a number lies outside, if no number lies between the bounds, or if nothing could be checked.
     pub fn try_stays_within(self, least: f64, most: f64) -> Result<Agreement, Failure> {
-        self.plan.stays_within(&self.stream(), &Self::demand(), [least, most], Recording::Off)
+        self.plan.stays_within(&*self.stream, &self.demand(), [least, most])
     }
 
     /// Checks that results are vectors of length 1, to within 1e-5.
@@ -93,7 +89,7 @@ where
     /// nothing could be checked.
     #[track_caller]
     pub fn is_unit(self) -> Agreement {
-        or_panic(self.plan.is_unit(&self.stream(), &Self::demand(), Recording::On))
+        or_panic(self.try_is_unit())
     }
 
     /// [`is_unit`](Self::is_unit) without the panic.
@@ -102,7 +98,7 @@ where
     /// If a length isn't 1, if the function doesn't return a vector of floats, or if nothing could be
     /// checked.
     pub fn try_is_unit(self) -> Result<Agreement, Failure> {
-        self.plan.is_unit(&self.stream(), &Self::demand(), Recording::Off)
+        self.plan.is_unit(&*self.stream, &self.demand())
     }
 
     /// Checks that the function agrees with another one of its package, which takes the same arguments:
@@ -127,7 +123,7 @@ where
         reference: &str,
         tolerance: impl Into<Criterion>,
     ) -> Agreement {
-        or_panic(self.with_function(reference, &tolerance.into(), Recording::On))
+        or_panic(self.try_agrees_with_function(reference, tolerance))
     }
 
     /// [`agrees_with_function`](Self::agrees_with_function) without the panic.
@@ -140,17 +136,8 @@ where
         reference: &str,
         tolerance: impl Into<Criterion>,
     ) -> Result<Agreement, Failure> {
-        self.with_function(reference, &tolerance.into(), Recording::Off)
-    }
-
-    fn with_function(
-        self,
-        reference: &str,
-        criterion: &Criterion,
-        recording: Recording,
-    ) -> Result<Agreement, Failure> {
-        let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.agrees_with_function(stream, demand, reference, criterion, recording)
+        let (stream, demand) = (&*self.stream, &self.demand());
+        self.plan.agrees_with_function(stream, demand, reference, &tolerance.into())
     }
 }
 
@@ -170,7 +157,6 @@ impl Plan<'_> {
         begun: Result<T, Failure>,
         (check, text): (&'static str, &str),
         (stream, demand): (&dyn Stream, &Demand),
-        recording: Recording,
         then: impl FnOnce(T) -> Result<Agreement, Failure>,
     ) -> Result<Agreement, Failure> {
         let error = match begun {
@@ -180,7 +166,7 @@ impl Plan<'_> {
         let asserted = Asserted::new(check, text.to_owned());
         let mut error = Some(error);
         let nothing = &mut |session: &Session<'_>| session.called.vacuous(Vacuous::NoCases);
-        self.conclude_as(&asserted, stream, demand, recording, nothing, &mut |otherwise, _| {
+        self.conclude_as(&asserted, stream, demand, nothing, &mut |otherwise, _| {
             error.take().map_or(otherwise, Err)
         })
     }
@@ -189,7 +175,6 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let statement = "no result is NaN or infinite";
         let suited =
@@ -201,10 +186,10 @@ impl Plan<'_> {
             };
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
-        self.with(begun, asserted, (stream, demand), recording, |function| {
+        self.with(begun, asserted, (stream, demand), |function| {
             // A result that isn't finite fails each statement.
             let holds = |_: &[u32], _: &[u32]| true;
-            self.states(stream, demand, asserted, (&function.result, &holds), recording)
+            self.states(stream, demand, asserted, (&function.result, &holds))
         })
     }
 
@@ -213,7 +198,6 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
         [least, most]: [f64; 2],
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let statement = format!("lies in {least}..={most}");
         let suited = |function: Function| {
@@ -237,7 +221,7 @@ impl Plan<'_> {
         };
         let begun = self.function().and_then(suited);
         let asserted = ("stays_within", &*statement);
-        self.with(begun, asserted, (stream, demand), recording, |function| {
+        self.with(begun, asserted, (stream, demand), |function| {
             let lanes = function.result.lanes();
             // No `f32` is 2 pi: who writes it means the one nearest to it.
             #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
@@ -250,7 +234,7 @@ impl Plan<'_> {
                     false => (least..=most).contains(&lane.decode(*word)),
                 })
             };
-            self.states(stream, demand, asserted, (&function.result, &holds), recording)
+            self.states(stream, demand, asserted, (&function.result, &holds))
         })
     }
 
@@ -258,7 +242,6 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let statement = format!("has length 1 to within {LENGTH:e}");
         let suited = |function: Function| match function.result {
@@ -269,12 +252,12 @@ impl Plan<'_> {
         };
         let begun = self.function().and_then(suited);
         let asserted = ("is_unit", &*statement);
-        self.with(begun, asserted, (stream, demand), recording, |(function, scalar)| {
+        self.with(begun, asserted, (stream, demand), |(function, scalar)| {
             let holds = |_: &[u32], words: &[u32]| {
                 let square = |word: &u32| scalar.decode(*word).powi(2);
                 (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
             };
-            self.states(stream, demand, asserted, (&function.result, &holds), recording)
+            self.states(stream, demand, asserted, (&function.result, &holds))
         })
     }
 
@@ -284,7 +267,6 @@ impl Plan<'_> {
         demand: &Demand,
         reference: &str,
         criterion: &Criterion,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let asserted = ("agrees_with", &*criterion.to_string());
         let begun = self.shadow(demand, reference).and_then(|shadow| {
@@ -295,7 +277,7 @@ impl Plan<'_> {
                 && matches!(criterion, Criterion::Within(_));
             if itself { Err(Mismatch::Itself.of(&own)) } else { Ok(shadow) }
         });
-        self.with(begun, asserted, (stream, demand), recording, |shadow| {
+        self.with(begun, asserted, (stream, demand), |shadow| {
             let Shadow { shape, interpreted, kept, .. } = shadow;
             let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
                 // What isn't finite is told as an error of the reference.
@@ -316,7 +298,7 @@ impl Plan<'_> {
                 lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
             };
             let expected = Expected { shape: shape.clone(), expect: &expect };
-            self.agrees(stream, demand, &expected, criterion, recording)
+            self.agrees(stream, demand, &expected, criterion)
         })
     }
 

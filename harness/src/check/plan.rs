@@ -14,19 +14,14 @@ pub(super) struct Plan<'a> {
     pub(super) seed: Option<u64>,
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
-}
-
-/// Whether a verdict goes into the record of the run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Recording {
-    On,
-    Off,
+    /// Whether the verdict goes into the record of the run.
+    pub(super) recorded: bool,
 }
 
 impl<'a> Plan<'a> {
     pub(super) fn new(probe: Probe<'a>) -> Self {
         let (tolerance_on, known_issues) = Default::default();
-        Self { probe, cases: None, seed: None, tolerance_on, known_issues }
+        Self { probe, cases: None, seed: None, tolerance_on, known_issues, recorded: true }
     }
 
     /// A verb's tolerance with those of single paths.

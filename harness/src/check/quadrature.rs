@@ -12,9 +12,8 @@ use std::f64::consts::TAU;
 use glam::{DVec3, Vec3};
 
 use super::integral::{Assertion, Integrals, Nodes};
-use super::plan::Recording;
-use super::{Agreement, Check, Failure};
-use crate::domain::{Domain, Held};
+use super::{Agreement, Calls, Check, Failure};
+use crate::domain::Held;
 use crate::run::or_panic;
 use crate::stats::gauss_legendre;
 use crate::tolerance::Tolerance;
@@ -123,10 +122,7 @@ impl Directions {
     }
 }
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks the integral of a function over directions. The direction is the function's last
     /// argument; the domain draws the arguments before it, and is `()` if there are none.
     ///
@@ -158,11 +154,10 @@ where
     pub fn integrates_to<E: Mirror>(
         self,
         directions: Directions,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        or_panic(self.integrate(directions, expected, assertion, Recording::On))
+        or_panic(self.try_integrates_to(directions, expected, tolerance))
     }
 
     /// [`integrates_to`](Self::integrates_to) without the panic.
@@ -173,11 +168,11 @@ where
     pub fn try_integrates_to<E: Mirror>(
         self,
         directions: Directions,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        self.integrate(directions, expected, assertion, Recording::Off)
+        self.integrate(directions, expected, assertion)
     }
 
     /// Checks that the integral over directions is at most a bound plus `slack`. The slack is
@@ -203,10 +198,10 @@ where
     pub fn integrates_to_at_most<E: Mirror>(
         self,
         directions: Directions,
-        bound: impl Fn(&D::Value) -> E + Sync,
+        bound: impl Fn(&V) -> E + Sync,
         slack: f64,
     ) -> Agreement {
-        or_panic(self.integrate(directions, bound, Assertion::IsAtMost(slack), Recording::On))
+        or_panic(self.try_integrates_to_at_most(directions, bound, slack))
     }
 
     /// [`integrates_to_at_most`](Self::integrates_to_at_most) without the panic.
@@ -217,46 +212,43 @@ where
     pub fn try_integrates_to_at_most<E: Mirror>(
         self,
         directions: Directions,
-        bound: impl Fn(&D::Value) -> E + Sync,
+        bound: impl Fn(&V) -> E + Sync,
         slack: f64,
     ) -> Result<Agreement, Failure> {
-        self.integrate(directions, bound, Assertion::IsAtMost(slack), Recording::Off)
+        self.integrate(directions, bound, Assertion::IsAtMost(slack))
     }
 
     fn integrate<E: Mirror>(
         self,
         directions: Directions,
-        expected: impl Fn(&D::Value) -> E + Sync,
+        expected: impl Fn(&V) -> E + Sync,
         assertion: Assertion,
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let expected = |case: &Held, lanes: &mut Vec<f64>| expected(case.get()).lanes(lanes);
-        let stream = &self.stream();
-        directions.integrals(D::Value::shapes(), E::shape(), &expected, assertion, |integrals| {
-            self.plan.integrates(stream, integrals, recording)
-        })
+        self.integrate_over(directions, E::shape(), &expected, assertion)
     }
 }
 
-impl Directions {
-    /// Integrals over directions behind the arguments of a case.
-    pub(super) fn integrals<T>(
-        self,
-        shapes: Vec<Shape>,
+impl<V> Check<'_, Calls<V>> {
+    /// Integrals over directions, which come behind the arguments of a case. `shape` is the type of what is
+    /// expected.
+    pub(super) fn integrate_over(
+        &self,
+        directions: Directions,
         shape: Shape,
         expected: &(dyn Fn(&Held, &mut Vec<f64>) + Sync),
         assertion: Assertion,
-        then: impl FnOnce(&Integrals<'_>) -> T,
-    ) -> T {
-        let (own, control) = (self.rule(), self.control().rule());
-        then(&Integrals {
-            arguments: shapes.into_iter().chain([Vec3::shape()]).collect(),
+    ) -> Result<Agreement, Failure> {
+        let (own, control) = (directions.rule(), directions.control().rule());
+        let integrals = Integrals {
+            arguments: self.of.shapes.iter().cloned().chain([Vec3::shape()]).collect(),
             rule: &|case, nodes| add(&own, case, nodes),
             control: Some(&|case, nodes| add(&control, case, nodes)),
             expected,
             shape,
             assertion,
-        })
+        };
+        self.plan.integrates(&*self.stream, &integrals)
     }
 }
 

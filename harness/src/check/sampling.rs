@@ -23,9 +23,9 @@ pub use power::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
 use super::plan::Plan;
-use super::{Failure, Probe, Vacuous};
+use super::{Check, Failure, Probe, Vacuous};
 use crate::domain::{Domain, Held, Stream, Typed};
-use crate::path::{Adapter, Selector};
+use crate::path::Adapter;
 use crate::run::KnownIssue;
 use crate::stats::Support;
 use crate::value::{Arguments, Shape, Shareable};
@@ -67,26 +67,22 @@ impl<'a> Probe<'a> {
         self,
         configurations: D,
         arguments: F,
-    ) -> SamplingCheck<'a, D, U, A, F>
+    ) -> Check<'a, Sampling<D::Value, U, A, F>>
     where
-        D: Domain,
+        D: Domain + 'a,
         U: Shareable,
         A: Arguments,
         F: Fn(&D::Value, U) -> A + Sync,
     {
-        SamplingCheck {
-            plan: Plan::new(self),
-            configurations,
-            arguments,
-            settings: Settings {
-                support: Support::Hemisphere,
-                samples: SAMPLES,
-                significance: SIGNIFICANCE,
-                mass: MASS,
-                may_leave: false,
-            },
-            types: PhantomData,
-        }
+        let settings = Settings {
+            support: Support::Hemisphere,
+            samples: SAMPLES,
+            significance: SIGNIFICANCE,
+            mass: MASS,
+            may_leave: false,
+        };
+        let sampling = Sampling { arguments, settings, types: PhantomData };
+        Check::new(self, Typed::values(configurations), sampling)
     }
 }
 
@@ -100,7 +96,8 @@ struct Settings {
     may_leave: bool,
 }
 
-/// A sampler with the configurations that it is run over: see [`Probe::sampled_over`].
+/// The way of a [`Check`] that draws samples: see [`Probe::sampled_over`]. `V` are the configurations, `U`
+/// random numbers, and `A` the arguments that `F` makes of both.
 ///
 /// ```no_run
 /// use glam::{Vec2, Vec3};
@@ -114,21 +111,18 @@ struct Settings {
 ///     .follows(SHADERS.function("sampling::cosine_hemisphere_pdf"), |(), l: Vec3| l);
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "nothing is sampled until a verb such as `.follows(...)`"]
-pub struct SamplingCheck<'a, D, U, A, F> {
-    plan: Plan<'a>,
-    configurations: D,
+pub struct Sampling<V, U, A, F> {
     arguments: F,
     settings: Settings,
-    types: PhantomData<fn(U) -> A>,
+    types: PhantomData<fn(V, U) -> A>,
 }
 
-impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
+impl<V, U, A, F> Check<'_, Sampling<V, U, A, F>>
 where
-    D: Domain,
+    V: 'static,
     U: Shareable,
     A: Arguments,
-    F: Fn(&D::Value, U) -> A + Sync,
+    F: Fn(&V, U) -> A + Sync,
 {
     /// Says where samples lie. Without this: directions of the upper hemisphere.
     ///
@@ -139,7 +133,7 @@ where
     /// sampler.on(Support::Interval(0.0, 1.0)).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
     /// ```
     pub fn on(mut self, support: Support) -> Self {
-        self.settings.support = support;
+        self.of.settings.support = support;
         self
     }
 
@@ -152,7 +146,7 @@ where
     /// sampler.samples(65536).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
     /// ```
     pub fn samples(mut self, samples: u64) -> Self {
-        self.settings.samples = samples;
+        self.of.settings.samples = samples;
         self
     }
 
@@ -169,7 +163,7 @@ where
     /// sampler.significance(1e-3).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
     /// ```
     pub fn significance(mut self, significance: f64) -> Self {
-        self.settings.significance = significance;
+        self.of.settings.significance = significance;
         self
     }
 
@@ -187,7 +181,7 @@ where
     ///     .follows(SHADERS.function("ggx::pdf"), |&alpha, l: Vec3| (alpha, l));
     /// ```
     pub fn may_leave(mut self) -> Self {
-        self.settings.may_leave = true;
+        self.of.settings.may_leave = true;
         self
     }
 
@@ -205,63 +199,7 @@ where
     ///     .follows(SHADERS.function("ggx::pdf"), |&alpha, l: Vec3| (alpha, l));
     /// ```
     pub fn mass_within(mut self, tolerance: f64) -> Self {
-        self.settings.mass = tolerance;
-        self
-    }
-
-    /// Sets the number of configurations. A finite domain of at most that many values is
-    /// enumerated instead. Without this, a finite domain of up to 4,096 values is enumerated; any
-    /// other domain draws 16 configurations.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let package = Package::from_source("m", "fn to(b: f32, u: f32) -> f32 { return b * u; }");
-    /// let sampler = package.function("to").sampled_over(1.0..=2.0, |&b, u: f32| (b, u));
-    /// let half = |&b: &f32| 0.5 * f64::from(b);
-    /// sampler.configurations(4).has_mean("x", |x: f32| x.into(), half, 1e-6);
-    /// ```
-    pub fn configurations(mut self, configurations: u64) -> Self {
-        self.plan.cases = Some(configurations);
-        self
-    }
-
-    /// Sets the seed, which otherwise derives from the test's name.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
-    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// sampler.seed(7).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
-    /// ```
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.plan.seed = Some(seed);
-        self
-    }
-
-    /// Declares that the check fails on a path, and why: see
-    /// [`Check::fails_on`](super::Check::fails_on).
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
-    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// sampler.fails_on("gl@llvmpipe", "mesa#1234").has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
-    /// ```
-    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
-        self.plan.known_issues.declare(on.into(), reason);
-        self
-    }
-
-    /// See [`Check::refused_on`](super::Check::refused_on).
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
-    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// sampler.refused_on("gl@llvmpipe", "mesa#1234").has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
-    /// ```
-    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
-        self.plan.known_issues.declare_refusal(on.into(), reason);
+        self.of.settings.mass = tolerance;
         self
     }
 }
@@ -328,6 +266,8 @@ struct Configuration<'s> {
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
+    /// Whether the verdict goes into the record of the run.
+    recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
     /// Types of the arguments.
@@ -350,23 +290,24 @@ struct Other<'o> {
     made: Made<'o>,
 }
 
-impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
+impl<V, U, A, F> Check<'_, Sampling<V, U, A, F>>
 where
-    D: Domain,
+    V: 'static,
     U: Shareable,
     A: Arguments,
-    F: Fn(&D::Value, U) -> A + Sync,
+    F: Fn(&V, U) -> A + Sync,
 {
     /// Hands the sampler to what is compiled once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,
-            settings: &self.settings,
-            configurations: &Typed::values(&self.configurations),
+            recorded: self.plan.recorded,
+            settings: &self.of.settings,
+            configurations: &*self.stream,
             shapes: &A::shapes(),
             random: &U::shape(),
             arguments: &|value, random, lanes| {
-                given(|u| (self.arguments)(value.get(), u))(random, lanes);
+                given(|u| (self.of.arguments)(value.get(), u))(random, lanes);
             },
         })
     }

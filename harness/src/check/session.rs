@@ -44,12 +44,27 @@ pub(super) struct Asserted {
     pub(super) expectation: Expectation,
     /// Whether arguments on which it fails are tried again in later runs.
     pub(super) remembers: bool,
+    /// What is said below a case that fails.
+    pub(super) explained: Explained,
+}
+
+/// What is said below a case that fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Explained {
+    /// Nothing: something is expected of several calls, or of other arguments.
+    Nothing,
+    /// What WGSL allows for its arguments.
+    ByBounds,
+    /// What goes wrong inside.
+    #[cfg(feature = "engine")]
+    ByHazards,
 }
 
 impl Asserted {
     /// That the actual value is the expected one.
     pub(super) fn new(check: &'static str, text: String) -> Self {
-        Self { check, text, expectation: Expectation::Equal, remembers: true }
+        let (expectation, explained) = (Expectation::Equal, Explained::Nothing);
+        Self { check, text, expectation, remembers: true, explained }
     }
 }
 
@@ -72,6 +87,8 @@ pub(super) struct Session<'a> {
     pub(super) fixtures: &'a Fixtures,
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
     pub(super) memory: Option<&'a Memory>,
+    /// Whether the verdict goes into the record of the run.
+    pub(super) recorded: bool,
 }
 
 /// Judges a batch.
@@ -120,6 +137,7 @@ impl<'a> Session<'a> {
             executor,
             fixtures,
             memory,
+            recorded: plan.recorded,
         })
     }
 

@@ -2,22 +2,19 @@
 
 use super::demand::Demand;
 use super::flush::allowing_flushes;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::Asserted;
 use super::tally::{Judged, finite};
-use super::{Agreement, Check, Failure, tolerances};
-use crate::domain::{Domain, Stream};
+use super::{Agreement, Calls, Check, Failure, tolerances};
+use crate::domain::Stream;
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
 /// Whether a statement holds for the words of arguments and result.
-type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
+pub(super) type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
 
-impl<D: Domain> Check<'_, D>
-where
-    D::Value: Arguments,
-{
+impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that a statement holds for each case's arguments and result.
     ///
     /// ```no_run
@@ -40,9 +37,9 @@ where
     pub fn satisfies<R: Shareable>(
         self,
         statement: &str,
-        holds: impl Fn(D::Value, R) -> bool + Sync,
+        holds: impl Fn(V, R) -> bool + Sync,
     ) -> Agreement {
-        or_panic(self.judge(statement, holds, Recording::On))
+        or_panic(self.try_satisfies(statement, holds))
     }
 
     /// [`satisfies`](Self::satisfies) without the panic.
@@ -52,22 +49,13 @@ where
     pub fn try_satisfies<R: Shareable>(
         self,
         statement: &str,
-        holds: impl Fn(D::Value, R) -> bool + Sync,
-    ) -> Result<Agreement, Failure> {
-        self.judge(statement, holds, Recording::Off)
-    }
-
-    fn judge<R: Shareable>(
-        self,
-        statement: &str,
-        holds: impl Fn(D::Value, R) -> bool + Sync,
-        recording: Recording,
+        holds: impl Fn(V, R) -> bool + Sync,
     ) -> Result<Agreement, Failure> {
         let holds = |arguments: &[u32], result: &[u32]| {
-            holds(D::Value::load_all(&mut arguments.iter()), R::load(&mut result.iter()))
+            holds(V::load_all(&mut arguments.iter()), R::load(&mut result.iter()))
         };
-        let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.satisfies(stream, demand, statement, (&R::shape(), &holds), recording)
+        let (stream, demand) = (&*self.stream, &self.demand());
+        self.plan.satisfies(stream, demand, statement, (&R::shape(), &holds))
     }
 }
 
@@ -78,9 +66,8 @@ impl Plan<'_> {
         demand: &Demand,
         statement: &str,
         said: (&Shape, Holds<'_>),
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
-        self.states(stream, demand, ("satisfies", statement), said, recording)
+        self.states(stream, demand, ("satisfies", statement), said)
     }
 
     /// What a verb states of each case.
@@ -90,10 +77,9 @@ impl Plan<'_> {
         demand: &Demand,
         (verb, statement): (&'static str, &str),
         (shape, holds): (&Shape, Holds<'_>),
-        recording: Recording,
     ) -> Result<Agreement, Failure> {
         let asserted = Asserted::new(verb, statement.to_owned());
-        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+        self.conclude(&asserted, stream, demand, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();

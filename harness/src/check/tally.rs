@@ -43,7 +43,7 @@ pub(crate) enum Class {
 /// # use karat::check::Failure;
 /// # use karat::prelude::*;
 /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let wrong = package.function("f").over(0.1..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
 /// let census = &found.paths[0].census;
 /// assert_eq!((census.nan, census.too_high), (0, census.failures));

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::demand::Demand;
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording};
+use super::plan::Plan;
 use super::session::{Asserted, Session};
 use super::{Agreement, Failure, inputs};
 use crate::diagnostic::FileRead;
@@ -28,10 +28,9 @@ impl Plan<'_> {
         asserted: &Asserted,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
         verb: Body<'_>,
     ) -> Result<Agreement, Failure> {
-        self.conclude_as(asserted, stream, demand, recording, verb, &mut |result, _| result)
+        self.conclude_as(asserted, stream, demand, verb, &mut |result, _| result)
     }
 
     /// The same for a verb that has the last word, and may read more files.
@@ -40,13 +39,12 @@ impl Plan<'_> {
         asserted: &Asserted,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
         verb: Body<'_>,
         last: Last<'_>,
     ) -> Result<Agreement, Failure> {
         let identity = Identity::of(&self.probe.name, asserted.check)?;
         let run = (&identity, &AtomicBool::new(false));
-        self.conclude_unless(run, asserted, stream, demand, recording, (verb, last))
+        self.conclude_unless(run, asserted, stream, demand, (verb, last))
     }
 
     /// The same under an identity that several runs share, and without a record as long as another run
@@ -57,7 +55,6 @@ impl Plan<'_> {
         asserted: &Asserted,
         stream: &dyn Stream,
         demand: &Demand,
-        recording: Recording,
         (verb, last): (Body<'_>, Last<'_>),
     ) -> Result<Agreement, Failure> {
         let reporter = Reporter::start();
@@ -83,7 +80,7 @@ impl Plan<'_> {
             let asserted = Asserted { text: format!("{text}{own}"), ..asserted.clone() };
             // What is declared to fail needn't be remembered. What one path fails on in this run isn't old on
             // the next one.
-            let remembered = recording == Recording::On && self.known_issues.is_empty();
+            let remembered = self.recorded && self.known_issues.is_empty();
             let memory = Memory::open(identity).filter(|_| remembered && remembers);
             let executors = self.probe.executors()?;
             let mut all = Conclusion::default();
@@ -122,7 +119,7 @@ impl Plan<'_> {
         };
         let result = run();
         let result = last(result, &mut read);
-        if recording == Recording::On && !withheld.load(Ordering::Relaxed) {
+        if self.recorded && !withheld.load(Ordering::Relaxed) {
             reporter.record(subject, paths, read, &result);
         }
         result
@@ -133,22 +130,18 @@ impl Plan<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::Check;
     use crate::check::tally::finite;
-    use crate::domain::{Domain, Integers};
+    use crate::check::{Calls, Check};
+    use crate::domain::Integers;
     use crate::package::Package;
     use crate::tolerance::LaneError;
-    use crate::value::Arguments;
 
-    impl<D: Domain> Check<'_, D>
-    where
-        D::Value: Arguments,
-    {
+    impl<V> Check<'_, Calls<V>> {
         /// Each component of each result is a whole number.
         fn try_is_whole(&self) -> Result<Agreement, Failure> {
             let asserted = Asserted::new("is_whole", "a whole number".to_owned());
-            let (stream, demand) = (&self.stream(), &Self::demand());
-            self.plan.conclude(&asserted, stream, demand, Recording::Off, &mut |session| {
+            let (stream, demand) = (&*self.stream, &self.demand());
+            self.plan.conclude(&asserted, stream, demand, &mut |session| {
                 let scalars = session.called.scalars();
                 session.run(&mut |batch, running| {
                     let judge = |_: usize, actual: &[u32]| {
@@ -171,7 +164,7 @@ mod tests {
         let check = |body: &str| {
             let wgsl = format!("fn f(i: i32) -> vec2f {{ return {body}; }}");
             let package = Package::from_source("s", &wgsl);
-            package.function("f").over(Integers(-1000..=1000_i32)).try_is_whole()
+            package.function("f").over(Integers(-1000..=1000_i32)).unrecorded().try_is_whole()
         };
         let agreement = check("vec2f(f32(i), f32(i * i))").expect("whole numbers");
         assert_eq!(agreement.cases, 2001);

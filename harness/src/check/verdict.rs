@@ -43,7 +43,7 @@ pub struct Agreement {
 /// use karat::prelude::*;
 ///
 /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
-/// let wrong = package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let wrong = package.function("f").over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
 /// let Err(Failure::Disagreement(_)) = wrong else { panic!("it is 0.6") };
 /// ```
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub enum Failure {
     /// A path that is declared to fail agrees.
     #[error(
         "`{function}` passes on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove `.fails_on(...)`"
+         the bug is gone, or hidden: remove its `fails_on`"
     )]
     UnexpectedPass {
         /// The function's path.
@@ -76,7 +76,7 @@ pub enum Failure {
     /// A path runs a function that it is declared to refuse.
     #[error(
         "`{function}` runs on {path}, which is declared to refuse it: {reason}\n\
-         the bug is gone, or hidden: remove `.refused_on(...)`"
+         the bug is gone, or hidden: remove its `refused_on`"
     )]
     NotRefused {
         /// The function's path.

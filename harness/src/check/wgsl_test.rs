@@ -47,7 +47,7 @@ pub struct WgslTest {
     /// Features that are set of the package.
     features: Arc<Features>,
     /// What is known of it when it is linked.
-    made: Arc<OnceLock<Result<Made, String>>>,
+    made: Arc<OnceLock<Result<Made, Arc<ReflectError>>>>,
 }
 
 /// A test that is valid WGSL.
@@ -107,9 +107,8 @@ impl Package {
 }
 
 impl WgslTest {
-    fn made(&self) -> Result<&Made, String> {
-        let make = || self.make().map_err(|error| error.to_string());
-        self.made.get_or_init(make).as_ref().map_err(Clone::clone)
+    fn made(&self) -> Result<&Made, Arc<ReflectError>> {
+        self.made.get_or_init(|| self.make().map_err(Arc::new)).as_ref().map_err(Arc::clone)
     }
 
     fn make(&self) -> Result<Made, ReflectError> {
@@ -216,7 +215,7 @@ impl WgslTest {
     ///
     /// # Errors
     /// What is wrong with it, with its place.
-    pub fn parameters(&self) -> Result<&[(String, Shape)], String> {
+    pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
 
@@ -238,7 +237,7 @@ impl WgslTest {
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
-    /// The test as a function, to be given arguments and [run](super::DynamicCheck::expects).
+    /// The test as a function, to be given arguments and [run](super::Check::try_expects).
     ///
     /// ```
     /// # use karat::domain::Dynamic;
@@ -247,13 +246,13 @@ impl WgslTest {
     ///             @test fn adds() { expect_near(1.0 + 1.0, 2.0, 0.0); }";
     /// let package = Package::from_modules("m", [("m_test", text)]);
     /// let test = package.tests_in(&["m_test".to_owned()])?.remove(0)?.remove(0);
-    /// test.probe()?.over_dynamic(Dynamic::new(&[], vec![])).expects()?;
+    /// test.probe()?.over_dynamic(Dynamic::new(&[], vec![])).try_expects()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
     /// What is wrong with it, with its place.
-    pub fn probe(&self) -> Result<Probe<'_>, String> {
+    pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;
         Ok(Probe { place, telling: Some(telling), ..counting.function(&self.name) })
@@ -368,7 +367,7 @@ impl TestGroup {
     /// let tests = package.tests_in(&["m_test".to_owned()])?.remove(0)?;
     /// let groups = TestGroup::of(&tests.iter().collect::<Vec<_>>());
     /// let adds = groups[0].probe(&tests[0]).expect("it is in the group");
-    /// adds.over_dynamic(Dynamic::new(&[], vec![])).expects()?;
+    /// adds.over_dynamic(Dynamic::new(&[], vec![])).try_expects()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn probe<'a>(&'a self, test: &'a WgslTest) -> Option<Probe<'a>> {

@@ -38,11 +38,10 @@ impl After<'_> {
         case: &str,
         tolerance: impl Into<Tolerance>,
     ) -> ComputeAgreement {
-        let place = Location::caller();
-        or_panic(self.compare_with((goldens, case), &tolerance.into(), place, true))
+        or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// [`matches`](Self::matches), with its failure as a value that isn't recorded.
+    /// [`matches`](Self::matches) without the panic.
     ///
     /// # Errors
     /// If an element differs, or there is nothing to compare with.
@@ -53,19 +52,9 @@ impl After<'_> {
         case: &str,
         tolerance: impl Into<Tolerance>,
     ) -> Result<ComputeAgreement, ComputeError> {
-        let place = Location::caller();
-        self.compare_with((goldens, case), &tolerance.into(), place, false)
-    }
-
-    fn compare_with(
-        &self,
-        (goldens, case): (&Goldens, &str),
-        tolerance: &Tolerance,
-        place: &'static Location<'static>,
-        recorded: bool,
-    ) -> Result<ComputeAgreement, ComputeError> {
+        let tolerance = tolerance.into();
         let text = format!("golden `{case}`, {tolerance}");
-        self.report(("matches", text), place, recorded, &mut |report| {
+        self.report(("matches", text), Location::caller(), &mut |report| {
             report.read.extend(goldens.values_read(case));
             let golden = goldens.table(case)?;
             let passes = self.compute.passes()?;

@@ -49,7 +49,7 @@ pub(super) struct Statement<'a> {
 /// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
 /// # let package = Package::from_source("m", text);
 /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
-/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// let wrong = passes.after("data").unrecorded().try_agrees_with([8_u32], Abs(0.0));
 /// if let Err(ComputeError::Differs(difference)) = wrong {
 ///     println!("{} differs after {}", difference.variable, difference.entry_points);
 /// }
@@ -79,7 +79,7 @@ pub struct Difference {
 /// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
 /// # let package = Package::from_source("m", text);
 /// # let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
-/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// let wrong = passes.after("data").unrecorded().try_agrees_with([8_u32], Abs(0.0));
 /// if let Err(ComputeError::Differs(difference)) = wrong {
 ///     for path in &difference.paths {
 ///         println!("{} of {} on {}", path.failures, path.elements, path.adapter);
@@ -109,7 +109,7 @@ pub struct PathDifference {
 /// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
 /// # let package = Package::from_source("m", text);
 /// # let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
-/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// let wrong = passes.after("data").unrecorded().try_agrees_with([8_u32], Abs(0.0));
 /// if let Err(ComputeError::Differs(difference)) = wrong {
 ///     for one in &difference.paths[0].shown {
 ///         println!("{}: {}, expected {}", one.place, one.actual, one.expected);
@@ -149,10 +149,9 @@ impl After<'_> {
         &self,
         assertion: Assertion<'_>,
         place: &'static Location<'static>,
-        recorded: bool,
     ) -> Result<ComputeAgreement, ComputeError> {
         let verb = assertion.verb();
-        self.report((verb, assertion.text()), place, recorded, &mut |report| {
+        self.report((verb, assertion.text()), place, &mut |report| {
             self.judged(&assertion, verb, report)
         })
     }
@@ -162,7 +161,6 @@ impl After<'_> {
         &self,
         (verb, text): (&str, String),
         place: &'static Location<'static>,
-        recorded: bool,
         judge: &mut dyn FnMut(&mut Report) -> Result<ComputeAgreement, ComputeError>,
     ) -> Result<ComputeAgreement, ComputeError> {
         let reporter = Reporter::start();
@@ -177,7 +175,7 @@ impl After<'_> {
         };
         let mut report = Report { subject, paths: Vec::new(), read: Vec::new() };
         let result = judge(&mut report);
-        if recorded {
+        if self.recorded {
             let Report { subject, paths, read } = report;
             reporter.record(subject, paths, read, &result);
         }

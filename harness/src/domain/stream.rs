@@ -13,7 +13,7 @@ use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Shape};
 
 /// A domain without the type of its values.
-pub(crate) trait Stream: Sync {
+pub(crate) trait Stream: Send + Sync {
     /// Words of a row; 0 where values aren't made of words.
     fn width(&self) -> usize;
 
@@ -151,8 +151,8 @@ impl Numbering {
 
 /// A domain of Rust values as a stream.
 #[derive(Debug)]
-pub(crate) struct Typed<'a, D: Domain> {
-    domain: &'a D,
+pub(crate) struct Typed<D: Domain> {
+    domain: D,
     edges: OnceLock<Vec<D::Value>>,
     words: Option<Words<D::Value>>,
     hold: fn(D::Value) -> Held,
@@ -166,14 +166,14 @@ struct Words<V> {
     load: fn(&[u32]) -> V,
 }
 
-impl<'a, D: Domain> Typed<'a, D> {
+impl<D: Domain> Typed<D> {
     /// A domain of anything: its rows are empty.
-    pub(crate) fn values(domain: &'a D) -> Self {
+    pub(crate) fn values(domain: D) -> Self {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
     }
 
     /// A domain of arguments.
-    pub(crate) fn arguments(domain: &'a D) -> Self
+    pub(crate) fn arguments(domain: D) -> Self
     where
         D::Value: Arguments,
     {
@@ -203,7 +203,7 @@ impl<'a, D: Domain> Typed<'a, D> {
     }
 }
 
-impl<D: Domain> Stream for Typed<'_, D> {
+impl<D: Domain> Stream for Typed<D> {
     fn width(&self) -> usize {
         let shapes = self.words.as_ref().map(|words| (words.shapes)()).unwrap_or_default();
         shapes.iter().map(|shape| shape.lanes().len()).sum()
@@ -263,7 +263,7 @@ pub(super) mod tests {
 
     /// The cases of a domain, with their types.
     pub(in crate::domain) struct Cases<'a, D: Domain> {
-        typed: Typed<'a, D>,
+        typed: Typed<&'a D>,
         numbering: Numbering,
     }
 
@@ -289,7 +289,7 @@ pub(super) mod tests {
 
         pub(in crate::domain) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'a, D::Value>> {
             let mut source = self.numbering.source(index);
-            self.typed.domain.shrinkable(self.numbering.origin(index, &mut source))
+            D::shrinkable(self.typed.domain, self.numbering.origin(index, &mut source))
         }
     }
 

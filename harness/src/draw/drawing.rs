@@ -161,7 +161,7 @@ impl Scene<'_> {
 
     /// What no device draws.
     fn expect_sound(&self) -> Result<(), DrawError> {
-        let unsound = |reason: String| Err(DrawError::Unsound { reason });
+        let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         let targets = self.formats.len();
         let (depth_only, mixed) =
             (self.is_depth_only(), self.draws.iter().any(|draw| draw.fragment.is_none()));
@@ -170,24 +170,31 @@ impl Scene<'_> {
         }
         if mixed && !depth_only {
             return unsound(
+                "depth",
                 "some of its draws draw depth alone, and others colour: make two frames of them"
                     .to_owned(),
             );
         }
         if let Some(other) = self.draws.iter().flat_map(Draw::named_targets).find(|t| *t >= targets)
         {
-            return unsound(format!("a draw names target {other}, and the frame has {targets}"));
+            return unsound(
+                "target",
+                format!("a draw names target {other}, and the frame has {targets}"),
+            );
         }
         match self.result {
             Source::Target(_) if depth_only => {
-                return unsound("it draws depth alone: add `.depth()`".to_owned());
+                return unsound(
+                    "depth",
+                    "it draws depth alone: compare that, by `depth`".to_owned(),
+                );
             }
             Source::Target(target) if target >= targets => {
                 let has = counted(targets, "target");
-                return unsound(format!("it has {has}, from 0 on, and none is {target}"));
+                return unsound("target", format!("it has {has}, from 0 on, and none is {target}"));
             }
             Source::Depth if self.samples > 1 => {
-                return unsound("depths of several samples aren't one image".to_owned());
+                return unsound("samples", "depths of several samples aren't one image".to_owned());
             }
             _ => {}
         }
@@ -196,10 +203,13 @@ impl Scene<'_> {
                 && let Some(most) = mesh.most_instances()
                 && (draw.first_instance as usize + draw.instances as usize) > most
             {
-                return unsound(format!(
-                    "a mesh is drawn {} times from copy {}, and an attribute has {most} values",
-                    draw.instances, draw.first_instance
-                ));
+                return unsound(
+                    "mesh",
+                    format!(
+                        "a mesh is drawn {} times from copy {}, and an attribute has {most} values",
+                        draw.instances, draw.first_instance
+                    ),
+                );
             }
         }
         Ok(())

@@ -55,7 +55,7 @@ impl Device {
                 "its target holds {value}, and an image of floats holds each integer up to 16777216 \
                  only: return smaller ones, or two halves of it"
             );
-            return Err(DrawError::Unsound { reason });
+            return Err(DrawError::Unsound { setting: "target", reason });
         }
         Ok(Image::new(width, height, pixels))
     }

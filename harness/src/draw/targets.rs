@@ -9,15 +9,16 @@ use crate::reflect::{Output, Program, Texels};
 impl Scene<'_> {
     /// Sees that each draw writes each target, and nothing else.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
-        let unsound = |reason: String| Err(DrawError::Unsound { reason });
+        let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
-            return unsound(format!(
-                "it has {} samples a pixel, and every device draws 1 and 4",
-                self.samples
-            ));
+            return unsound(
+                "samples",
+                format!("it has {} samples a pixel, and every device draws 1 and 4", self.samples),
+            );
         }
         if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
             return unsound(
+                "depth",
                 "its image is depth, which none of its draws writes: a fragment function alone writes \
                  what it returns as `@builtin(frag_depth)`"
                     .to_owned(),
@@ -31,37 +32,44 @@ impl Scene<'_> {
                 let Some(output) = at(target) else {
                     // Of a frame whose image is depth nobody looks at targets.
                     if draw.writes(target) && self.result != Source::Depth {
-                        return unsound(format!(
-                            "`{fragment}` writes nothing at @location({target}), where the frame has a \
+                        return unsound(
+                            "formats",
+                            format!(
+                                "`{fragment}` writes nothing at @location({target}), where the frame has a \
                              target: nobody can say what it would hold"
-                        ));
+                            ),
+                        );
                     }
                     continue;
                 };
                 if output.kind != format.kind() {
                     let (has, wants) = match output.kind {
-                        Texels::Uint => {
-                            ("unsigned integers", "one of these, such as `Format::Rgba32Uint`")
-                        }
-                        Texels::Sint => ("signed integers", "one of these: `Format::R32Sint`"),
+                        Texels::Uint => ("unsigned integers", "one of these, such as `rgba32uint`"),
+                        Texels::Sint => ("signed integers", "one of these: `r32sint`"),
                         Texels::Float | Texels::Depth => {
-                            ("floats", "one of floats, such as `Format::Float`")
+                            ("floats", "one of floats, such as `float`")
                         }
                     };
-                    return unsound(format!(
-                        "`{fragment}` writes {has} at @location({target}): the target's format has to be {wants}"
-                    ));
+                    return unsound(
+                        "formats",
+                        format!(
+                            "`{fragment}` writes {has} at @location({target}): the target's format has to be {wants}"
+                        ),
+                    );
                 }
             }
             if let Some(output) = outputs.iter().find(|o| o.location as usize >= self.formats.len())
             {
                 let (location, targets) = (output.location, self.formats.len());
-                return unsound(format!(
-                    "`{fragment}` writes @location({location}), and the frame has {targets} target{}: \
-                     add `.formats([...])` with a format for each location, and compare that one in a \
-                     frame of its own with `.target({location})`",
-                    if targets == 1 { "" } else { "s" }
-                ));
+                return unsound(
+                    "formats",
+                    format!(
+                        "`{fragment}` writes @location({location}), and the frame has {targets} target{}: \
+                     add `formats` with a format for each location, and compare that one in a frame of its \
+                     own whose `target` is {location}",
+                        if targets == 1 { "" } else { "s" }
+                    ),
+                );
             }
         }
         Ok(())

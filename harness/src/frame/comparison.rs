@@ -15,7 +15,7 @@ use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
-use crate::run::{Judged, Reporter, leave_frame_out, or_panic, replay};
+use crate::run::{Concluded, Judged, Reporter, leave_frame_out, or_panic, replay};
 use crate::settings;
 
 impl Frame<'_> {
@@ -33,27 +33,52 @@ impl Frame<'_> {
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
-        if settings::leaves_frames_out() {
-            leave_frame_out();
-            let (case, paths, known_issues) = (case.to_owned(), Vec::new(), Vec::new());
-            return FrameAgreement { case, paths, known_issues };
-        }
-        let reporter = Reporter::start();
-        let location = self.place(std::panic::Location::caller());
-        let (mut records, mut read) = (Vec::new(), Vec::new());
-        let result = self.compare(goldens, case, &mut records, &mut read);
-        let (golden, folder) = (case.to_owned(), goldens.folder().display().to_string());
-        reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
-        or_panic(result)
+        or_panic(self.try_matches(goldens, case))
     }
 
-    /// [`matches`](Self::matches) without the panic. The verdict is left to the caller and isn't
-    /// recorded.
+    /// [`matches`](Self::matches) without the panic.
     ///
     /// # Errors
     /// If it differs or there is nothing to compare with.
+    #[track_caller]
     pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
-        self.compare(goldens, case, &mut Vec::new(), &mut Vec::new())
+        if self.is_left_out() {
+            let (case, paths, known_issues) = (case.to_owned(), Vec::new(), Vec::new());
+            return Ok(FrameAgreement { case, paths, known_issues });
+        }
+        let folder = goldens.folder().display().to_string();
+        self.reported((case.to_owned(), folder), &mut |records, read| {
+            self.compare(goldens, case, records, read)
+        })
+    }
+
+    /// Notes that the frame isn't drawn, if that is so.
+    pub(super) fn is_left_out(&self) -> bool {
+        let left_out = self.recorded && settings::leaves_frames_out();
+        if left_out {
+            leave_frame_out();
+        }
+        left_out
+    }
+
+    /// Records what a verb finds, under the name of a golden and its folder.
+    #[track_caller]
+    pub(super) fn reported<T>(
+        &self,
+        (golden, folder): (String, String),
+        judge: &mut dyn FnMut(&mut Vec<PathRecord>, &mut Vec<FileRead>) -> Result<T, FrameError>,
+    ) -> Result<T, FrameError>
+    where
+        Result<T, FrameError>: Concluded,
+    {
+        let reporter = Reporter::start();
+        let location = self.place(std::panic::Location::caller());
+        let (mut records, mut read) = (Vec::new(), Vec::new());
+        let result = judge(&mut records, &mut read);
+        if self.recorded {
+            reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
+        }
+        result
     }
 
     fn compare(

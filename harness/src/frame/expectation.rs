@@ -6,9 +6,8 @@ use crate::executor::Executor;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::Adapter;
-use crate::record::{PathRecord, Subject};
-use crate::run::{Judged, KnownIssue, Reporter, leave_frame_out, or_panic, replay};
-use crate::settings;
+use crate::record::PathRecord;
+use crate::run::{Judged, KnownIssue, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
 
 /// The mean of a rectangle on each path.
@@ -55,31 +54,27 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
-        if settings::leaves_frames_out() {
-            leave_frame_out();
-            return FrameMean { paths: Vec::new(), known_issues: Vec::new() };
-        }
-        let reporter = Reporter::start();
-        let location = self.place(std::panic::Location::caller());
-        let (mut records, mut read) = (Vec::new(), Vec::new());
-        let result = self.mean(rect, expected, &tolerance.into(), &mut records, &mut read);
-        let (golden, folder) = (format!("mean of {rect}"), String::new());
-        reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
-        or_panic(result)
+        or_panic(self.try_expect_mean(rect, expected, tolerance))
     }
 
-    /// [`expect_mean`](Self::expect_mean) without the panic. The verdict is left to the caller and
-    /// isn't recorded.
+    /// [`expect_mean`](Self::expect_mean) without the panic.
     ///
     /// # Errors
     /// If a mean is off or can't be taken.
+    #[track_caller]
     pub fn try_expect_mean(
         &self,
         rect: Rect,
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> Result<FrameMean, FrameError> {
-        self.mean(rect, expected, &tolerance.into(), &mut Vec::new(), &mut Vec::new())
+        if self.is_left_out() {
+            return Ok(FrameMean { paths: Vec::new(), known_issues: Vec::new() });
+        }
+        let tolerance = tolerance.into();
+        self.reported((format!("mean of {rect}"), String::new()), &mut |records, read| {
+            self.mean(rect, expected, &tolerance, records, read)
+        })
     }
 
     fn mean(

@@ -47,7 +47,7 @@ impl Program {
                     "`{fragment}` reads something at @location({location}) that isn't a vec2f"
                 );
                 let note = "alone, a fragment function gets texture coordinates; for anything else \
-                            give its vertex function, too: `.fullscreen(\"vertex\", \"fragment\")`";
+                            give its vertex function, too: `fullscreen` in Rust, `vertex` in a test's file";
                 let diagnostic = Diagnostic::new(message).note(note);
                 let diagnostic = match self.entry_point_span(name) {
                     Some(span) => diagnostic.at(span, "declared here"),

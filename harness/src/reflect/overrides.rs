@@ -42,7 +42,9 @@ impl Program {
                 let name = self.author_path(name).unwrap_or(name);
                 let name = name.rsplit("::").next().unwrap_or(name);
                 let message = format!("the override `{name}` has no value");
-                let note = format!("add `.override_(\"{name}\", ...)`, or `--override {name}=...`");
+                let note = format!(
+                    "give it one: `override_` in Rust, `override` in a test's file, `--override {name}=...`"
+                );
                 return Err(self.told(handle, Diagnostic::new(message).note(note)));
             }
         }

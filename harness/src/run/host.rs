@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 /// let command = ["my-tests", "--exact"].map(str::to_owned).to_vec();
 /// host(Host { command, folder, target, output });
 /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.4 * x; }");
-/// # let wrong = move || package.function("half").over(1.0..=2.0).try_stays_within(0.0, 0.5);
+/// # let wrong = move || package.function("half").over(1.0..=2.0).unrecorded().try_stays_within(0.0, 0.5);
 /// let test = std::thread::Builder::new().name("is_small".to_owned()).spawn(wrong)?;
 /// let failure = test.join().expect("it doesn't panic").expect_err("half of 2 isn't");
 /// assert!(failure.to_string().contains("my-tests --exact is_small"));

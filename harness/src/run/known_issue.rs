@@ -38,7 +38,7 @@ pub struct KnownIssue {
 /// use karat::check::Failure;
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let found = package.function("half").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(1.0));
+/// let found = package.function("half").over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| x, Ulp(1.0));
 /// if let Err(Failure::Paths(paths)) = found {
 ///     for (adapter, error) in &paths.stopped {
 ///         println!("{adapter} has no verdict: {error}");

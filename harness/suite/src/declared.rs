@@ -53,6 +53,7 @@ use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
+use crate::find::of_whole;
 use crate::{Kind, Test};
 
 /// A file, as it is written.
@@ -269,23 +270,6 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
-    /// The key that an error of a frame is about, which knows no file.
-    pub(crate) fn key_of(&self, error: &str) -> Option<&'static str> {
-        let functions = self.vertex.iter().map(|name| ("vertex", name));
-        let mut functions = functions.chain([("fragment", &self.fragment)]);
-        let unknown = |name: &str| error.contains(&format!("::{name}`"));
-        let words = [
-            ("the tolerance of", "tolerance"),
-            ("samples a pixel", "samples"),
-            (" target", "target"),
-            ("has no module", "module"),
-            ("pixels a side", "size"),
-            ("execution path", "fails_on"),
-        ];
-        let said = words.into_iter().find(|(words, _)| error.contains(words)).map(|(_, key)| key);
-        functions.find(|(_, name)| unknown(name)).map(|(key, _)| key).or(said)
-    }
-
     /// Its golden.
     pub(crate) fn golden_file(&self) -> PathBuf {
         self.golden_folder().join(format!("{}.exr", self.name))
@@ -383,19 +367,20 @@ fn with_nearest(message: &str) -> String {
 }
 
 /// Reads a file of declared tests. `root` is the package.
-pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
+pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
     let name = shown(file);
-    let bytes = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
-    let text = String::from_utf8(bytes).map_err(|error| format!("can't read `{name}`: {error}"))?;
+    let unread = |error: &dyn fmt::Display| of_whole(file, format!("can't read `{name}`: {error}"));
+    let bytes = read_file(file).map_err(|error| unread(&error))?;
+    let text = String::from_utf8(bytes).map_err(|error| unread(&error))?;
     let source = Arc::new(SourceFile { name, text });
     let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let parsed: File = toml::from_str(&source.text).map_err(|error| {
         let place = at(error.span().unwrap_or(0..0));
-        Diagnostic::new(with_nearest(error.message())).at(place, "").to_string()
+        Diagnostic::new(with_nearest(error.message())).at(place, "")
     })?;
     if parsed.tests.is_empty() && parsed.frames.is_empty() {
         let empty = "declares no test: write [[test]] or [[frame]]";
-        return Err(Diagnostic::new(empty).at(at(0..0), "").to_string());
+        return Err(Diagnostic::new(empty).at(at(0..0), ""));
     }
     let module = module_of(file, root);
     let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
@@ -409,11 +394,10 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
             ("", _) | (_, true) => declared.function.clone(),
             (module, false) => format!("{module}::{}", declared.function),
         };
-        let what = whats(&declared)
-            .map_err(|error| Diagnostic::new(error).at(span.clone(), "").to_string())?;
+        let what = whats(&declared).map_err(|error| Diagnostic::new(error).at(span.clone(), ""))?;
         if let Some((key, error)) = idle_key(&what, &|key| keys.0.contains_key(key)) {
             let place = keys.0.get(key).unwrap_or(&span).clone();
-            return Err(Diagnostic::new(error).at(place, "").to_string());
+            return Err(Diagnostic::new(error).at(place, ""));
         }
         for what in what {
             let name = match &declared.name {
@@ -440,7 +424,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
         if goldens.contains(&frame.golden_file()) {
             let twice =
                 format!("another frame is called `{}`, and they would share a golden", frame.name);
-            return Err(Diagnostic::new(twice).at(span, "").to_string());
+            return Err(Diagnostic::new(twice).at(span, ""));
         }
         goldens.push(frame.golden_file());
         let name = format!("frame {}", frame.name);
@@ -613,7 +597,7 @@ mod tests {
         let file = folder.path().join("sub").join("brdf.test.toml");
         std::fs::create_dir(file.parent().expect("a parent")).expect("a folder");
         std::fs::write(&file, text).expect("a file");
-        let tests = read(&file, folder.path())?;
+        let tests = read(&file, folder.path()).map_err(|found| found.to_string())?;
         Ok(tests.into_iter().map(|test| test.name).collect())
     }
 

@@ -10,7 +10,7 @@ use karat::output::name;
 use karat::package::PackageError;
 
 use crate::declared;
-use crate::{Broken, Kind, Suite, Test};
+use crate::{Broken, Kind, Suite, Test, Wrong};
 
 /// Why the tests of a folder can't be looked for.
 #[derive(Debug, thiserror::Error)]
@@ -38,7 +38,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
             })),
             Err(error) => {
                 let name = if module.is_empty() { package.name() } else { module.clone() };
-                broken.push(Broken { name, message: error.to_string(), is_file: false });
+                broken.push(Broken { name, wrong: Wrong::from(&error), is_file: false });
             }
         }
     }
@@ -49,12 +49,9 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         };
         match read {
             Ok(found) => tests.extend(found),
-            Err(message) => {
-                let message = match message.contains("\n  --> ") || message.contains("\n   --> ") {
-                    true => message,
-                    false => placed(&file, message),
-                };
-                broken.push(Broken { name: file.display().to_string(), message, is_file: true });
+            Err(found) => {
+                let (name, wrong) = (file.display().to_string(), Wrong::from(found));
+                broken.push(Broken { name, wrong, is_file: true });
             }
         }
     }
@@ -78,19 +75,19 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
 }
 
 /// That a file isn't read, and how those end that are.
-fn unread(file: &Path) -> String {
+fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
         true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
         false => format!("declared tests are in `*{ENDING}`"),
     };
-    format!("`{}` isn't read: {read}", shown(file))
+    of_whole(file, format!("`{}` isn't read: {read}", shown(file)))
 }
 
 /// A message about a whole file, at its beginning: editors show what has a place.
-fn placed(file: &Path, message: String) -> String {
+pub(crate) fn of_whole(file: &Path, message: String) -> Diagnostic {
     let source = SourceFile { name: shown(file), text: String::new() };
     let start = Span { file: Arc::new(source), range: 0..0 };
-    Diagnostic::new(message).at(start, "").to_string()
+    Diagnostic::new(message).at(start, "")
 }
 
 /// The module's name in a file's: `brdf` of `brdf.test.toml`, and of what its author meant so, such as

@@ -28,6 +28,7 @@ mod rows;
 mod run;
 mod table;
 mod tolerances;
+mod wrong;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -44,6 +45,7 @@ pub use numbers::{Wanted, expected, hexadecimal};
 pub use rows::{begins_with_mark, head_of};
 pub use run::Groups;
 pub use tolerances::tolerance;
+pub use wrong::Wrong;
 
 /// The tests of a package.
 #[derive(Debug)]
@@ -111,8 +113,8 @@ impl Test {
 pub struct Broken {
     /// What it would have been called: a test, a module or a file.
     pub name: String,
-    /// What is wrong, with its place.
-    pub message: String,
+    /// What is wrong.
+    pub wrong: Wrong,
     /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
     /// uses its package; a module may be for others to complete.
     pub is_file: bool,

@@ -5,21 +5,24 @@ use std::path::Path;
 
 use karat::check::{Failure, Vacuous};
 use karat::diagnostic::{Diagnostic, Span, shown};
+use karat::draw::DrawError;
 use karat::fixture::FixtureError;
+use karat::frame::FrameError;
 use karat::path::Selector;
 use karat::probe::ProbeError;
 use karat::reflect::ReflectError;
 
-use crate::declared::Assertion;
+use crate::Wrong;
+use crate::declared::{Assertion, Frame};
 
 /// Why an assertion can't be checked.
 #[derive(Debug)]
 pub(crate) struct Misdeclared {
     /// The key that is wrong; `None`: the assertion's own.
     key: Option<&'static str>,
-    message: String,
+    pub(crate) message: String,
     /// `file:line:column`, if it isn't in the file that declares the test.
-    place: Option<String>,
+    pub(crate) place: Option<String>,
 }
 
 impl<T: Into<String>> From<T> for Misdeclared {
@@ -39,24 +42,22 @@ impl Misdeclared {
         Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }
     }
 
-    /// The message at its place.
-    pub(crate) fn told(self, assertion: &Assertion, whole: &Span) -> String {
-        if self.place.is_some() {
-            return format!("error: {self}");
+    /// It at its place: that of its key, or else of the whole test.
+    pub(crate) fn told(
+        self,
+        place_of: &dyn Fn(Option<&str>) -> Option<Span>,
+        whole: &Span,
+    ) -> Wrong {
+        let message = match self.key {
+            Some(key) => format!("{key}: {}", self.message),
+            None => self.message,
+        };
+        if let Some(place) = self.place {
+            let text = format!("error: {message}\n   --> {place}");
+            return Wrong::new(&message, Some(place), text);
         }
-        let span = assertion.place_of(self.key).unwrap_or(whole);
-        Diagnostic::new(self.to_string()).at(span.clone(), "").to_string()
-    }
-}
-
-impl std::fmt::Display for Misdeclared {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { key, message, place } = self;
-        if let Some(key) = key {
-            write!(f, "{key}: ")?;
-        }
-        f.write_str(message)?;
-        place.iter().try_for_each(|place| write!(f, "\n   --> {place}"))
+        let span = place_of(self.key).unwrap_or_else(|| whole.clone());
+        Wrong::from(Diagnostic::new(message).at(span, ""))
     }
 }
 
@@ -98,6 +99,53 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
         Failure::Probe(ProbeError::Reflect(ReflectError::Override(_))) => Some("override"),
         Failure::Probe(ProbeError::Path(_)) => {
             of_paths.into_iter().find(|(_, paths)| wrong(paths)).map(|(key, _)| key)
+        }
+        _ => None,
+    }
+}
+
+/// True of a frame's error that has a place in the shader.
+pub(crate) fn frame_has_place(error: &FrameError) -> bool {
+    match error {
+        FrameError::Draw(DrawError::Reflect(error)) => {
+            error.diagnostic().is_some_and(|message| message.location().is_some())
+        }
+        FrameError::Draw(
+            DrawError::Rounds(_) | DrawError::Fixture(FixtureError::Declared { .. }),
+        ) => true,
+        FrameError::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, error)| error);
+            paths.failures.iter().chain(stopped).any(frame_has_place)
+        }
+        _ => false,
+    }
+}
+
+/// The key that a frame's error is about; `None`: the whole frame. `unknown` is the key that names a function
+/// which isn't there.
+pub(crate) fn frame_key_of(
+    frame: &Frame,
+    unknown: Option<&'static str>,
+    error: &FrameError,
+) -> Option<&'static str> {
+    let wrong = |paths: &BTreeMap<String, String>| {
+        paths.keys().any(|path| !Selector::from(&**path).is_known())
+    };
+    match error {
+        FrameError::Tolerance(_) => Some("tolerance"),
+        FrameError::UnexpectedPass { .. } => Some("fails_on"),
+        FrameError::NotRefused { .. } => Some("refused_on"),
+        FrameError::Draw(DrawError::Path(_)) if wrong(&frame.refused_on) => Some("refused_on"),
+        FrameError::Draw(DrawError::Path(_)) if wrong(&frame.fails_on) => Some("fails_on"),
+        FrameError::Draw(DrawError::Size { .. }) => Some("size"),
+        FrameError::Draw(DrawError::Unsound { setting, .. }) => Some(setting),
+        FrameError::Draw(DrawError::Fixture(_)) => Some("with"),
+        FrameError::Draw(DrawError::Reflect(ReflectError::Override(_))) => Some("override"),
+        FrameError::Draw(DrawError::EntryPoint { .. } | DrawError::Reflect(_)) => unknown,
+        FrameError::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, error)| error);
+            let mut all = paths.failures.iter().chain(stopped);
+            all.find_map(|error| frame_key_of(frame, unknown, error))
         }
         _ => None,
     }

@@ -1,14 +1,14 @@
 //! Runs a test.
 
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, WgslTest};
+use karat::check::{Agreement, Calls, Check, Failure, Limit, Probe, TestGroup, WgslTest, Words};
 use karat::diagnostic::{Diagnostic, Span, shown};
 use karat::domain::{Dynamic, Part};
-use karat::draw::Format;
+use karat::draw::{DrawError, Format};
 use karat::fixture::FixtureError;
+use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::FrameTolerance;
 use karat::made_up::Ranges;
 use karat::probe::{ProbeError, Probed};
@@ -22,11 +22,11 @@ use crate::declared::{
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
-use crate::misdeclared::{Misdeclared, has_place, key_of};
+use crate::misdeclared::{Misdeclared, frame_has_place, frame_key_of, has_place, key_of};
 use crate::numbers::{self, Wanted};
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
-use crate::{Broken, Kind, Suite, Test};
+use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
     /// Runs a test, on a thread that has its name: seeds and records are by it.
@@ -36,7 +36,7 @@ impl Suite {
     ///
     /// # Panics
     /// If no thread can be started.
-    pub fn run(&self, test: &Test) -> Result<(), String> {
+    pub fn run(&self, test: &Test) -> Result<(), Wrong> {
         self.run_with(test, &Groups::default())
     }
 
@@ -47,12 +47,18 @@ impl Suite {
     ///
     /// # Panics
     /// If no thread can be started.
-    pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), String> {
-        let run = || caught(|| self.verdict(test, groups)).and_then(|verdict| verdict);
-        std::thread::scope(|scope| {
+    pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
+        let verdict = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(test.name.clone());
-            let thread = thread.spawn_scoped(scope, run).expect("a thread can be started");
-            thread.join().unwrap_or_else(|_| Err("it panics".to_owned()))
+            let run = || self.verdict(test, groups);
+            thread.spawn_scoped(scope, run).expect("a thread can be started").join()
+        });
+        // What panics is a fault of Karat's, or of a driver.
+        verdict.unwrap_or_else(|panic| {
+            let text = panic.downcast_ref::<String>().cloned();
+            let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
+            let text = text.unwrap_or_else(|| "it panics".to_owned());
+            Err(Wrong::new(&text, None, text.clone()))
         })
     }
 
@@ -60,10 +66,10 @@ impl Suite {
     #[must_use]
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
         let wrong = |test: &&Test| match &test.kind {
-            Kind::Wgsl(test) => test.parameters().err(),
+            Kind::Wgsl(test) => test.parameters().err().map(|error| Wrong::from(&*error)),
             Kind::Function(_) | Kind::Frame(_) => None,
         };
-        let wrong: Vec<Option<String>> = match &*tests {
+        let wrong: Vec<Option<Wrong>> = match &*tests {
             // Each thread that starts takes a moment, and with one test that is felt.
             [test] => vec![wrong(test)],
             tests => std::thread::scope(|scope| {
@@ -77,19 +83,19 @@ impl Suite {
                 parts.into_iter().flat_map(join).collect()
             }),
         };
-        let (mut sound, mut broken) = (Vec::new(), Vec::<(String, String, usize)>::new());
+        let (mut sound, mut broken) = (Vec::new(), Vec::<(String, Wrong, usize)>::new());
         for (test, wrong) in tests.into_iter().zip(wrong) {
             match wrong {
                 None => sound.push(test),
-                Some(message) => match broken.iter_mut().find(|(_, known, _)| *known == message) {
+                Some(wrong) => match broken.iter_mut().find(|(_, known, _)| *known == wrong) {
                     Some((_, _, more)) => *more += 1,
-                    None => broken.push((test.name.clone(), message, 0)),
+                    None => broken.push((test.name.clone(), wrong, 0)),
                 },
             }
         }
-        let named = |(name, message, more): (String, String, usize)| match more {
-            0 => Broken { name, message, is_file: false },
-            more => Broken { name: format!("{name} and {more} more"), message, is_file: false },
+        let named = |(name, wrong, more): (String, Wrong, usize)| match more {
+            0 => Broken { name, wrong, is_file: false },
+            more => Broken { name: format!("{name} and {more} more"), wrong, is_file: false },
         };
         (sound, broken.into_iter().map(named).collect())
     }
@@ -109,52 +115,57 @@ impl Suite {
         Groups(if drivers { TestGroup::of(&own) } else { Vec::new() })
     }
 
-    fn verdict(&self, test: &Test, groups: &Groups) -> Result<(), String> {
-        let placed = |error: String| format!("error: {error}\n   --> {}", test.span);
+    fn verdict(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
+        let whole = &test.span;
+        let at =
+            |message: String, span: Span| Err(Wrong::from(Diagnostic::new(message).at(span, "")));
         match &test.kind {
             Kind::Wgsl(test) => {
-                // What isn't valid WGSL has its own place.
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,
-                    None => test.probe()?,
+                    // What isn't valid WGSL has its own place.
+                    None => test.probe().map_err(|error| Wrong::from(&*error))?,
                 };
-                let judged = wgsl(&self.package, test, probe).map_err(placed)?;
-                judged.map(drop).map_err(|error| match unbound(&error) {
-                    Some(unbound) => placed(unbound),
-                    None => error.to_string(),
-                })
+                let nowhere = |_: Option<&str>| None;
+                let judged =
+                    wgsl(&self.package, test, probe).map_err(|w| w.told(&nowhere, whole))?;
+                let Err(failure) = judged else { return Ok(()) };
+                match unbound(&failure) {
+                    Some(unbound) => at(unbound, whole.clone()),
+                    None => Err(of_check(failure.to_string())),
+                }
             }
             Kind::Function(assertion) => {
-                let judged = function(&self.package, assertion)
-                    .map_err(|wrong| wrong.told(assertion, &test.span))?;
-                judged.map(drop).map_err(|failure| {
-                    let words = declared_words(&failure.to_string());
-                    if has_place(&failure) {
-                        return words + &row_of(&failure, assertion).unwrap_or_default();
-                    }
-                    let words = words.strip_prefix("error: ").unwrap_or(&words).to_owned();
-                    let span = assertion.place_of(key_of(assertion, &failure));
-                    Diagnostic::new(words).at(span.unwrap_or(&test.span).clone(), "").to_string()
-                })
+                let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
+                let judged =
+                    function(&self.package, assertion).map_err(|w| w.told(&place_of, whole))?;
+                let Err(failure) = judged else { return Ok(()) };
+                if has_place(&failure) {
+                    let row = row_of(&failure, assertion).unwrap_or_default();
+                    return Err(of_check(failure.to_string() + &row));
+                }
+                let span = place_of(key_of(assertion, &failure)).unwrap_or_else(|| whole.clone());
+                at(failure.to_string(), span)
             }
-            Kind::Frame(declared) => frame(&self.package, declared, &test.span).map_err(|error| {
-                let words = declared_words(&error);
-                // As a frame in Rust says where it is declared.
-                let whole = format!("\n   --> {}", test.span);
-                let own = words.strip_prefix("error: ").map(str::trim_end);
-                let message = match own.and_then(|own| own.strip_suffix(&whole)) {
-                    Some(message) => message,
-                    // What is wrong with the shader, or on a path, has its place.
-                    None if own.is_some() || words.starts_with("on ") => return words,
-                    None => &words,
-                };
-                let first = message.split([' ', ':']).next().unwrap_or_default();
-                let key = declared.key_of(message).unwrap_or(first);
-                let place = declared.keys.place_of(key).unwrap_or(&test.span);
-                Diagnostic::new(message).at(place.clone(), "").to_string()
-            }),
+            Kind::Frame(declared) => {
+                let place_of = |key: Option<&str>| declared.keys.place_of(key?).cloned();
+                let drawn = frame(&self.package, declared, whole);
+                let (unknown, drawn) = drawn.map_err(|w| w.told(&place_of, whole))?;
+                let Err(error) = drawn else { return Ok(()) };
+                if frame_has_place(&error) {
+                    return Err(of_check(error.to_string()));
+                }
+                let span = place_of(frame_key_of(declared, unknown, &error));
+                at(error.to_string(), span.unwrap_or_else(|| whole.clone()))
+            }
         }
     }
+}
+
+/// What a check found, whose record has it as data.
+fn of_check(message: String) -> Wrong {
+    let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    Wrong::new(first.trim_start_matches("error: "), None, message.clone())
 }
 
 /// Where the row of a table stands that the worst case is.
@@ -183,7 +194,7 @@ fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -
 #[derive(Debug, Default)]
 pub struct Groups(Vec<TestGroup>);
 
-fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Option<String>> {
+fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<Wrong>) -> Vec<Option<Wrong>> {
     tests.iter().map(wrong).collect()
 }
 
@@ -202,47 +213,13 @@ fn unbound(failure: &Failure) -> Option<String> {
     ))
 }
 
-/// A message of a check, which has Rust's words for what its author writes, in those of a file.
-fn declared_words(message: &str) -> String {
-    let mut message = message.to_owned();
-    for (rust, declared) in [
-        ("`.fails_on(...)`", "its `fails_on`"),
-        ("`.refused_on(...)`", "its `refused_on`"),
-        ("`.formats([...])`", "`formats = [..]`"),
-        ("`Format::Rgba32Uint`", "`formats = [\"rgba32uint\"]`"),
-        ("`Format::Float`", "`formats = [\"float\"]`"),
-        ("`.depth()`", "`depth = true`"),
-        ("`Spec.or(Abs(1e-37))`", "`tolerance = \"spec or abs 1e-37\"`"),
-        ("`.fullscreen(\"vertex\", \"fragment\")`", "`vertex = \"..\"`"),
-    ] {
-        message = message.replace(rust, declared);
-    }
-    let last = |path: &str| path.rsplit("::").next().unwrap_or(path).to_owned();
-    let message = reworded(message, "`.target(", ")`", |target| format!("`target = {target}`"));
-    let message = reworded(message, "`.with(\"", "\", ...)`", |name| {
-        format!("`with = {{ {} = ... }}`", last(name))
-    });
-    reworded(message, "`.override_(\"", "\", ...)`", |name| {
-        format!("`override = {{ {name} = ... }}`")
-    })
-}
-
-/// A message with other words for what stands between two marks.
-fn reworded(message: String, first: &str, last: &str, word: impl Fn(&str) -> String) -> String {
-    let found = message.split_once(first).and_then(|(before, rest)| {
-        let (between, after) = rest.split_once(last)?;
-        Some(format!("{before}{}{after}", word(between)))
-    });
-    found.unwrap_or(message)
-}
-
 /// What a check concluded, or why it could not begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
-fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<String> {
+fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
     let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
     let mut all = Vec::new();
-    let parameters = test.parameters()?;
+    let parameters = test.parameters().map_err(|error| error.to_string())?;
     for (index, (name, shape)) in parameters.iter().enumerate() {
         let said = test.over.get(index).and_then(Option::as_ref);
         all.push(match said {
@@ -253,7 +230,7 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<String> 
         });
     }
     let check = probe.over_dynamic(Dynamic::new(parameters, all));
-    Ok(check.cases(test.cases.unwrap_or(CASES)).expects())
+    Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
 /// Cases of a test in WGSL that has parameters and says no number: each carries a report.
@@ -324,7 +301,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let reference = assertion.of_module(reference);
             let criterion = wanted()?;
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
-                .agrees_with_function(&reference, criterion))
+                .try_agrees_with_function(&reference, criterion))
         }
         What::Table(file) => {
             let criterion = wanted()?;
@@ -343,26 +320,26 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 // A subnormal argument that is flushed, or a simpler one, has no row.
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
-            Ok(check.agrees_with(&expect, criterion))
+            Ok(check.try_agrees_with(&expect, criterion))
         }
         What::Golden(name) => {
             let tolerance = required()?;
             let goldens = Goldens::open(&folder.join(GOLDEN));
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
-                .matches(&goldens, name, tolerance))
+                .try_matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
             let criterion = wanted()?;
             let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
-                .agrees_with(&expect, criterion))
+                .try_agrees_with(&expect, criterion))
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
                 return Err(format!("`finite` holds for every {result}, so it can't fail").into());
             }
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.is_finite())
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
         }
         What::InRange([least, most]) => {
             if !(least <= most) {
@@ -373,7 +350,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                     format!("`in_range` is for numbers, and the result is a {result}").into()
                 );
             }
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.stays_within(*least, *most))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .try_stays_within(*least, *most))
         }
         What::SymmetricIn([first, second]) => {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
@@ -391,7 +369,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             };
             let tolerance = or_exact()?;
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
-                .invariant_under(&swap, tolerance))
+                .try_invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
             place(&parameters, argument)?;
@@ -400,7 +378,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 Direction::Decreasing => Trend::Decreasing,
             };
             let tolerance = or_exact()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.is_monotone_in(
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_monotone_in(
                 &**argument,
                 trend,
                 tolerance,
@@ -415,7 +393,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let expected = wide(&result, is, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             let tolerance = required()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.at_limit(
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_at_limit(
                 &**argument,
                 &limit,
                 &expect,
@@ -447,25 +425,25 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             match is {
                 Some(_) => {
                     let tolerance = required()?;
-                    Ok(check.integrates_to(directions, &expect, tolerance))
+                    Ok(check.try_integrates_to(directions, &expect, tolerance))
                 }
                 None => {
                     let slack = slack.ok_or("at_most needs `slack`, what rounding may add")?;
-                    Ok(check.integrates_to_at_most(directions, &expect, slack))
+                    Ok(check.try_integrates_to_at_most(directions, &expect, slack))
                 }
             }
         }
         What::NoHazards => {
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.has_no_hazards())
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_has_no_hazards())
         }
     }
 }
 
 /// A check with what a test says of all of its assertions.
 fn settled<'p>(
-    mut check: DynamicCheck<'p>,
+    mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,
-) -> Result<DynamicCheck<'p>, Misdeclared> {
+) -> Result<Check<'p, Calls<Words>>, Misdeclared> {
     if let Some(cases) = test.cases {
         check = check.cases(cases);
     }
@@ -542,17 +520,27 @@ fn bound(
     Ok(all)
 }
 
-fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
+/// What became of a frame, and the key of a function that isn't there.
+type Drawn = (Option<&'static str>, Result<FrameAgreement, FrameError>);
+
+fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdeclared> {
     let module = declared.module.as_deref().unwrap_or_default();
     let [width, height] = declared.size.0;
-    let program = Program::of_module(package, module).map_err(|error| error.to_string())?;
+    let program = match Program::of_module(package, module) {
+        Ok(program) => program,
+        // What isn't valid WGSL has its own place.
+        Err(error) if error.diagnostic().is_some() => {
+            return Ok((None, Err(DrawError::from(error).into())));
+        }
+        Err(error) => return Err(Misdeclared::of("module")(error.to_string())),
+    };
     let mut bindings: Vec<Binding> = Vec::new();
-    let vertex = declared.vertex.iter().map(|name| (Stage::Vertex, name));
-    let mut is_there = true;
-    for (stage, name) in vertex.chain([(Stage::Fragment, &declared.fragment)]) {
+    let vertex = declared.vertex.iter().map(|name| ("vertex", Stage::Vertex, name));
+    let mut unknown = None;
+    for (key, stage, name) in vertex.chain([("fragment", Stage::Fragment, &declared.fragment)]) {
         match program.entry_point_bindings(stage, name) {
             Some(own) => bindings.extend(own),
-            None => is_there = false,
+            None => unknown = unknown.or(Some(key)),
         }
     }
     let mut frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
@@ -560,13 +548,15 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
         let named = |name: &String| {
             let known = Format::NAMES.iter().map(|(name, _)| *name);
             Format::named(name)
-                .ok_or_else(|| format!("formats: {}", no_such("format", name, known)))
+                .ok_or_else(|| Misdeclared::of("formats")(no_such("format", name, known)))
         };
         frame = frame.formats(declared.formats.iter().map(named).collect::<Result<Vec<_>, _>>()?);
     }
     match (declared.target, declared.depth) {
         (Some(_), true) => {
-            return Err("depth: it compares `target` or `depth`, not both".to_owned());
+            return Err(Misdeclared::of("depth")(
+                "it compares `target` or `depth`, not both".to_owned(),
+            ));
         }
         (Some(target), false) => frame = frame.target(target),
         (None, true) => frame = frame.depth(),
@@ -581,9 +571,9 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
     };
     frame = frame.declared_at(&at.to_string());
     // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
-    if is_there {
+    if unknown.is_none() {
         let all = bound(&program, &bindings, &declared.with, &declared.folder);
-        for (name, fixture) in all.map_err(|error| format!("with: {error}"))? {
+        for (name, fixture) in all.map_err(Misdeclared::of("with"))? {
             frame = frame.with(&name, fixture);
         }
     }
@@ -597,17 +587,5 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
         frame = frame.refused_on(on.as_str(), reason);
     }
     let goldens = Goldens::open(&declared.golden_folder());
-    // It panics with its message.
-    caught(|| {
-        frame.matches(&goldens, &declared.name);
-    })
-}
-
-/// What a test panics with.
-fn caught<T>(test: impl FnOnce() -> T) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(test)).map_err(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
-        text.unwrap_or_else(|| "it panics".to_owned())
-    })
+    Ok((unknown, frame.try_matches(&goldens, &declared.name)))
 }

@@ -172,7 +172,8 @@ mod tests {
         let float = Shape::Scalar(Scalar::F32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         let parameters = [("a".to_owned(), float.clone()), ("v".to_owned(), vector)];
-        read(&file, &parameters, &float, Wanted::Near).map_err(|wrong| wrong.to_string())
+        read(&file, &parameters, &float, Wanted::Near)
+            .map_err(|wrong| format!("{} {:?}", wrong.message, wrong.place))
     }
 
     #[test]

@@ -83,7 +83,7 @@ fn what_differs_is_told() {
         .with("data", Storage::new(values()))
         .with("sums", Buffer::zeros(16))
         .dispatch("blocks", [4, 1, 1]);
-    let error = first.after("data").try_agrees_with(running(&values()), Abs(0.0));
+    let error = first.after("data").unrecorded().try_agrees_with(running(&values()), Abs(0.0));
     let text = error.expect_err("the second pass is missing").to_string();
     for part in [
         "`data` after `blocks` fails: abs 0",
@@ -96,6 +96,7 @@ fn what_differs_is_told() {
     }
     let error = scan(&package)
         .after("data")
+        .unrecorded()
         .try_satisfies("is zero", |data: &[u32]| data.iter().all(|value| *value == 0));
     let text = error.expect_err("it isn't").to_string();
     assert!(text.contains("fails: is zero") && text.contains("doesn't hold"), "{text}");
@@ -112,14 +113,22 @@ fn mistakes_are_told_before_anything_runs() {
     let reference = || running(&values());
     let start = || package.compute().with("data", Storage::new(values()));
     told(
-        start().dispatch("blocks", [4, 1, 1]).after("data").try_agrees_with(reference(), Abs(0.0)),
+        start()
+            .dispatch("blocks", [4, 1, 1])
+            .after("data")
+            .unrecorded()
+            .try_agrees_with(reference(), Abs(0.0)),
         &["<scan>:2:", "`sums` (storage buffer) has no fixture"],
     );
-    told(start().after("data").try_agrees_with(reference(), Abs(0.0)), &["nothing is dispatched"]);
+    told(
+        start().after("data").unrecorded().try_agrees_with(reference(), Abs(0.0)),
+        &["nothing is dispatched"],
+    );
     told(
         scan(&package)
             .dispatch("block", [1, 1, 1])
             .after("data")
+            .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
         &["`block` is no compute entry point; did you mean `blocks`?"],
     );
@@ -127,30 +136,32 @@ fn mistakes_are_told_before_anything_runs() {
         scan(&package)
             .dispatch("add", [0, 1, 1])
             .after("data")
+            .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
         &["0 x 1 x 1 workgroups"],
     );
     told(
-        scan(&package).after("dat").try_agrees_with(reference(), Abs(0.0)),
+        scan(&package).after("dat").unrecorded().try_agrees_with(reference(), Abs(0.0)),
         &["no pass writes `dat`; did you mean `data`?"],
     );
     told(
-        scan(&package).after("data").try_agrees_with([1_u32, 2], Abs(0.0)),
+        scan(&package).after("data").unrecorded().try_agrees_with([1_u32, 2], Abs(0.0)),
         &["`data` holds 256 elements", "the reference gives 2"],
     );
     told(
-        scan(&package).after("data").try_agrees_with([1.0_f64], Abs(0.0)),
+        scan(&package).after("data").unrecorded().try_agrees_with([1.0_f64], Abs(0.0)),
         &["`data` holds array<u32, 256>", "the reference gives f32"],
     );
     let none: [u32; 0] = [];
     told(
-        scan(&package).after("data").try_agrees_with(none, Abs(0.0)),
+        scan(&package).after("data").unrecorded().try_agrees_with(none, Abs(0.0)),
         &["nothing is compared: the reference gives no element"],
     );
     told(
         scan(&package)
             .with("dta", Buffer::zeros(4))
             .after("data")
+            .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
         &["no variable `dta`", "did you mean `data`?"],
     );
@@ -158,6 +169,7 @@ fn mistakes_are_told_before_anything_runs() {
         scan(&package)
             .fails_on(Path::VULKAN, "")
             .after("data")
+            .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
         &["without a reason"],
     );
@@ -214,7 +226,7 @@ fn loops_that_drivers_leave_are_told() {
     };
     let spun = |rounds: u32| (0..rounds).map(|i| i % 3).sum::<u32>();
     after(1000).agrees_with([spun(1000), 1000], Abs(0.0));
-    match after(200_000).try_agrees_with([spun(200_000), 200_000], Abs(0.0)) {
+    match after(200_000).unrecorded().try_agrees_with([spun(200_000), 200_000], Abs(0.0)) {
         Ok(agreement) => assert!(
             agreement.paths.iter().all(|(adapter, _)| !adapter.name.contains("llvmpipe")),
             "{agreement}"

@@ -42,10 +42,10 @@ fn what_a_pointer_points_to_is_compared() {
     let package = check("fn f(a: ptr<function, i32>) -> i32 { *a += 1; return *a * 2; }");
     let probe = || package.function("f").over(Integers(-100..=100_i32));
     probe().agrees_with(|a: i32| (2 * (a + 1), a + 1), Abs(0.0));
-    let wrong = probe().try_agrees_with(|a: i32| (2 * (a + 1), a), Abs(0.0));
+    let wrong = probe().unrecorded().try_agrees_with(|a: i32| (2 * (a + 1), a), Abs(0.0));
     let text = wrong.expect_err("it adds 1").to_string();
     assert!(text.contains("at .a"), "{text}");
-    let unpaired = probe().try_agrees_with(|a: i32| 2 * (a + 1), Abs(0.0));
+    let unpaired = probe().unrecorded().try_agrees_with(|a: i32| 2 * (a + 1), Abs(0.0));
     let text = unpaired.expect_err("the pointer is a result, too").to_string();
     assert!(text.contains("returns"), "{text}");
 }
@@ -109,7 +109,11 @@ fn overrides_that_others_are_made_of_are_set() {
     probe().over(xs()).agrees_with(|x: f64| x + 3.0 + 60.0 + 700.0, Abs(0.0));
     probe().override_("A", 1.0).over(xs()).agrees_with(|x: f64| x + 2.0 + 30.0 + 400.0, Abs(0.0));
     let twice = probe().override_("N", 1.0).override_("3", 2.0).over(xs());
-    let error = twice.try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("two values").to_string();
+    let error = twice
+        .unrecorded()
+        .try_agrees_with(|x: f64| x, Abs(0.0))
+        .expect_err("two values")
+        .to_string();
     assert!(error.contains("has two values"), "{error}");
 }
 
@@ -128,20 +132,32 @@ fn overrides_are_set() {
     probe()
         .override_("COUNT", 5.0)
         .over(xs())
+        .unrecorded()
         .try_agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0))
         .expect_err("COUNT is 5");
     let told = |name: &str, value: f64, parts: &[&str]| {
         let probe = package.function("f").override_(name, value);
-        let error = probe.over(xs()).try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("a mistake");
+        let error = probe
+            .over(xs())
+            .unrecorded()
+            .try_agrees_with(|x: f64| x, Abs(0.0))
+            .expect_err("a mistake");
         parts.iter().for_each(|part| assert!(error.to_string().contains(part), "{error}"));
     };
-    told("COUNT", 3.0, &["<f>:1:1", "the override `GAIN` has no value", ".override_(\"GAIN\""]);
+    told("COUNT", 3.0, &["<f>:1:1", "the override `GAIN` has no value", "`--override GAIN=...`"]);
     told("GAINS", 3.0, &["no override `GAINS`", "did you mean `GAIN`?"]);
-    let wrong = probe().override_("COUNT", -1.0).over(xs()).try_agrees_with(|x: f64| x, Abs(0.0));
+    let wrong = probe()
+        .override_("COUNT", -1.0)
+        .over(xs())
+        .unrecorded()
+        .try_agrees_with(|x: f64| x, Abs(0.0));
     let text = wrong.expect_err("a u32").to_string();
     assert!(text.contains("`COUNT` is a u32, and -1 isn't one"), "{text}");
-    let wrong =
-        probe().override_("GAIN", f64::NAN).over(xs()).try_agrees_with(|x: f64| x, Abs(0.0));
+    let wrong = probe()
+        .override_("GAIN", f64::NAN)
+        .over(xs())
+        .unrecorded()
+        .try_agrees_with(|x: f64| x, Abs(0.0));
     wrong.expect_err("no constant is NaN");
 }
 
@@ -185,6 +201,7 @@ fn written_storage_is_a_result_and_starts_anew() {
         .with("line", line())
         .over((Integers(0..=1_u32), 0.0_f32..=1.0))
         .cases(64)
+        .unrecorded()
         .try_agrees_with(|_: u32, _: f64| [DVec3::ZERO, DVec3::ONE], Abs(0.0));
     wrong.expect_err("it writes");
 }
@@ -307,6 +324,7 @@ fn derivatives_over_quads() {
     let wrong = package
         .function("edge")
         .over(quad())
+        .unrecorded()
         .try_agrees_with(|d: Quad<f64>| (0.5 - d.value / d.dx.abs()).clamp(0.0, 1.0), Abs(1e-3));
     wrong.expect_err("a derivative is left out");
     // Without derivatives a value is the same at all four pixels.
@@ -377,13 +395,14 @@ fn loops_that_a_driver_leaves_are_told() {
     let spun = |n: u32| (0..n).map(|i| i % 3).sum::<u32>();
     let written = |n: u32| {
         let probe = package.function("written").with("sum", Uniform::new(0_u32));
-        probe.over(Just(n)).try_agrees_with(spun, Abs(0.0))
+        probe.over(Just(n)).unrecorded().try_agrees_with(spun, Abs(0.0))
     };
     let drawn = |n: u32| {
         let reference = |n: u32, _: f64| f64::from(spun(n));
         package
             .function("drawn")
             .over((Just(n), Just(1.0_f32)))
+            .unrecorded()
             .try_agrees_with(reference, Abs(0.0))
     };
     written(1000).expect("it ends");
@@ -409,7 +428,8 @@ fn what_has_no_value_is_refused() {
     let told = |text: &str, part: &str| {
         let package = check(text);
         let check = package.function("f").over(Just(1.0_f32));
-        let error = check.try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("it is refused");
+        let error =
+            check.unrecorded().try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("it is refused");
         let error = error.to_string();
         assert!(error.contains(part) && error.contains("<f>:"), "{part} in:\n{error}");
     };
@@ -458,9 +478,12 @@ fn textures_are_parameters() {
     let swapped = two().with("gain", Uniform::new(2.0_f32));
     let swapped = swapped.with("first", ramp(1.0)).with("second", ramp(3.0));
     let swapped = swapped.over(Grid::linear(0.0625..=0.9375, 8));
-    swapped.try_agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5)).expect_err("swapped");
-    let error =
-        difference().try_agrees_with(|u: f64| u, Abs(1.0)).expect_err("unbound").to_string();
+    swapped.unrecorded().try_agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5)).expect_err("swapped");
+    let error = difference()
+        .unrecorded()
+        .try_agrees_with(|u: f64| u, Abs(1.0))
+        .expect_err("unbound")
+        .to_string();
     assert!(error.contains("`second` (texture_2d<f32>) has no fixture"), "{error}");
     assert!(error.contains("<f>:6:1"), "{error}");
     // A variable of the same name is another one.

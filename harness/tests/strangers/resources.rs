@@ -60,7 +60,11 @@ fn a_sampler_that_is_taken_for_another_is_seen() {
     let repeated = |uv: DVec2| nearest(uv, |texel| texel.rem_euclid(4.0));
     for wrong in [Sampler::Nearest, Sampler::Nearest.mirror(), Sampler::Linear.repeat()] {
         let check = package.function("f").with("image", ramp()).with("filtering", wrong);
-        check.over(coordinates()).try_agrees_with(repeated, FILTERED).expect_err("it differs");
+        check
+            .over(coordinates())
+            .unrecorded()
+            .try_agrees_with(repeated, FILTERED)
+            .expect_err("it differs");
     }
 }
 
@@ -392,8 +396,8 @@ fn mistakes_are_told_with_the_variables_line() {
             None => probe,
         };
         let error = match function {
-            "f" => probe.over(Just(0_u32)).try_agrees_with(|_: u32| 0_u32, Abs(0.0)),
-            _ => probe.over(Just(0_u32)).try_agrees_with(|_: u32| 0.0_f64, Abs(0.0)),
+            "f" => probe.over(Just(0_u32)).unrecorded().try_agrees_with(|_: u32| 0_u32, Abs(0.0)),
+            _ => probe.over(Just(0_u32)).unrecorded().try_agrees_with(|_: u32| 0.0_f64, Abs(0.0)),
         };
         let error = error.expect_err("the fixture is wrong").to_string();
         for part in parts {
@@ -434,24 +438,28 @@ fn a_path_that_compiles_nothing_is_declared() {
     let package = package("", text);
     let check = || package.function("f").with("shadow", depths()).over(Integers(0..=1_u32));
     let reference = |i: u32| f64::from(i) / 4.0;
-    let plain = check().try_agrees_with(reference, Abs(0.0));
+    let plain = check().unrecorded().try_agrees_with(reference, Abs(0.0));
     // Without GL nothing refuses it.
     let Err(error) = plain else { return };
     assert!(error.to_string().contains("not supported in GLSL"), "{error}");
     let values = check().fails_on(Path::GL, "no textureLoad of depths");
-    let error = values.try_agrees_with(reference, Abs(0.0)).expect_err("it has no values");
+    let error =
+        values.unrecorded().try_agrees_with(reference, Abs(0.0)).expect_err("it has no values");
     assert!(error.to_string().contains("not supported in GLSL"), "{error}");
     let declared = check().refused_on(Path::GL, "no textureLoad of depths");
-    let agreement = declared.try_agrees_with(reference, Abs(0.0)).expect("others agree");
+    let agreement =
+        declared.unrecorded().try_agrees_with(reference, Abs(0.0)).expect("others agree");
     let issues: Vec<_> = agreement.known_issues.iter().map(|i| (i.cases, i.failures)).collect();
     assert_eq!(issues, [(0, 1)]);
     check()
         .refused_on(Path::VULKAN, "nothing")
+        .unrecorded()
         .try_agrees_with(reference, Abs(0.0))
         .expect_err("another path is declared");
     let runs = package.function("g").over(Integers(0..=1_u32)).refused_on(Path::GL, "no loads");
-    let error = runs.try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
-    assert!(error.to_string().contains("remove `.refused_on(...)`"), "{error}");
+    let error =
+        runs.unrecorded().try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
+    assert!(error.to_string().contains("remove its `refused_on`"), "{error}");
 }
 
 /// An error of the fixtures is one that programs can tell from others.
@@ -531,7 +539,7 @@ fn narrow_matrices_are_right_or_refused() {
     );
     let bytes: Vec<f32> = vec![1.0, 2.0, 3.0, 4.0, 7.0, 0.0];
     let uniform = package.function("uniform_").with("g", Buffer::of_pod(&bytes));
-    let result = uniform.over(()).try_agrees_with(|| 407.0, Abs(0.0));
+    let result = uniform.over(()).unrecorded().try_agrees_with(|| 407.0, Abs(0.0));
     let on_gl = karat::path::selected().expect("paths").contains(&Path::GL);
     match (result, on_gl) {
         (Ok(_), false) => {}

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use karat::check::Failure;
+use karat::check::{Calls, Failure};
 use karat::compute::ComputeError;
 use karat::fixture::Buffer;
 use karat::golden::{AcceptError, Acceptance, Pending, Table, build_output, in_ci};
@@ -62,7 +62,7 @@ fn curve(factor: &str) -> Package {
     )
 }
 
-fn over(package: &Package) -> Check<'_, (std::ops::RangeInclusive<f32>, Integers<u32>)> {
+fn over(package: &Package) -> Check<'_, Calls<(f32, u32)>> {
     package.function("curve").over((0.0..=1.0_f32, Integers(0..=3_u32))).cases(40)
 }
 
@@ -71,7 +71,8 @@ fn values_of_a_function_are_kept_and_compared() {
     let (project, case) = (Project::new(), "values/curve");
     let goldens = &project.goldens;
     let twice = curve("2.0");
-    let error = over(&twice).try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
+    let error =
+        over(&twice).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
     assert!(matches!(error, Failure::Golden { disagreement: None, .. }), "{error}");
     let error = error.to_string();
     assert!(error.contains("the values `values/curve` have no golden; look at `"), "{error}");
@@ -84,12 +85,16 @@ fn values_of_a_function_are_kept_and_compared() {
     assert!(text.contains("\nx,n,result.x,result.y\n"), "{text}");
     assert_eq!(text.lines().filter(|line| !line.starts_with('#')).count(), 41, "{text}");
 
-    let agreement = over(&twice).try_matches(goldens, case, Ulp(4.0)).expect("the same");
+    let agreement =
+        over(&twice).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect("the same");
     assert_eq!(agreement.cases, 40);
     // Whatever the seed of the run is, its arguments are its own.
     for slightly in ["2.00001", "(2.0 + select(0.0, 1e-3, n == 3u))"] {
         let changed = curve(slightly);
-        let error = over(&changed).try_matches(goldens, case, Ulp(4.0)).expect_err("it changed");
+        let error = over(&changed)
+            .unrecorded()
+            .try_matches(goldens, case, Ulp(4.0))
+            .expect_err("it changed");
         let Failure::Golden { disagreement: Some(differs), .. } = &error else {
             panic!("not a golden that differs: {error}")
         };
@@ -101,11 +106,11 @@ fn values_of_a_function_are_kept_and_compared() {
             assert!(error.contains(part), "no `{part}` in:\n{error}");
         }
         // A path of its own may be less exact.
-        over(&changed).try_matches(goldens, case, Rel(0.01)).expect("near enough");
+        over(&changed).unrecorded().try_matches(goldens, case, Rel(0.01)).expect("near enough");
     }
     let pending = project.pending(case);
     assert!(pending.is_none(), "what agrees again waits no longer");
-    over(&curve("3.0")).try_matches(goldens, case, Rel(1e-3)).expect_err("it changed");
+    over(&curve("3.0")).unrecorded().try_matches(goldens, case, Rel(1e-3)).expect_err("it changed");
     let pending = project.pending(case).expect("it waits");
     assert!(pending.is_table() && !pending.is_new());
     let rows = pending.changed_rows(goldens).expect("two tables");
@@ -121,24 +126,33 @@ fn other_arguments_have_to_be_accepted() {
     let (project, case) = (Project::new(), "values/arguments");
     let goldens = &project.goldens;
     let package = curve("2.0");
-    over(&package).try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
+    over(&package).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
     project.accept(case);
-    let fewer = over(&package).cases(39).try_matches(goldens, case, Ulp(4.0));
+    let fewer = over(&package).cases(39).unrecorded().try_matches(goldens, case, Ulp(4.0));
     let error = fewer.expect_err("fewer cases").to_string();
     assert!(
         error.contains("agrees for the golden's arguments, and the test draws others"),
         "{error}"
     );
     let wider = package.function("curve").over((0.0..=2.0_f32, Integers(0..=3_u32)));
-    let error = wider.cases(40).try_matches(goldens, case, Ulp(4.0)).expect_err("a wider domain");
+    let error = wider
+        .cases(40)
+        .unrecorded()
+        .try_matches(goldens, case, Ulp(4.0))
+        .expect_err("a wider domain");
     assert!(error.to_string().contains("its domain, number of cases or seed"), "{error}");
     project.accept(case);
     over(&package)
+        .unrecorded()
         .try_matches(goldens, case, Ulp(4.0))
         .expect_err("now the narrower one is another");
 
     let other = Package::from_source("tone", "fn curve(x: f32) -> f32 { return x; }");
-    let other = other.function("curve").over(0.0..=1.0_f32).try_matches(goldens, case, Ulp(4.0));
+    let other = other.function("curve").over(0.0..=1.0_f32).unrecorded().try_matches(
+        goldens,
+        case,
+        Ulp(4.0),
+    );
     let error = other.expect_err("another function").to_string();
     let columns = "its columns are x: f32, n: u32 -> result.x: f32, result.y: f32, now they are \
                    x: f32 -> result: f32";
@@ -153,20 +167,25 @@ fn what_could_never_agree_is_told() {
         "fn root(x: f32) -> f32 { return sqrt(x); }\nfn half(x: f32) -> f32 { return x / 2.0; }",
     );
     let root = package.function("root").over(-1.0..=1.0_f32).cases(16);
-    let error = root.try_matches(&goldens, "values/root", Ulp(4.0)).expect_err("NaN").to_string();
+    let error = root
+        .unrecorded()
+        .try_matches(&goldens, "values/root", Ulp(4.0))
+        .expect_err("NaN")
+        .to_string();
     assert!(error.contains("`values/root` can't be compared: `result` is NaN in row"), "{error}");
     let half = || package.function("half").over(0.0..=1.0_f32).cases(16);
     for (name, part) in [("../up", "can't name a golden"), ("", "can't name a golden")] {
-        let error = half().try_matches(&project.goldens, name, Ulp(4.0)).expect_err(name);
+        let error =
+            half().unrecorded().try_matches(&project.goldens, name, Ulp(4.0)).expect_err(name);
         assert!(error.to_string().contains(part), "{error}");
     }
     let case = "values/half";
-    half().try_matches(&project.goldens, case, Ulp(4.0)).expect_err("no golden");
+    half().unrecorded().try_matches(&project.goldens, case, Ulp(4.0)).expect_err("no golden");
     project.accept(case);
     let text = project.text(case);
     let write = |text: &str| {
         std::fs::write(project.folder.path().join("values/half.csv"), text).expect("written");
-        half().try_matches(&project.goldens, case, Ulp(4.0))
+        half().unrecorded().try_matches(&project.goldens, case, Ulp(4.0))
     };
     write(&text).expect("as it was");
     let cell = text.lines().last().expect("a row").split_once(',').expect("two cells").1;
@@ -198,26 +217,34 @@ fn what_could_never_agree_is_told() {
     let off = text.replacen(&format!(",{cell}\n"), &format!(",{}\n", number + 0.001), 1);
     let error = write(&off).expect_err("one row").to_string();
     assert!(error.contains("1 of 16 cases") || error.contains("1 of 16 rows"), "{error}");
-    let error = half().try_matches(&project.goldens, case, Ulp(f64::NAN)).expect_err("no bound");
+    let error = half()
+        .unrecorded()
+        .try_matches(&project.goldens, case, Ulp(f64::NAN))
+        .expect_err("no bound");
     assert!(error.to_string().contains("NaN"), "{error}");
 }
 
 #[test]
 fn a_failure_that_is_declared_leaves_nothing_to_be_looked_at() {
     let (project, case) = (Project::new(), "values/known");
-    over(&curve("2.0")).try_matches(&project.goldens, case, Ulp(4.0)).expect_err("no golden");
+    over(&curve("2.0"))
+        .unrecorded()
+        .try_matches(&project.goldens, case, Ulp(4.0))
+        .expect_err("no golden");
     project.accept(case);
     let wrong = curve("2.5");
     let paths = karat::path::selected().expect("paths");
     let check = paths
         .iter()
         .fold(over(&wrong), |check, path| check.fails_on(*path, "the bug of this test"));
-    let agreement = check.try_matches(&project.goldens, case, Ulp(4.0)).expect("as declared");
+    let agreement =
+        check.unrecorded().try_matches(&project.goldens, case, Ulp(4.0)).expect("as declared");
     assert_eq!(agreement.known_issues.len(), paths.len());
     assert!(project.pending(case).is_none(), "nobody has to look at it");
     let right = curve("2.0");
     let check = over(&right).fails_on(paths[0], "the bug of this test");
-    let error = check.try_matches(&project.goldens, case, Ulp(4.0)).expect_err("it agrees");
+    let error =
+        check.unrecorded().try_matches(&project.goldens, case, Ulp(4.0)).expect_err("it agrees");
     assert!(matches!(error, Failure::UnexpectedPass { .. }), "{error}");
 }
 
@@ -241,7 +268,11 @@ fn elements_that_passes_leave_are_kept_and_compared() {
     let compare = |factor: &str, count: usize| {
         let package = source(factor);
         let passes = package.compute().with("particles", Buffer::zeros(16 * count));
-        passes.dispatch("spawn", [1, 1, 1]).after("particles").try_matches(goldens, case, Ulp(1.0))
+        passes.dispatch("spawn", [1, 1, 1]).after("particles").unrecorded().try_matches(
+            goldens,
+            case,
+            Ulp(1.0),
+        )
     };
     let error = compare("0.5", 8).expect_err("no golden");
     assert!(matches!(error, ComputeError::Golden { difference: None, .. }), "{error}");
@@ -268,7 +299,7 @@ fn accepting_values_has_the_rules_of_accepting_frames() {
     let (project, case) = (Project::new(), "values/rules");
     let goldens = &project.goldens;
     let package = curve("2.0");
-    over(&package).try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
+    over(&package).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect_err("no golden");
     let pending = project.pending(case).expect("it waits");
     let accept = |change: fn(&mut Acceptance)| {
         let mut acceptance =
@@ -293,7 +324,7 @@ fn accepting_values_has_the_rules_of_accepting_frames() {
         ("right", 4, 40)
     );
     // What waits was compared with a golden that somebody else replaced.
-    over(&curve("3.0")).try_matches(goldens, case, Ulp(4.0)).expect_err("it changed");
+    over(&curve("3.0")).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect_err("it changed");
     let stale = project.pending(case).expect("it waits");
     let golden = project.text(case).replacen(last, "0.5,1,7,8", 1);
     std::fs::write(project.folder.path().join("values/rules.csv"), golden).expect("written");

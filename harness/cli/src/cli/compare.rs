@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let broken = search::broken_files(&packages)?;
     match args.json {
         // What is read as JSON has no place for it.
-        true => broken.iter().for_each(|broken| tell(&broken.message)),
+        true => broken.iter().for_each(|broken| tell(&broken.wrong.message)),
         false => search::write_broken(&broken, out)?,
     }
     let good = |one: &Compared| {

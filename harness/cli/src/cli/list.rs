@@ -7,7 +7,7 @@ use karat::Package;
 use karat::package::{FunctionItem, PackageError};
 use karat::record::{self, Subject};
 use karat::reflect::{Program, ReflectError};
-use karat_suite::{Broken, Suite, Test};
+use karat_suite::{Broken, Suite, Test, Wrong};
 use serde::Serialize;
 
 use super::project::Project;
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 /// A file that was meant to declare tests.
-fn no_test(Broken { name, message, .. }: Broken) -> Entry {
+fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     Entry {
         package: String::new(),
         location: name.clone(),

@@ -349,9 +349,15 @@ fn replays(record: &Record) -> Vec<String> {
     record.fault.iter().flat_map(Fault::replays).map(ToString::to_string).collect()
 }
 
-/// A path's failing cases, each in a line: arguments, results, expectations that fail; and the command that runs
-/// the worst of them again.
+/// A path's [values], and the command that runs the worst of them again.
 fn facts(fault: &PathFault) -> Vec<String> {
+    let mut lines = values(fault);
+    lines.extend(fault.replays().next().map(|replay| format!("replay: {replay}")));
+    lines
+}
+
+/// A path's failing cases, each in a line: arguments, results, expectations that fail.
+fn values(fault: &PathFault) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten() {
         let expectations = case.expectations.iter().map(ToString::to_string);
@@ -361,7 +367,6 @@ fn facts(fault: &PathFault) -> Vec<String> {
             }
         }
     }
-    lines.extend(fault.replays().next().map(|replay| format!("replay: {replay}")));
     lines
 }
 
@@ -384,6 +389,15 @@ pub(super) struct Place {
     pub(super) line: u32,
     /// In characters, from 1.
     pub(super) column: u32,
+}
+
+impl Place {
+    /// That of `file:line:column`.
+    pub(super) fn of(text: &str) -> Option<Self> {
+        let mut parts = text.rsplitn(3, ':');
+        let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
+        Some(Self { file: file.to_owned(), line: line.parse().ok()?, column: column.parse().ok()? })
+    }
 }
 
 /// The function in WGSL, or the golden's facts, or the test that has none. Files are relative to
@@ -428,11 +442,10 @@ fn workspace(root: &Path) -> PathBuf {
 /// `file:line:column`, whose file may be relative to any folder above the package: tests run in
 /// theirs, and the compiler in the workspace.
 pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
-    let mut parts = location.rsplitn(3, ':');
-    let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
-    let (line, column) = (line.parse().ok()?, column.parse().ok()?);
-    let file = package.ancestors().map(|folder| folder.join(file)).find(|path| path.is_file())?;
-    Some(Place { file: relative(&file, workspace), line, column })
+    let place = Place::of(location)?;
+    let mut files = package.ancestors().map(|folder| folder.join(&place.file));
+    let file = files.find(|path| path.is_file())?;
+    Some(Place { file: relative(&file, workspace), ..place })
 }
 
 /// [`located`], among the files that a record depends on: it may have been made in another folder.

@@ -224,6 +224,6 @@ pub(super) fn broken_files<'p>(
 /// Tells them.
 pub(super) fn write_broken(broken: &[Broken], out: &mut dyn Write) -> std::io::Result<()> {
     broken.iter().try_for_each(|broken| {
-        writeln!(out, "\n{HEAD}{}{HEAD:#}: {}", broken.name, broken.message.trim_end())
+        writeln!(out, "\n{HEAD}{}{HEAD:#}: {}", broken.name, broken.wrong.message.trim_end())
     })
 }

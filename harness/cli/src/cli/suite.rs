@@ -12,7 +12,7 @@ use karat::Package;
 use karat::output::counted;
 use karat::package::Feature;
 use karat::run::Host;
-use karat_suite::{Broken, Suite, Test};
+use karat_suite::{Broken, Suite, Test, Wrong};
 
 use super::{Ending, Outcome, featured};
 
@@ -96,13 +96,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut failures: Vec<(String, String)> = Vec::new();
     for broken in &broken {
         writeln!(out, "test {} ... FAILED", broken.name)?;
-        failures.push((broken.name.clone(), broken.message.clone()));
+        failures.push((broken.name.clone(), broken.wrong.message.clone()));
     }
     each(&suite, &tests, &mut |test, verdict| {
         let word = if verdict.is_ok() { "ok" } else { "FAILED" };
         writeln!(out, "test {} ... {word}", test.name)?;
         out.flush()?;
-        failures.extend(verdict.err().map(|message| (test.name.clone(), message)));
+        failures.extend(verdict.err().map(|wrong| (test.name.clone(), wrong.message)));
         Ok(())
     })?;
     let passed = tests.len() + broken.len() - failures.len();
@@ -119,7 +119,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 /// What is done with a verdict.
-type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), String>) -> std::io::Result<()>;
+type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), Wrong>) -> std::io::Result<()>;
 
 /// Runs tests on all cores; each verdict is told as it comes.
 fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()> {

@@ -20,6 +20,7 @@ use anyhow::Context;
 use crossterm::event::{Event as Typed, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use karat::Package;
+use karat_suite::Wrong;
 
 use super::project::Project;
 use super::search::{Found, stands_for};
@@ -381,10 +382,10 @@ impl Watch {
     fn hear(&mut self, index: usize, said: Said, out: &mut dyn Write) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
         match said {
-            Said::Test { name, message } => {
+            Said::Test { name, wrong } => {
                 lane.verdicts.ran += 1;
-                match message {
-                    Some(message) => {
+                match wrong {
+                    Some(Wrong { message, .. }) => {
                         self.screen.say_failed(&lane.name, &name, &message, out)?;
                         lane.verdicts.failing.insert(name, message);
                     }
@@ -392,7 +393,7 @@ impl Watch {
                 }
                 return Ok(());
             }
-            Said::Done { tests, error, idle, invalid, remarks, reads } => {
+            Said::Done { tests, broken, idle, invalid, remarks, reads } => {
                 lane.verdicts.idle = idle;
                 lane.verdicts.invalid = invalid;
                 lane.verdicts.remarks = remarks;
@@ -402,7 +403,8 @@ impl Watch {
                 lane.verdicts.count = tests.len();
                 // Of a module that can't be read nobody knows which tests it has.
                 lane.verdicts.failing.retain(|name, _| tests.contains(name));
-                lane.verdicts.broken = error;
+                let broken: Vec<String> = broken.into_iter().map(|wrong| wrong.message).collect();
+                lane.verdicts.broken = (!broken.is_empty()).then(|| broken.join("\n"));
                 self.screen.say_done(lane, out)?;
             }
             Said::Reported { error } => {

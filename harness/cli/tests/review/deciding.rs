@@ -102,7 +102,7 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
     let package = Package::from_source("plain", &wgsl);
     let frame = package.frame("", 32, 16).fullscreen("corners", "plain");
     let goldens = Goldens::open(&project.folder().join("golden"));
-    let result = frame.try_matches(&goldens, "review_loop");
+    let result = frame.unrecorded().try_matches(&goldens, "review_loop");
     let first = match &result {
         Err(FrameError::Paths(paths)) => paths.failures.first(),
         result => result.as_ref().err(),

@@ -6,9 +6,8 @@ use super::rejection::{self, PathRejection, Rejection};
 use super::{CONFIGURATIONS, Configuration, ENUMERATED, Fit, Hypothesis, Other, Sampled};
 use crate::check::called::{Called, Fitting};
 use crate::check::demand::Demand;
-use crate::check::plan::Recording;
 use crate::check::session::{Asserted, Session};
-use crate::check::{Failure, Mismatch, Vacuous};
+use crate::check::{Failure, Mismatch, Vacuous, tolerances};
 use crate::domain::Source;
 use crate::executor::Executor;
 use crate::path::Adapter;
@@ -48,11 +47,10 @@ pub(super) fn conclude(
     sampler: Sampled<'_, '_>,
     hypothesis: &Hypothesis,
     others: &[Other<'_>],
-    recording: Recording,
     expect: &dyn Fn(&Functions<'_>) -> Result<(), Failure>,
     judge: &mut dyn FnMut(&Functions<'_>, &Configuration<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
-    let Sampled { plan, settings, configurations, shapes, .. } = sampler;
+    let Sampled { plan, settings, configurations, shapes, recorded, .. } = sampler;
     let function = plan.probe.name.clone();
     let reporter = Reporter::start();
     let check = hypothesis.check;
@@ -101,6 +99,7 @@ pub(super) fn conclude(
                 *location = session.called.function().span.to_string();
             }
             read.extend(session.called.files(&plan.probe.fixtures));
+            tolerances::expect_none(&plan.tolerance_on, check, &session.called)?;
             let mut opened: Vec<Called<'_>> = Vec::new();
             for Other { probe, shapes, .. } in others {
                 let function = (probe.package, &*probe.name);
@@ -196,7 +195,7 @@ pub(super) fn conclude(
             known_issues,
         })
     })();
-    if recording == Recording::On {
+    if recorded {
         reporter.record(subject, paths, read, &result);
     }
     result

@@ -6,22 +6,19 @@ mod run;
 
 use super::conclude::{Functions, conclude};
 use super::judgement::Judgement;
-use super::{Configuration, Fit, Hypothesis, Other, Power, Sampled, SamplingCheck, made};
-use crate::check::Mismatch;
-use crate::check::plan::Recording;
-use crate::check::{Failure, Probe};
-use crate::domain::Domain;
+use super::{Configuration, Fit, Hypothesis, Other, Power, Sampled, Sampling, made};
+use crate::check::{Check, Failure, Mismatch, Probe};
 use crate::run::or_panic;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 use parts::Stop;
 use run::Run;
 
-impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
+impl<V, U, A, F> Check<'_, Sampling<V, U, A, F>>
 where
-    D: Domain,
+    V: 'static,
     U: Shareable,
     A: Arguments,
-    F: Fn(&D::Value, U) -> A + Sync,
+    F: Fn(&V, U) -> A + Sync,
 {
     /// Checks that samples follow a density. Pearson's chi-square test compares the number of
     /// samples in each cell of the support with the integral of the density over that cell.
@@ -53,9 +50,9 @@ where
     pub fn follows<X: Shareable, B: Arguments>(
         self,
         density: Probe<'_>,
-        arguments: impl Fn(&D::Value, X) -> B + Sync,
+        arguments: impl Fn(&V, X) -> B + Sync,
     ) -> Fit {
-        or_panic(self.check_density(density, arguments, Recording::On))
+        or_panic(self.try_follows(density, arguments))
     }
 
     /// [`follows`](Self::follows) without the panic.
@@ -65,20 +62,11 @@ where
     pub fn try_follows<X: Shareable, B: Arguments>(
         self,
         density: Probe<'_>,
-        arguments: impl Fn(&D::Value, X) -> B + Sync,
-    ) -> Result<Fit, Failure> {
-        self.check_density(density, arguments, Recording::Off)
-    }
-
-    fn check_density<X: Shareable, B: Arguments>(
-        self,
-        density: Probe<'_>,
-        arguments: impl Fn(&D::Value, X) -> B + Sync,
-        recording: Recording,
+        arguments: impl Fn(&V, X) -> B + Sync,
     ) -> Result<Fit, Failure> {
         let (shapes, made) = (B::shapes(), &made(arguments));
         let others = [Other { probe: density, shapes, made }];
-        self.with_sampler(|sampler| sampler.follows(&others, &X::shape(), recording))
+        self.with_sampler(|sampler| sampler.follows(&others, &X::shape()))
     }
 
     /// Checks a sampler with the function that it is made for: samples follow the density, and
@@ -106,10 +94,10 @@ where
     #[track_caller]
     pub fn estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
-        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
-        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
+        eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&V, X) -> B + Sync),
     ) -> Fit {
-        or_panic(self.check_estimate(eval, density, None::<Unweighted<'_, D, X>>, Recording::On))
+        or_panic(self.try_estimates(eval, density))
     }
 
     /// [`estimates`](Self::estimates) without the panic.
@@ -118,10 +106,10 @@ where
     /// If a configuration is rejected or has no verdict.
     pub fn try_estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
-        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
-        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
+        eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&V, X) -> B + Sync),
     ) -> Result<Fit, Failure> {
-        self.check_estimate(eval, density, None::<Unweighted<'_, D, X>>, Recording::Off)
+        self.check_estimate(eval, density, None::<Unweighted<'_, V, X>>)
     }
 
     /// Checks the same as [`estimates`](Self::estimates), and that a third function, `weight`,
@@ -144,11 +132,11 @@ where
     #[track_caller]
     pub fn estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
-        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
-        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
-        weight: (Probe<'_>, impl Fn(&D::Value, X) -> W + Sync),
+        eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&V, X) -> B + Sync),
+        weight: (Probe<'_>, impl Fn(&V, X) -> W + Sync),
     ) -> Fit {
-        or_panic(self.check_estimate(eval, density, Some(weight), Recording::On))
+        or_panic(self.try_estimates_with_weight(eval, density, weight))
     }
 
     /// [`estimates_with_weight`](Self::estimates_with_weight) without the panic.
@@ -157,19 +145,18 @@ where
     /// If a configuration is rejected or has no verdict.
     pub fn try_estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
-        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
-        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
-        weight: (Probe<'_>, impl Fn(&D::Value, X) -> W + Sync),
+        eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&V, X) -> B + Sync),
+        weight: (Probe<'_>, impl Fn(&V, X) -> W + Sync),
     ) -> Result<Fit, Failure> {
-        self.check_estimate(eval, density, Some(weight), Recording::Off)
+        self.check_estimate(eval, density, Some(weight))
     }
 
     fn check_estimate<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
-        (eval, of_eval): (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
-        (density, of_density): (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
-        weight: Option<(Probe<'_>, impl Fn(&D::Value, X) -> W + Sync)>,
-        recording: Recording,
+        (eval, of_eval): (Probe<'_>, impl Fn(&V, X) -> E + Sync),
+        (density, of_density): (Probe<'_>, impl Fn(&V, X) -> B + Sync),
+        weight: Option<(Probe<'_>, impl Fn(&V, X) -> W + Sync)>,
     ) -> Result<Fit, Failure> {
         let (of_density, of_eval) = (&made(of_density), &made(of_eval));
         let (weight, of_weight) = weight.unzip();
@@ -181,7 +168,7 @@ where
         if let (Some(probe), Some(made)) = (weight, &of_weight) {
             others.push(Other { probe, shapes: W::shapes(), made });
         }
-        self.with_sampler(|sampler| sampler.estimates(&others, &X::shape(), recording))
+        self.with_sampler(|sampler| sampler.estimates(&others, &X::shape()))
     }
 
     /// How likely [`follows`](Self::follows) is to reject a sampler whose samples have another
@@ -207,7 +194,7 @@ where
     pub fn power_against<X: Shareable, B: Arguments>(
         &self,
         density: Probe<'_>,
-        arguments: impl Fn(&D::Value, X) -> B + Sync,
+        arguments: impl Fn(&V, X) -> B + Sync,
         alternative: Probe<'_>,
     ) -> Result<Power, Failure> {
         let made = &made(arguments);
@@ -218,29 +205,19 @@ where
 
 impl Sampled<'_, '_> {
     /// Whether samples have the density of the first of the others.
-    fn follows(
-        self,
-        others: &[Other<'_>],
-        point: &Shape,
-        recording: Recording,
-    ) -> Result<Fit, Failure> {
+    fn follows(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let text = format!("{} on {}", others[0].probe.name, settings.support);
         let hypothesis = Hypothesis { check: "follows", text, tests: settings.tests() };
         let expect = |functions: &Functions<'_>| self.expect_density(functions, point);
-        conclude(self, &hypothesis, others, recording, &expect, &mut |functions, configuration| {
+        conclude(self, &hypothesis, others, &expect, &mut |functions, configuration| {
             Run { functions, sampler: self, others, configuration }.judge(false)
         })
     }
 
     /// Whether they do, and estimate the integral of the second. The third, if there is one,
     /// returns their weights.
-    fn estimates(
-        self,
-        others: &[Other<'_>],
-        point: &Shape,
-        recording: Recording,
-    ) -> Result<Fit, Failure> {
+    fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{eval} by {density} on {}", settings.support);
@@ -261,7 +238,7 @@ impl Sampled<'_, '_> {
                 weight.expect_result(&eval.function().result, "eval returns")
             })
         };
-        conclude(self, &hypothesis, others, recording, &expect, &mut |functions, configuration| {
+        conclude(self, &hypothesis, others, &expect, &mut |functions, configuration| {
             Run { functions, sampler: self, others, configuration }.judge(true)
         })
     }
@@ -291,7 +268,8 @@ impl Sampled<'_, '_> {
             Err(Stop::Failure(failure)) => Err(failure),
             Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
         };
-        conclude(self, &hypothesis, others, Recording::Off, &expect, &mut judge)?;
+        let sampler = Self { recorded: false, ..self };
+        conclude(sampler, &hypothesis, others, &expect, &mut judge)?;
         Ok(power)
     }
 
@@ -318,4 +296,4 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
 }
 
 /// No function that returns weights.
-type Unweighted<'a, D, X> = (Probe<'a>, fn(&<D as Domain>::Value, X) -> f32);
+type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -1,10 +1,9 @@
 //! How likely a check is to reject a sampler with a named fault.
 
-use super::SamplingCheck;
 use super::statistic::{Numbers, number_of};
-use crate::check::Failure;
-use crate::check::plan::Recording;
-use crate::domain::{Domain, Held};
+use super::{Sampled, Sampling};
+use crate::check::{Check, Failure};
+use crate::domain::Held;
 use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
 use crate::value::{Arguments, Shareable};
 
@@ -41,12 +40,12 @@ impl Power {
     }
 }
 
-impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
+impl<V, U, A, F> Check<'_, Sampling<V, U, A, F>>
 where
-    D: Domain,
+    V: 'static,
     U: Shareable,
     A: Arguments,
-    F: Fn(&D::Value, U) -> A + Sync,
+    F: Fn(&V, U) -> A + Sync,
 {
     /// How likely [`has_mean`](Self::has_mean) is to reject a sampler whose mean is `alternative`,
     /// and whose samples scatter as this one's do. Nothing is asserted.
@@ -66,8 +65,8 @@ where
     pub fn mean_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,
-        expected: impl Fn(&D::Value) -> f64,
-        alternative: impl Fn(&D::Value) -> f64,
+        expected: impl Fn(&V) -> f64,
+        alternative: impl Fn(&V) -> f64,
         slack: f64,
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
@@ -78,7 +77,7 @@ where
             of: &number_of(of),
         };
         self.with_sampler(|sampler| {
-            numbers.judge(sampler, Recording::Off, &|value, verdict| {
+            numbers.judge(Sampled { recorded: false, ..sampler }, &|value, verdict| {
                 let expected = expected(value.get());
                 let difference = alternative(value.get()) - expected;
                 verdict(&mut |numbers, _, threshold| {
@@ -114,8 +113,8 @@ where
     pub fn distribution_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,
-        distribution: impl Fn(&D::Value, f64) -> f64,
-        alternative: impl Fn(&D::Value, f64) -> f64,
+        distribution: impl Fn(&V, f64) -> f64,
+        alternative: impl Fn(&V, f64) -> f64,
         slack: f64,
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
@@ -126,7 +125,7 @@ where
             of: &number_of(of),
         };
         self.with_sampler(|sampler| {
-            numbers.judge(sampler, Recording::Off, &|value, verdict| {
+            numbers.judge(Sampled { recorded: false, ..sampler }, &|value, verdict| {
                 verdict(&mut |numbers, _, threshold| {
                     let at = |number: &f64| {
                         let configuration = value.get();

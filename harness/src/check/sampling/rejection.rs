@@ -18,7 +18,7 @@ use crate::stats::Support;
 ///
 /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
 /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let wrong = sampler.unrecorded().try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
 /// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
 /// println!("each p-value has to reach {}", found.threshold);
 /// for path in &found.paths {
@@ -79,7 +79,7 @@ impl PathRejection {
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
 /// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let wrong = sampler.unrecorded().try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
 /// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
 /// assert_eq!(found.paths[0].rejected, 1);
 /// println!("run it again: {}", found.paths[0].replay);
@@ -105,7 +105,7 @@ pub struct PathRejection {
 /// # use karat::prelude::*;
 /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
 /// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let wrong = sampler.unrecorded().try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
 /// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
 /// let worst = &found.paths[0].worst;
 /// println!("{}: {}", worst.configuration, worst.findings[0]);
@@ -132,7 +132,7 @@ pub struct ConfigurationRejection {
 ///
 /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
 /// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let wrong = sampler.unrecorded().try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
 /// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
 /// assert!(matches!(found.paths[0].worst.findings[0], Finding::Mean { expected: 0.6, .. }));
 /// ```

@@ -3,10 +3,9 @@
 use super::calls::{STRIDE, draw};
 use super::conclude::{Functions, conclude};
 use super::judgement::{Judgement, Offence};
-use super::{Configuration, Finding, Fit, Hypothesis, Sampled, SamplingCheck};
-use crate::check::Failure;
-use crate::check::plan::Recording;
-use crate::domain::{Domain, Held};
+use super::{Configuration, Finding, Fit, Hypothesis, Sampled, Sampling};
+use crate::check::{Check, Failure};
+use crate::domain::Held;
 use crate::run::or_panic;
 use crate::stats::{Kolmogorov, Mean, Moments, NoVerdict};
 use crate::value::{Arguments, Shape, Shareable};
@@ -39,12 +38,12 @@ pub(super) fn number_of<X: Shareable>(
     move |words| of(X::load(&mut words.iter()))
 }
 
-impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
+impl<V, U, A, F> Check<'_, Sampling<V, U, A, F>>
 where
-    D: Domain,
+    V: 'static,
     U: Shareable,
     A: Arguments,
-    F: Fn(&D::Value, U) -> A + Sync,
+    F: Fn(&V, U) -> A + Sync,
 {
     /// Computes a number from each sample, and checks the mean of these numbers by its standard
     /// error. A difference of up to `slack` isn't counted: it covers the rounding of the samples
@@ -67,10 +66,10 @@ where
         self,
         name: &str,
         of: impl Fn(X) -> f64 + Sync,
-        expected: impl Fn(&D::Value) -> f64,
+        expected: impl Fn(&V) -> f64,
         slack: f64,
     ) -> Fit {
-        or_panic(self.mean(name, of, expected, slack, Recording::On))
+        or_panic(self.try_has_mean(name, of, expected, slack))
     }
 
     /// [`has_mean`](Self::has_mean) without the panic.
@@ -81,25 +80,14 @@ where
         self,
         name: &str,
         of: impl Fn(X) -> f64 + Sync,
-        expected: impl Fn(&D::Value) -> f64,
+        expected: impl Fn(&V) -> f64,
         slack: f64,
-    ) -> Result<Fit, Failure> {
-        self.mean(name, of, expected, slack, Recording::Off)
-    }
-
-    fn mean<X: Shareable>(
-        self,
-        name: &str,
-        of: impl Fn(X) -> f64 + Sync,
-        expected: impl Fn(&D::Value) -> f64,
-        slack: f64,
-        recording: Recording,
     ) -> Result<Fit, Failure> {
         let text = format!("mean of {name}");
         let of = &number_of(of);
         let numbers = Numbers { check: "has_mean", text, shape: X::shape(), of };
         let expected = |value: &Held| expected(value.get());
-        self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack, recording))
+        self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack))
     }
 
     /// Computes a number from each sample, and checks the distribution of these numbers by its
@@ -121,10 +109,10 @@ where
         self,
         name: &str,
         of: impl Fn(X) -> f64 + Sync,
-        distribution: impl Fn(&D::Value, f64) -> f64,
+        distribution: impl Fn(&V, f64) -> f64,
         slack: f64,
     ) -> Fit {
-        or_panic(self.distribution(name, of, distribution, slack, Recording::On))
+        or_panic(self.try_has_distribution(name, of, distribution, slack))
     }
 
     /// [`has_distribution`](Self::has_distribution) without the panic.
@@ -135,25 +123,14 @@ where
         self,
         name: &str,
         of: impl Fn(X) -> f64 + Sync,
-        distribution: impl Fn(&D::Value, f64) -> f64,
+        distribution: impl Fn(&V, f64) -> f64,
         slack: f64,
-    ) -> Result<Fit, Failure> {
-        self.distribution(name, of, distribution, slack, Recording::Off)
-    }
-
-    fn distribution<X: Shareable>(
-        self,
-        name: &str,
-        of: impl Fn(X) -> f64 + Sync,
-        distribution: impl Fn(&D::Value, f64) -> f64,
-        slack: f64,
-        recording: Recording,
     ) -> Result<Fit, Failure> {
         let text = format!("distribution of {name}");
         let of = &number_of(of);
         let numbers = Numbers { check: "has_distribution", text, shape: X::shape(), of };
         let share = |value: &Held, number| distribution(value.get(), number);
-        self.with_sampler(|sampler| numbers.distribution(sampler, name, &share, slack, recording))
+        self.with_sampler(|sampler| numbers.distribution(sampler, name, &share, slack))
     }
 }
 
@@ -164,9 +141,8 @@ impl Numbers<'_> {
         name: &str,
         expected: &dyn Fn(&Held) -> f64,
         slack: f64,
-        recording: Recording,
     ) -> Result<Fit, Failure> {
-        self.judge(sampler, recording, &|value, verdict| {
+        self.judge(sampler, &|value, verdict| {
             let expected = expected(value);
             verdict(&mut |numbers, judgement, threshold| {
                 let mut moments = Moments::default();
@@ -185,9 +161,8 @@ impl Numbers<'_> {
         name: &str,
         distribution: &dyn Fn(&Held, f64) -> f64,
         slack: f64,
-        recording: Recording,
     ) -> Result<Fit, Failure> {
-        self.judge(sampler, recording, &|value, verdict| {
+        self.judge(sampler, &|value, verdict| {
             verdict(&mut |numbers, judgement, threshold| {
                 let of_number = |number| distribution(value, number);
                 let test = Kolmogorov::of(&mut numbers.to_vec(), of_number, slack)?;
@@ -203,7 +178,6 @@ impl Numbers<'_> {
     pub(super) fn judge(
         &self,
         sampler: Sampled<'_, '_>,
-        recording: Recording,
         judge: JudgeNumbers<'_>,
     ) -> Result<Fit, Failure> {
         let hypothesis = Hypothesis { check: self.check, text: self.text.clone(), tests: 1 };
@@ -211,7 +185,7 @@ impl Numbers<'_> {
             functions.sampler().expect_random(sampler.random)?;
             functions.sampler.expect_result(&self.shape, "the number is made of")
         };
-        conclude(sampler, &hypothesis, &[], recording, &expect, &mut |functions, configuration| {
+        conclude(sampler, &hypothesis, &[], &expect, &mut |functions, configuration| {
             let Configuration { value, index, threshold, .. } = *configuration;
             let (numbers, not_finite) = self.of_samples(sampler, functions, configuration)?;
             let finding = not_finite.finding(|count, call| Finding::NotFinite { count, call });

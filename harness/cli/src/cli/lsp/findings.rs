@@ -127,26 +127,3 @@ pub(super) fn add(
     diagnostic.code = name.map(NumberOrString::String);
     insert(file, diagnostic, findings);
 }
-
-/// What a message says at its places: `error: ...`, then ` --> file:line:column`.
-pub(super) fn in_message(message: &str) -> Vec<Finding> {
-    let mut all = Vec::new();
-    let mut head = "";
-    for line in message.lines() {
-        let line = line.trim();
-        if let Some(text) = line.strip_prefix("error: ") {
-            head = text;
-        }
-        let Some(at) = line.strip_prefix("--> ").filter(|_| !head.is_empty()) else { continue };
-        let mut parts = at.rsplitn(3, ':');
-        let (column, line, file) = (parts.next(), parts.next(), parts.next());
-        let number = |text: Option<&str>| text.and_then(|text| text.parse().ok());
-        if let (Some(column), Some(line), Some(file)) = (number(column), number(line), file) {
-            let file = place::resolved(Path::new(file)).display().to_string();
-            let place = Some(Place { file, line, column });
-            all.push(Finding { place, message: head.to_owned() });
-            head = "";
-        }
-    }
-    all
-}

@@ -6,7 +6,7 @@ use std::sync::mpsc::Sender;
 use std::time::SystemTime;
 
 use karat::record::Record;
-use karat_suite::Suite;
+use karat_suite::{Suite, Wrong};
 
 use super::super::watch::{Request, Said, Source, Worker};
 use super::Event;
@@ -26,10 +26,10 @@ pub(super) struct Lane {
     /// Whether all tests have had a verdict.
     pub(super) done: bool,
     tests: BTreeSet<String>,
-    /// Messages of tests that fail.
-    pub(super) failing: BTreeMap<String, String>,
-    /// What couldn't be read as a test.
-    pub(super) broken: Option<String>,
+    /// Tests that fail.
+    pub(super) failing: BTreeMap<String, Wrong>,
+    /// Files and functions that can't be read as tests.
+    pub(super) broken: Vec<Wrong>,
     pub(super) verdicts: Vec<Record>,
 }
 
@@ -82,7 +82,7 @@ impl Live {
                     done: false,
                     tests: BTreeSet::new(),
                     failing: BTreeMap::new(),
-                    broken: None,
+                    broken: Vec::new(),
                     verdicts: Vec::new(),
                 });
             }
@@ -130,17 +130,17 @@ impl Lane {
 
     fn hear(&mut self, said: Said) -> Told {
         match said {
-            Said::Test { name, message } => {
-                match message {
-                    Some(message) => drop(self.failing.insert(name, message)),
+            Said::Test { name, wrong } => {
+                match wrong {
+                    Some(wrong) => drop(self.failing.insert(name, wrong)),
                     None => drop(self.failing.remove(&name)),
                 }
                 Told::Nothing
             }
-            Said::Done { tests, error, .. } => {
+            Said::Done { tests, broken, .. } => {
                 self.failing.retain(|name, _| tests.contains(name));
                 self.verdicts.retain(|record| tests.contains(&record.test));
-                (self.tests, self.broken, self.done) = (tests, error, true);
+                (self.tests, self.broken, self.done) = (tests, broken, true);
                 let request = Request { report: Some(self.report()), ..Request::default() };
                 let asked = self.worker.as_mut().map(|worker| worker.ask(&request));
                 // It stays busy until its records are there.

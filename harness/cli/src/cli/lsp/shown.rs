@@ -9,6 +9,7 @@ use lsp_types::notification::PublishDiagnostics;
 use lsp_types::{Diagnostic, PublishDiagnosticsParams};
 use serde_json::Value;
 
+use super::super::report::Place;
 use super::super::report::merge::side_by_side;
 use super::super::report::short::Finding;
 use super::documents::Now;
@@ -67,12 +68,14 @@ impl Server {
             }
             let recorded = |test: &str| lane.verdicts.iter().any(|record| record.test == test);
             let failing = lane.failing.iter().filter(|(test, _)| !recorded(test));
-            let messages = failing.map(|(_, message)| message).chain(&lane.broken);
-            for Finding { place, message } in messages.flat_map(|text| findings::in_message(text)) {
-                let file = place.as_ref().map(|place| resolved(Path::new(&place.file)));
+            for wrong in failing.map(|(_, wrong)| wrong).chain(&lane.broken) {
                 // A module that isn't valid has been told, as it is in the editor.
-                if file.is_some_and(|file| !self.invalid.contains_key(&file)) {
-                    let finding = Finding { place, message };
+                if let Some(place) = wrong.place.as_deref().and_then(Place::of)
+                    && !self.invalid.contains_key(&resolved(Path::new(&place.file)))
+                {
+                    let file = resolved(Path::new(&place.file)).display().to_string();
+                    let place = Some(Place { file, ..place });
+                    let finding = Finding { place, message: wrong.headline.clone() };
                     findings::add(finding, None, folder, &self.documents, found);
                 }
             }

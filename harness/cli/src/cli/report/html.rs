@@ -11,7 +11,7 @@ use karat::record::{Errors, PathRecord, Record, Run, Subject};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};
-use super::{Names, Sum, failing, replays};
+use super::{Names, Sum, failing, replays, values};
 
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
@@ -163,9 +163,28 @@ fn failures(rows: &[Row<'_>]) -> Markup {
                     article class="row failing" id=(row.anchor) {
                         h3 { a href={ "#" (row.anchor) } { (row.name) } " " small { (row.record.test) } }
                         @if let Some(message) = &row.record.message { pre { (message) } }
+                        (cases(row.record))
                         (copied(&replays(row.record)))
                         (figures(row.record))
                     }
+                }
+            }
+        }
+    }
+}
+
+/// The failing cases of each path, to be copied.
+fn cases(record: &Record) -> Markup {
+    let paths = record.fault.iter().flat_map(|fault| &fault.paths);
+    let paths = paths.map(|path| (&path.adapter.path, values(path)));
+    let paths: Vec<_> = paths.filter(|(_, values)| !values.is_empty()).collect();
+    html! {
+        @if !paths.is_empty() {
+            details {
+                summary { "Values" }
+                @for (path, values) in paths {
+                    p { "on " (path) }
+                    ul { @for value in values { li { code { (value) } } } }
                 }
             }
         }

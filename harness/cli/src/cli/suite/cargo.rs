@@ -18,6 +18,7 @@ use karat::Package;
 use karat::diagnostic::FileRead;
 use karat::record::{self, Record};
 use karat::reflect::Dependence;
+use karat_suite::Wrong;
 
 use self::programs::{Programs, TestProgram};
 use super::super::watch::{Reads, Request, Said};
@@ -43,7 +44,9 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                     true => Reads::These(BTreeSet::new()),
                     false => Reads::Any,
                 };
-                Said::Done { tests, error, idle, invalid: None, remarks: None, reads }
+                let broken = error.map(|message| Wrong { message, ..Wrong::default() });
+                let broken = broken.into_iter().collect();
+                Said::Done { tests, broken, idle, invalid: None, remarks: None, reads }
             }
             Err(error) => {
                 // Who watches forgets all verdicts.
@@ -238,7 +241,8 @@ impl Tests {
                 if message.is_some() {
                     failed.insert(test.to_owned());
                 }
-                say(&Said::Test { name: program.show(test), message }, out)
+                let wrong = message.map(|message| Wrong { message, ..Wrong::default() });
+                say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
             let left_out = record::left_out(folder.path()).unwrap_or_default();
             for test in &own {

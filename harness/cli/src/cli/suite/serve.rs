@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, channel};
 use karat::Package;
 use karat::record::FileRead;
 use karat::reflect::{Dependence, Invalid};
-use karat_suite::{Suite, Test};
+use karat_suite::{Suite, Test, Wrong};
 
 use super::super::project::Project;
 use super::super::search::Found;
@@ -40,11 +40,10 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                 }
                 let mut said =
                     answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?;
-                if let Said::Done { error, invalid, remarks, .. } = &mut said
+                if let Said::Done { broken, invalid, remarks, .. } = &mut said
                     && request.validate
                 {
-                    let told = error.as_deref().unwrap_or_default();
-                    (*invalid, *remarks) = whole.validity(&suite, told);
+                    (*invalid, *remarks) = whole.validity(&suite, broken);
                 }
                 said
             }
@@ -111,18 +110,16 @@ fn answer(
     let runs = |name: &&str| concerned.iter().any(|test| test.name == **name);
     asked.into_iter().filter(|name| !runs(name)).for_each(|name| drop(known.remove(name)));
     each(suite, &concerned, &mut |test, verdict| {
-        say(&Said::Test { name: test.name.clone(), message: verdict.err() }, out)
+        say(&Said::Test { name: test.name.clone(), wrong: verdict.err() }, out)
     })?;
     latest.take_own(concerned.iter().map(|test| &*test.name));
-    let error = suite.broken.iter().chain(&unsound).map(|broken| broken.message.as_str());
-    let error = error.collect::<Vec<_>>().join("\n");
-    let error = Some(error).filter(|error| !error.is_empty());
+    let broken = suite.broken.iter().chain(&unsound).map(|broken| broken.wrong.clone()).collect();
     let reads = match suite.package.is_printed() {
         true => Reads::Any,
         false => Reads::These(suite.reads().iter().map(|file| resolved(file)).collect()),
     };
     let (idle, invalid, remarks) = (idle.len(), None, None);
-    Ok(Said::Done { tests: all, error, idle, invalid, remarks, reads })
+    Ok(Said::Done { tests: all, broken, idle, invalid, remarks, reads })
 }
 
 /// The whole package, as its project knows it: what no test links must be valid, too, as for `karat test`.
@@ -156,7 +153,7 @@ impl Whole {
     }
 
     /// The modules that aren't valid, but for what has been told, and what others than naga say.
-    fn validity(&self, suite: &Suite, told: &str) -> (Option<String>, Option<String>) {
+    fn validity(&self, suite: &Suite, told: &[Wrong]) -> (Option<String>, Option<String>) {
         match self.found.package.try_is_valid() {
             _ if !self.is_judged(suite) => (None, None),
             Ok(found) => (None, check::remarks(&found.opinion)),
@@ -167,7 +164,7 @@ impl Whole {
         }
     }
 
-    fn invalid(&self, mut invalid: Invalid, told: &str) -> Option<String> {
+    fn invalid(&self, mut invalid: Invalid, told: &[Wrong]) -> Option<String> {
         let Found { package, stated } = &self.found;
         if !stated {
             let uses = check::recorded_uses(&self.project).unwrap_or_default();
@@ -175,7 +172,7 @@ impl Whole {
         }
         let Invalid::Modules { errors, .. } = invalid else { return Some(invalid.to_string()) };
         let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
-        texts.retain(|text| !told.contains(text.trim()));
+        texts.retain(|text| !told.iter().any(|wrong| wrong.message == *text));
         texts.dedup();
         (!texts.is_empty()).then(|| texts.join("\n"))
     }

@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use karat_suite::Wrong;
 use serde::{Deserialize, Serialize};
 
 use super::super::child::LastWords;
@@ -39,13 +40,14 @@ pub(in crate::cli) struct Request {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
-    /// A test ran; `message` if it failed.
-    Test { name: String, message: Option<String> },
-    /// All tests have a verdict: these are there. `error` if they can't be found. `idle` ones have nothing
+    /// A test ran; `wrong` if it failed.
+    Test { name: String, wrong: Option<Wrong> },
+    /// All tests have a verdict: these are there. `broken` should have been tests. `idle` ones have nothing
     /// that this path judges.
     Done {
         tests: BTreeSet<String>,
-        error: Option<String>,
+        #[serde(default)]
+        broken: Vec<Wrong>,
         #[serde(default)]
         idle: usize,
         /// Which modules aren't valid, whether or not a test links them.
@@ -67,9 +69,10 @@ pub(in crate::cli) enum Said {
 impl Said {
     /// That no test can be found.
     pub(in crate::cli) fn failed(why: String) -> Self {
-        let (tests, error) = (BTreeSet::new(), Some(why));
+        let wrong = Wrong { message: why, ..Wrong::default() };
+        let (tests, broken) = (BTreeSet::new(), vec![wrong]);
         let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);
-        Self::Done { tests, error, idle, invalid, remarks, reads }
+        Self::Done { tests, broken, idle, invalid, remarks, reads }
     }
 }
 
