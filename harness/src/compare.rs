@@ -14,6 +14,7 @@
 //! }
 //! ```
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
@@ -21,12 +22,12 @@ use serde::Serialize;
 
 use crate::check::arguments;
 use crate::domain::Stream;
-use crate::executor;
+use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::{Package, PackageError};
 use crate::path::Path;
-use crate::probe::{Call, Prepared, ProbeError, Probed};
+use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, Function, Program};
 use crate::tolerance::ulp_distance;
 use crate::value::{Scalar, Shape, format_lane};
@@ -337,8 +338,9 @@ impl Request {
             ran.drawn.merge(new.drawn);
             for path in &self.paths {
                 let both = || -> Result<_, ProbeError> {
-                    let old = Ready::new(before, &old.fixtures, *path, count)?;
-                    Ok((old, Ready::new(after, &new.fixtures, *path, count)?))
+                    let executor = executor::of(*path)?;
+                    let old = Caller::new(executor, Cow::Borrowed(before), &old.fixtures, count)?;
+                    Ok((old, Caller::new(executor, Cow::Borrowed(after), &new.fixtures, count)?))
                 };
                 let (old, new) = both().map_err(|error| error.to_string())?;
                 let mut tried = count;
@@ -346,7 +348,7 @@ impl Request {
                     // A loop that counts to a large number ends, but not here. One that ended before the edit is
                     // another thing.
                     Err(ProbeError::Rounds { .. }) => {
-                        if old.call(&rows, count).is_ok() {
+                        if old.results(&rows, count).is_ok() {
                             return Err("after the edit a loop of it doesn't end".to_owned());
                         }
                         let few = arguments.few(&rows);
@@ -458,59 +460,23 @@ impl PathChange {
     }
 }
 
-/// A function on a path.
-struct Ready<'p> {
-    prepared: Box<dyn Prepared + 'p>,
-    function: &'p Function,
-    path: Path,
-    width: usize,
-}
-
-impl<'p> Ready<'p> {
-    fn new(
-        probed: &'p Probed,
-        fixtures: &'p Fixtures,
-        path: Path,
-        cases: usize,
-    ) -> Result<Self, ProbeError> {
-        let prepared = executor::of(path)?.prepare(&Call { probed, fixtures, cases })?;
-        let function = &probed.function;
-        Ok(Self { prepared, function, path, width: function.result.lanes().len() })
-    }
-
-    fn call(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, ProbeError> {
-        let (mut results, width) = (Vec::new(), rows.len() / cases.max(1));
-        let most = self.prepared.capacity().max(1);
-        for first in (0..cases).step_by(most) {
-            let count = most.min(cases - first);
-            let part = &rows[first * width..(first + count) * width];
-            self.prepared.start(count, part)?(&mut |words, stride| {
-                for case in words.chunks_exact(stride) {
-                    results.extend_from_slice(&case[..self.width]);
-                }
-            })?;
-        }
-        Ok(results)
-    }
-}
-
 /// How results differ on a path; `None` if they don't.
 fn changed(
-    old: &Ready<'_>,
-    new: &Ready<'_>,
+    old: &Caller<'_>,
+    new: &Caller<'_>,
     drawn: &Arguments,
     rows: &[u32],
     count: usize,
 ) -> Result<Option<PathChange>, ProbeError> {
-    let function = new.function;
+    let function = &new.probed.function;
     let scalars = function.result.lanes();
-    let (was, is) = (old.call(rows, count)?, new.call(rows, count)?);
+    let (was, is) = (old.results(rows, count)?, new.results(rows, count)?);
     let width = rows.len() / count.max(1);
     let by = |was: &[u32], is: &[u32]| -> Option<Distance> {
         let lanes = scalars.iter().zip(was.iter().zip(is));
         lanes.filter_map(|(scalar, (was, is))| distance(*scalar, *was, *is)).max()
     };
-    let pairs = || was.chunks_exact(old.width).zip(is.chunks_exact(old.width)).enumerate();
+    let pairs = || was.chunks_exact(scalars.len()).zip(is.chunks_exact(scalars.len())).enumerate();
     // Of equal distances the first: edges come first, and are the simplest.
     let far = |(case, (was, is)): (usize, _)| Some((by(was, is)?, std::cmp::Reverse(case)));
     let Some((farthest, std::cmp::Reverse(first))) = pairs().filter_map(far).max() else {
@@ -535,8 +501,8 @@ fn changed(
         if simpler.is_empty() || width == 0 {
             break;
         }
-        let (was, is) = (old.call(&all, simpler.len())?, new.call(&all, simpler.len())?);
-        let mut pairs = was.chunks_exact(old.width).zip(is.chunks_exact(old.width));
+        let (was, is) = (old.results(&all, simpler.len())?, new.results(&all, simpler.len())?);
+        let mut pairs = was.chunks_exact(scalars.len()).zip(is.chunks_exact(scalars.len()));
         let as_far =
             |(was, is): (&[u32], &[u32])| by(was, is).is_some_and(|own| own.is_like(farthest));
         match pairs.position(as_far) {
@@ -544,7 +510,7 @@ fn changed(
             None => break,
         }
     }
-    let (was, is) = (old.call(&row, 1)?, new.call(&row, 1)?);
+    let (was, is) = (old.results(&row, 1)?, new.results(&row, 1)?);
     Ok(Some(PathChange {
         path: old.path.to_string(),
         cases: (total, count),

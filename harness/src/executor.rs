@@ -2,6 +2,7 @@
 
 #[cfg(feature = "engine")]
 mod accuracy;
+mod caller;
 #[cfg(feature = "engine")]
 mod cpu;
 #[cfg(feature = "engine")]
@@ -11,10 +12,12 @@ mod share;
 #[cfg(all(test, feature = "engine"))]
 mod soundness;
 
+use std::borrow::Cow;
 use std::fmt::Debug;
 
 #[cfg(feature = "engine")]
 pub(crate) use accuracy::measured;
+pub(crate) use caller::{Caller, Results, Running, View};
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
@@ -166,22 +169,11 @@ pub fn call(
     fixtures: &Fixtures,
 ) -> Result<Vec<Vec<u32>>, ProbeError> {
     fixture::check_used(&probed.function().bindings, fixtures)?;
-    let call = Call { probed, fixtures, cases: cases.len().min(BATCH) };
-    let prepared = of(path)?.prepare(&call)?;
+    let calls = cases.len().min(BATCH);
+    let caller = Caller::new(of(path)?, Cow::Borrowed(probed), fixtures, calls)?;
+    let results = caller.results(&cases.concat(), cases.len())?;
     let width = probed.function().result.lanes().len();
-    let mut results = Vec::with_capacity(cases.len());
-    for batch in cases.chunks(prepared.capacity()) {
-        let rows = batch.concat();
-        let started = prepared.start(batch.len(), &rows)?;
-        let mut read = |words: &[u32], stride: usize| {
-            results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
-        };
-        if let Err(error) = started(&mut read) {
-            let partial = left_open((probed, fixtures), (batch.len(), &rows), error)?;
-            read(&partial.words, partial.stride);
-        }
-    }
-    Ok(results)
+    Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
 /// Results of which some words were never written, if WGSL allows each of those to be anything: then a

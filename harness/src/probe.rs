@@ -60,7 +60,7 @@ use crate::value::Shape;
 /// assert!(probed.kernel().contains("@compute"));
 /// # Ok::<(), karat::probe::ProbeError>(())
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Probed {
     pub(crate) program: Arc<Program>,
     pub(crate) function: Function,

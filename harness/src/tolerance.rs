@@ -14,6 +14,8 @@ pub use spec::{Criterion, Device, Granting, Spec};
 
 use std::fmt;
 
+use crate::value::Scalar;
+
 /// More than what a few operations in `f64` round off, so that a bound on a ratio is one.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
@@ -397,6 +399,42 @@ impl Tolerance {
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
+    }
+
+    /// Which component of a value in words is farthest off, and how far. Integers are equal or wrong.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    /// use karat::value::Scalar;
+    ///
+    /// let words = [2.0_f32.to_bits(), 3];
+    /// let tolerance = karat::Tolerance::from(Abs(1.0));
+    /// let (component, error) = tolerance.measure_words(&[Scalar::F32, Scalar::U32], &words, &[2.5, 4.0]);
+    /// assert!(component == 1 && !error.passes());
+    /// ```
+    ///
+    /// # Panics
+    /// If there are fewer words or expected numbers than scalars.
+    #[must_use]
+    pub fn measure_words(
+        &self,
+        scalars: &[Scalar],
+        words: &[u32],
+        expected: &[f64],
+    ) -> (usize, LaneError) {
+        let mut worst = (0, LaneError::ZERO);
+        for (lane, scalar) in scalars.iter().enumerate() {
+            let (word, expected) = (words[lane], expected[lane]);
+            #[expect(clippy::float_cmp, reason = "both are integers")]
+            let measure = match scalar.is_float() {
+                true => self.measure(lane, f32::from_bits(word), expected),
+                false => LaneError::equality(scalar.decode(word) == expected),
+            };
+            if lane == 0 || !(measure.ratio <= worst.1.ratio) {
+                worst = (lane, measure);
+            }
+        }
+        worst
     }
 
     /// [`measure`](Self::measure) of a sum that was taken in `f64`; it isn't rounded first.

@@ -82,11 +82,11 @@ impl Prepared for Ready {
     }
 
     /// `(3 x) (3 x)`, and what the bindings of that have.
-    fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+    fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));
-        let one = |word: &u32| {
-            let x = f32::from_bits(*word);
+        let one = |row: &[u32]| {
+            let x = f32::from_bits(row[0]);
             let product = 3.0 * self.factor * x;
             let value = match () {
                 () if same => x,
@@ -95,7 +95,7 @@ impl Prepared for Ready {
             };
             value.to_bits()
         };
-        let words: Vec<u32> = arguments.iter().map(one).collect();
+        let words: Vec<u32> = arguments.chunks(arguments.len() / cases).map(one).collect();
         Ok(Box::new(move |read| {
             read(&words, 1);
             Ok(())

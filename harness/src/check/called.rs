@@ -1,12 +1,15 @@
 //! A function on its executor: calls by rows of words, with no cases and no verdict.
 
+use std::borrow::Cow;
+use std::ops::Deref;
+
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::{FileRead, Span};
-use crate::executor::{self, Executor};
+use crate::executor::{self, Caller, Executor, Results};
 use crate::fixture::{self, Fixtures};
 use crate::package::Package;
-use crate::path::{Adapter, Path};
-use crate::probe::{self, Call, Inputs, Prepared, ProbeError, Probed, Started};
+use crate::path::Adapter;
+use crate::probe::{self, Inputs, ProbeError, Probed};
 use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
@@ -56,123 +59,24 @@ impl Fitting {
         calls: usize,
     ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
-        let words = probe::parameter_shapes(&probed.function);
-        let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
-        let width = probed.function.result.lanes().len();
         fixture::check_used(&probed.function.bindings, fixtures).map_err(ProbeError::from)?;
-        let path = executor.path();
-        let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
-        if prepared.capacity() == 0 {
-            let function = probed.function.name.clone();
-            return Err(ProbeError::NoRoom { function, path }.into());
-        }
-        let ready = Ready { path, adapter: executor::adapter(executor), prepared, width };
-        Ok(Called { probed, ready, words, fixtures })
+        let caller = Caller::new(executor, Cow::Owned(probed), fixtures, calls)?;
+        Ok(Called { caller, adapter: executor::adapter(executor) })
     }
 }
 
 /// A function that can be called on one executor. What is judged on several is called on each by itself, so
 /// that none can be passed over.
 pub(super) struct Called<'e> {
-    pub(super) probed: Probed,
-    pub(super) ready: Ready<'e>,
-    /// Words of all arguments.
-    pub(super) words: usize,
-    /// What it reads.
-    fixtures: &'e Fixtures,
-}
-
-/// A function on one executor.
-pub(super) struct Ready<'e> {
-    pub(super) path: Path,
+    caller: Caller<'e>,
     pub(super) adapter: Adapter,
-    prepared: Box<dyn Prepared + 'e>,
-    /// Words of a result.
-    width: usize,
 }
 
-impl Ready<'_> {
-    pub(super) fn reads_half_floats(&self) -> bool {
-        self.prepared.reads_half_floats()
-    }
-}
+impl<'e> Deref for Called<'e> {
+    type Target = Caller<'e>;
 
-/// Calls that run on one executor.
-#[must_use]
-pub(super) struct Running<'p> {
-    called: &'p Called<'p>,
-    started: Started<'p>,
-    calls: usize,
-    rows: Vec<u32>,
-}
-
-impl Running<'_> {
-    /// Waits for the results, and lends them to `read`.
-    pub(super) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, Failure> {
-        let Self { called, started, calls, rows } = self;
-        let Ready { width, path, .. } = called.ready;
-        let mut value = None;
-        let mut view = |words: &[u32], stride: usize| {
-            let (expected, found) = (calls * stride.max(width), words.len());
-            value = Some(match found == expected && stride >= width {
-                true => Ok(read(View { words, stride, width })),
-                false => Err(ProbeError::Length { path, expected, found }),
-            });
-        };
-        if let Err(error) = started(&mut view) {
-            let of = (&called.probed, called.fixtures);
-            let partial = executor::left_open(of, (calls, &rows), error)?;
-            view(&partial.words, partial.stride);
-        }
-        let none = || Err(ProbeError::Length { path, expected: calls * width, found: 0 });
-        Ok(value.unwrap_or_else(none)?)
-    }
-
-    /// Waits for the results, and keeps them.
-    pub(super) fn read(self) -> Result<Results, Failure> {
-        self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
-    }
-}
-
-/// The results of one batch on one executor, as long as they are lent.
-#[derive(Clone, Copy)]
-pub(super) struct View<'r> {
-    pub(super) words: &'r [u32],
-    /// Words from one case to the next.
-    pub(super) stride: usize,
-    /// Words of a result.
-    pub(super) width: usize,
-}
-
-impl<'r> View<'r> {
-    /// How many cases there are.
-    #[inline]
-    pub(super) fn len(self) -> usize {
-        self.words.len() / self.stride.max(1)
-    }
-
-    /// The words of one case.
-    #[inline]
-    pub(super) fn of(self, case: usize) -> &'r [u32] {
-        &self.words[case * self.stride..][..self.width]
-    }
-}
-
-/// The results of one batch on one executor.
-pub(super) struct Results {
-    words: Vec<u32>,
-    stride: usize,
-    width: usize,
-}
-
-impl Results {
-    pub(super) fn view(&self) -> View<'_> {
-        View { words: &self.words, stride: self.stride, width: self.width }
-    }
-
-    /// The words of one case.
-    pub(super) fn of(&self, case: usize) -> &[u32] {
-        self.view().of(case)
+    fn deref(&self) -> &Caller<'e> {
+        &self.caller
     }
 }
 
@@ -197,20 +101,9 @@ impl Called<'_> {
         probe::parameter_shapes(self.function()).into_iter().flat_map(Shape::lanes).collect()
     }
 
-    /// Calls of one dispatch.
-    pub(super) fn capacity(&self) -> usize {
-        self.ready.prepared.capacity()
-    }
-
-    /// Starts calls, whose arguments follow one another in `rows`.
-    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
-        let started = self.ready.prepared.start(calls, rows)?;
-        Ok(Running { called: self, started, calls, rows: rows.to_vec() })
-    }
-
     /// Calls, and waits.
     pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Results, Failure> {
-        self.start(rows, calls)?.read()
+        Ok(self.start(rows, calls)?.read()?)
     }
 
     /// The numbers in the words of a result.

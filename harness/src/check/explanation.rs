@@ -1,11 +1,13 @@
 //! What is said below a failing case: what WGSL allows there, and where a path leaves that.
 
+use std::borrow::Cow;
+
 use super::CaseFailure;
 use super::session::{Explained, Session};
 use crate::diagnostic::one_line;
-use crate::executor::Executor;
+use crate::executor::Caller;
 use crate::interpret::{Bound, Interpreted};
-use crate::probe::{Call, lets};
+use crate::probe::lets;
 use crate::value::{Scalar, format_f32};
 
 impl Session<'_> {
@@ -80,8 +82,8 @@ impl Session<'_> {
             let fixtures = self.fixtures;
             let Ok(bounded) = Interpreted::new(probed, fixtures) else { continue };
             let Ok(bounds) = bounded.bounds(1, row) else { continue };
-            let call = Call { probed, fixtures, cases: 1 };
-            let Some(words) = once(self.executor, &call, row) else { continue };
+            let caller = Caller::new(self.executor, Cow::Borrowed(probed), fixtures, 1);
+            let Ok(words) = caller.and_then(|caller| caller.results(row, 1)) else { continue };
             let scalars = probed.function().result.lanes();
             let left = |((scalar, word), bound): ((&Scalar, &u32), &Bound)| {
                 let value = scalar.decode(*word);
@@ -104,16 +106,6 @@ impl Session<'_> {
             self.called.function().name
         ))
     }
-}
-
-/// The words that one call returns.
-fn once(executor: &dyn Executor, call: &Call<'_>, row: &[u32]) -> Option<Vec<u32>> {
-    let prepared = executor.prepare(call).ok()?;
-    let mut result = Vec::new();
-    let width = call.probed.function().result.lanes().len();
-    let started = prepared.start(1, row).ok()?;
-    started(&mut |words, _| result.extend_from_slice(&words[..width.min(words.len())])).ok()?;
-    (result.len() == width).then_some(result)
 }
 
 fn interval(bound: &Bound) -> String {

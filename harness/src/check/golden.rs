@@ -237,7 +237,7 @@ impl Comparison<'_> {
         source: impl FnOnce() -> Result<ValuesError, Failure>,
     ) -> Result<(), Failure> {
         let left = self.left.take();
-        let canonical = self.canonical == Some(session.called.ready.path);
+        let canonical = self.canonical == Some(session.called.path);
         self.left.set(match left {
             Left::Nothing => Left::Other(source()?),
             Left::Other(_) if canonical => Left::Other(source()?),
@@ -322,7 +322,7 @@ impl Comparison<'_> {
         let shader = text_hash(program.text().as_bytes());
         let modules = program.modules().to_vec();
         let tolerance = self.tolerances.general.to_string();
-        Ok(Made { table, adapter: &called.ready.adapter, shader, modules, tolerance })
+        Ok(Made { table, adapter: &called.adapter, shader, modules, tolerance })
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the cases of each path add up to, with what is shown of the failing ones.
 
-use super::called::Ready;
+use super::called::Called;
 use super::sample::Sample;
 use super::tally::{Shown, Tally};
 use super::{CaseFailure, Simplest};
@@ -28,14 +28,14 @@ pub(super) struct PathTally {
 impl PathTally {
     /// A path's sum with its failures, which `show` describes.
     pub(super) fn new(
-        ready: &Ready<'_>,
+        called: &Called<'_>,
         tally: Tally,
         show: impl Fn(Shown) -> CaseFailure,
     ) -> Self {
         let failing = tally.census.failures > 0;
         Self {
-            adapter: ready.adapter.clone(),
-            path: ready.path,
+            adapter: called.adapter.clone(),
+            path: called.path,
             worst: tally.worst.filter(|_| failing).map(&show),
             first: tally.first.map(&show),
             simplest: None,

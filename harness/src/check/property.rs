@@ -1,12 +1,12 @@
 //! What the verbs about properties share: results of several dispatches, judged case by case.
 
 use super::batch::Batch;
-use super::called::Results;
 use super::cause::cause;
 use super::disagreement::{CaseFailure, arguments};
 use super::path_tally::PathTally;
 use super::session::Session;
 use super::tally::{Judged, Shown, tally};
+use crate::executor::Results;
 
 /// What `returned` is of where arguments are primed.
 pub(super) const PRIMED: &str =
@@ -41,7 +41,7 @@ impl Session<'_> {
         let sum = tally(batch.first, results.view(), &judge, &mut picked);
         let cause = cause(function, batch, &picked.failing, &sum);
         let sample = self.sample(batch, &sum, picked);
-        let tally = PathTally::new(&self.called.ready, sum, |shown: Shown| {
+        let tally = PathTally::new(&self.called, sum, |shown: Shown| {
             let case = usize::try_from(shown.case - batch.first).expect("in this batch");
             let Exhibit { lanes, varied, compared, actual, expected, judged } = exhibit(case);
             let mut arguments = arguments(function, &lanes);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
-use super::called::{Called, Fitting, Results, Running};
+use super::called::{Called, Fitting};
 use super::cause::cause;
 use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
@@ -14,7 +14,7 @@ use super::path_tally::PathTally;
 use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
-use crate::executor::{self, Executor};
+use crate::executor::{self, Executor, Results, Running};
 use crate::fixture::Fixtures;
 use crate::interpret::{Accuracy, Interpreted};
 use crate::path::Path;
@@ -167,7 +167,7 @@ impl<'a> Session<'a> {
 
     /// The path, if the environment can select it: not that of an executor of one's own.
     pub(super) fn selectable(&self) -> Option<Path> {
-        (!self.own_executors).then_some(self.called.ready.path)
+        (!self.own_executors).then_some(self.called.path)
     }
 
     /// How many cases run.
@@ -223,7 +223,7 @@ impl<'a> Session<'a> {
     }
 
     pub(super) fn dispatch(&self, batch: &Batch) -> Result<Running<'_>, Failure> {
-        self.called.start(&batch.lanes(), batch.cases)
+        Ok(self.called.start(&batch.lanes(), batch.cases)?)
     }
 
     /// Calls the function with other arguments for the cases of a batch.
@@ -376,12 +376,12 @@ impl<'a> Session<'a> {
         expect: impl Fn(usize) -> Option<Vec<f64>>,
         judge: &impl Judge,
     ) -> Result<PathTally, Failure> {
-        running.view(|results| {
+        let judged = running.view(|results| {
             let mut picked = Self::picked(batch);
             let sum = tally(batch.first, results, judge, &mut picked);
             let cause = cause(self.called.function(), batch, &picked.failing, &sum);
             let sample = self.sample(batch, &sum, picked);
-            let tally = PathTally::new(&self.called.ready, sum, |shown: Shown| {
+            let tally = PathTally::new(&self.called, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let actual = results.of(case);
                 let (judged, expected) = (judge.judge(case, actual), expect(case));
@@ -404,7 +404,8 @@ impl<'a> Session<'a> {
                 }
             });
             tally.with_sample(sample).with_cause(cause)
-        })
+        });
+        Ok(judged?)
     }
 
     /// The reference's lanes of each case of a batch, of these arguments. A value that isn't finite

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::called::View;
 use super::parallel;
+use crate::executor::View;
 use crate::record::ExpectationFault;
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
@@ -303,25 +303,13 @@ pub(crate) fn compare(
     expected: &[f64],
     tolerance: &Tolerance,
 ) -> Judged {
-    let mut worst = Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other };
-    for (lane, scalar) in scalars.iter().enumerate() {
-        let (word, reference) = (actual[lane], expected[lane]);
-        let measure = if scalar.is_float() {
-            tolerance.measure(lane, f32::from_bits(word), reference)
-        } else {
-            LaneError::equality(scalar.decode(word) == reference)
-        };
-        if lane == 0 || measure.ratio > worst.measure.ratio {
-            worst = Judged { measure, lane, class: Class::Other };
-        }
-    }
-    if !worst.measure.passes() {
-        let lane = worst.lane;
-        if scalars[lane].is_float() {
-            worst.class = classify(scalars[lane].decode(actual[lane]), expected[lane]);
-        }
-    }
-    worst
+    let (lane, measure) = tolerance.measure_words(scalars, actual, expected);
+    let told = !measure.passes() && scalars.get(lane).is_some_and(|scalar| scalar.is_float());
+    let class = match told {
+        true => classify(scalars[lane].decode(actual[lane]), expected[lane]),
+        false => Class::Other,
+    };
+    Judged { measure, lane, class }
 }
 
 /// Whether each lane passes with a ratio of at most `ratio`; see [`Tolerance::is_within`].

@@ -20,7 +20,7 @@ impl Tolerances {
 
     /// That of the path alone, if it has one.
     pub(super) fn own(&self, called: &Called<'_>) -> Option<&Tolerance> {
-        self.on.on(called.ready.path, &called.ready.adapter)
+        self.on.on(called.path, &called.adapter)
     }
 
     /// Refuses tolerances that bound nothing or are declared for another number of components.

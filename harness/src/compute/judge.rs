@@ -334,19 +334,7 @@ impl After<'_> {
         let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
         let pairs = found.chunks_exact(width).zip(expected.lanes.chunks_exact(width));
         for (index, (found, expected)) in pairs.enumerate() {
-            let mut worst: Option<(usize, LaneError)> = None;
-            for (lane, scalar) in scalars.iter().enumerate() {
-                let measure = match scalar.is_float() {
-                    true => tolerance.measure(lane, f32::from_bits(found[lane]), expected[lane]),
-                    // Integers are equal or wrong.
-                    #[expect(clippy::float_cmp, reason = "both are integers")]
-                    false => LaneError::equality(scalar.decode(found[lane]) == expected[lane]),
-                };
-                if worst.is_none_or(|(_, other)| !(measure.ratio <= other.ratio)) {
-                    worst = Some((lane, measure));
-                }
-            }
-            let Some((lane, measure)) = worst else { continue };
+            let (lane, measure) = tolerance.measure_words(&scalars, found, expected);
             let worse = !(measure.ratio <= sum.worst.ratio);
             if worse {
                 sum.worst = measure;

@@ -1,13 +1,14 @@
 //! How exact an adapter's built-in functions are: measured once, and kept in cargo's home.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path as FilePath;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::Executor;
+use super::{Caller, Executor};
 use crate::interpret::Accuracy;
 use crate::package::Package;
-use crate::probe::{Call, ProbeError, Probed};
+use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
 /// Which arguments are measured, and how what is found is kept. Another number asks anew.
@@ -79,14 +80,9 @@ fn measure(executor: &dyn Executor) -> Result<Accuracy, ProbeError> {
         let width = probed.function().parameters.len();
         let rows: Vec<u32> = Accuracy::arguments(function).into_iter().map(f32::to_bits).collect();
         let cases = rows.len() / width;
-        let prepared = executor.prepare(&Call { probed: &probed, fixtures: &fixtures, cases })?;
-        let mut results = Vec::with_capacity(cases);
-        for rows in rows.chunks(prepared.capacity() * width) {
-            let started = prepared.start(rows.len() / width, rows)?;
-            started(&mut |words, stride| {
-                results.extend(words.chunks_exact(stride).map(|words| f32::from_bits(words[0])));
-            })?;
-        }
+        let caller = Caller::new(executor, Cow::Owned(probed), &fixtures, cases)?;
+        let results = caller.results(&rows, cases)?;
+        let results: Vec<f32> = results.into_iter().map(f32::from_bits).collect();
         accuracy.take(function, &results);
     }
     Ok(accuracy)

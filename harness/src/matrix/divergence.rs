@@ -1,12 +1,15 @@
 //! Why two columns differ: the simplest input, and the first let-binding whose value differs there.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 
 use super::Request;
 use super::excerpt::definition_line;
-use super::execute::{Judge, Ran, Runs, shown};
+use super::execute::{Judge, Ran, shown};
 use super::leeway::Leeway;
 use super::reduce::{Case, Pair};
+use crate::executor::{self, Caller};
 use crate::made_up::{self, Ranges};
 use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
@@ -152,10 +155,12 @@ pub(super) fn divergence(
     let arguments: Vec<Scalar> =
         function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
     let results = function.result.lanes();
+    let ranges = Ranges::of(&request.package).expect("its inputs were made by them");
+    let inputs = made_up::Arguments::of(function, &ranges).expect("its inputs were made so");
     let pair = Pair {
-        expected: &first.runs,
-        actual: &other.runs,
-        arguments: &arguments,
+        expected: &first.caller,
+        actual: &other.caller,
+        inputs: &inputs.domain,
         results: &results,
         judge,
         leeway,
@@ -179,7 +184,7 @@ pub(super) fn divergence(
     let (mut found, mut unseen) = (None, Vec::new());
     // Bindings are looked at alone.
     for one in if alone { lets(probed) } else { Vec::new() } {
-        match differing(request, &one, &row, (&first.runs, &other.runs), text) {
+        match differing(request, &one, &row, (&first.caller, &other.caller), text) {
             Ok(None) => {}
             Ok(Some(differing)) => {
                 found = Some(differing);
@@ -209,15 +214,16 @@ fn differing(
     request: &Request,
     one: &Let,
     row: &[u32],
-    (first, other): (&Runs<'_>, &Runs<'_>),
+    (first, other): (&Caller<'_>, &Caller<'_>),
     text: Option<(&str, (usize, usize))>,
 ) -> Result<Option<Intermediate>, Unseen> {
     let probed = one.probed.as_ref().ok_or(Unseen)?;
     let ranges = Ranges::of(&request.package).map_err(|_| Unseen)?;
     let fixtures = made_up::fixtures(probed, &ranges).map_err(|_| Unseen)?;
-    let value = |runs: &Runs<'_>| {
-        let runs = Runs::new(runs.path(), probed, &fixtures, 1).map_err(|_| Unseen)?;
-        runs.results(row, 1).map_err(|_| Unseen)
+    let value = |caller: &Caller<'_>| {
+        let executor = executor::of(caller.path).map_err(|_| Unseen)?;
+        let caller = Caller::new(executor, Cow::Borrowed(probed), &fixtures, 1);
+        caller.and_then(|caller| caller.results(row, 1)).map_err(|_| Unseen)
     };
     let (there, here) = (value(first)?, value(other)?);
     let scalars = probed.function().result.lanes();

@@ -1,71 +1,16 @@
 //! Running a function on a column's path, and comparing it with another one's results.
 
 use super::leeway::{Freedom, Latitude, OfCase};
-use crate::executor;
-use crate::fixture::Fixtures;
-use crate::path::Path;
-use crate::probe::{Call, Prepared, ProbeError, Probed};
+use crate::executor::Caller;
+use crate::probe::ProbeError;
 use crate::tolerance::{Tolerance, ulp_distance};
 use crate::value::{Scalar, format_f32};
 
 /// What a column made of the inputs.
 pub(super) struct Ran<'p> {
     pub(super) column: usize,
-    pub(super) runs: Runs<'p>,
+    pub(super) caller: Caller<'p>,
     pub(super) results: Vec<u32>,
-}
-
-/// A function that is ready on a path.
-pub(super) struct Runs<'p> {
-    prepared: Box<dyn Prepared + 'p>,
-    path: Path,
-    words_in: usize,
-    words_out: usize,
-}
-
-impl<'p> Runs<'p> {
-    pub(super) fn new(
-        path: Path,
-        probed: &'p Probed,
-        fixtures: &'p Fixtures,
-        cases: usize,
-    ) -> Result<Self, ProbeError> {
-        let call = Call { probed, fixtures, cases };
-        let prepared = executor::of(path)?.prepare(&call)?;
-        let function = probed.function();
-        let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
-        Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })
-    }
-
-    #[cfg(test)]
-    pub(super) fn of_one_word(prepared: impl Prepared + 'p) -> Self {
-        Self { prepared: Box::new(prepared), path: Path::VULKAN, words_in: 1, words_out: 1 }
-    }
-
-    pub(super) fn path(&self) -> Path {
-        self.path
-    }
-
-    /// The results of some cases, one after the other.
-    pub(super) fn results(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, ProbeError> {
-        let mut results = Vec::with_capacity(cases * self.words_out);
-        let most = self.prepared.capacity();
-        for first in (0..cases).step_by(most) {
-            let count = most.min(cases - first);
-            let part = &rows[first * self.words_in..][..count * self.words_in];
-            let started = self.prepared.start(count, part)?;
-            started(&mut |words, stride| {
-                for case in words.chunks_exact(stride) {
-                    results.extend_from_slice(&case[..self.words_out]);
-                }
-            })?;
-        }
-        let (expected, found) = (cases * self.words_out, results.len());
-        if found != expected {
-            return Err(ProbeError::Length { path: self.path, expected, found });
-        }
-        Ok(results)
-    }
 }
 
 /// Why something wasn't run; without the function's name, so that equal reasons are one.

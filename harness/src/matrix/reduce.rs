@@ -1,17 +1,20 @@
 //! The simplest input on which two columns differ.
 
-use super::execute::{Judge, Runs};
+use super::execute::Judge;
 use super::leeway::Leeway;
+use crate::domain::Stream;
+use crate::executor::Caller;
 use crate::value::Scalar;
 
-/// Rounds of simplification: each makes one component simpler.
+/// Rounds of simplification.
 const ROUNDS: usize = 24;
 
 /// Two columns that differ, and by which tolerance.
 pub(super) struct Pair<'r, 'p> {
-    pub(super) expected: &'r Runs<'p>,
-    pub(super) actual: &'r Runs<'p>,
-    pub(super) arguments: &'r [Scalar],
+    pub(super) expected: &'r Caller<'p>,
+    pub(super) actual: &'r Caller<'p>,
+    /// The inputs among which simpler ones are looked for.
+    pub(super) inputs: &'r dyn Stream,
     pub(super) results: &'r [Scalar],
     pub(super) judge: &'r Judge<'r>,
     pub(super) leeway: &'r Leeway,
@@ -31,7 +34,7 @@ impl Pair<'_, '_> {
     pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
         let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {
-            let simpler = self.simpler(&simplest);
+            let simpler = self.inputs.shrink(&simplest);
             match self.first_that_differs(&simpler) {
                 Some(case) => simplest = case.row,
                 None => break,
@@ -57,80 +60,37 @@ impl Pair<'_, '_> {
         let of = |results: &[u32]| results[index * width..][..width].to_vec();
         Some(Case { row: rows[index].clone(), expected: of(&expected), actual: of(&actual) })
     }
-
-    /// The same row with one component simpler, in each way.
-    fn simpler(&self, row: &[u32]) -> Vec<Vec<u32>> {
-        let mut found = Vec::new();
-        for (index, scalar) in self.arguments.iter().enumerate() {
-            for word in simpler_words(*scalar, row[index]) {
-                let mut next = row.to_vec();
-                next[index] = word;
-                found.push(next);
-            }
-        }
-        found
-    }
-}
-
-/// What is simpler than a word, the simplest first.
-fn simpler_words(scalar: Scalar, word: u32) -> Vec<u32> {
-    match scalar {
-        Scalar::F32 | Scalar::F16 => {
-            let value = f32::from_bits(word);
-            let candidates =
-                [0.0, 1.0, 0.5, -1.0, value.trunc(), (value * 8.0).round() / 8.0, value.abs()];
-            let simple = |x: f32| (x.fract() != 0.0, digits(x), x.abs().to_bits(), x < 0.0);
-            let simpler = candidates.into_iter().filter(|c| simple(*c) < simple(value));
-            simpler.map(f32::to_bits).collect()
-        }
-        Scalar::I32 | Scalar::U32 => {
-            let value = word.cast_signed();
-            [0, 1, value / 2]
-                .into_iter()
-                .filter(|c| c.unsigned_abs() < value.unsigned_abs())
-                .map(i32::cast_unsigned)
-                .collect()
-        }
-        Scalar::Bool => {
-            if word == 0 {
-                Vec::new()
-            } else {
-                vec![0]
-            }
-        }
-    }
-}
-
-/// How many digits a value is written with.
-fn digits(value: f32) -> usize {
-    value.to_string().len()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::borrow::Cow;
+
     use super::*;
-    use crate::probe::{Prepared, ProbeError, Started};
+    use crate::domain::{Dynamic, Part};
+    use crate::executor::Executor;
+    use crate::package::Package;
+    use crate::path::{Adapter, Path};
+    use crate::probe::{Call, Prepared, ProbeError, Probed, Started};
     use crate::tolerance::{Abs, Tolerance};
 
-    /// Each step leads to something simpler, so that steps end.
-    #[test]
-    fn simpler_words_get_simpler() {
-        for scalar in [Scalar::F32, Scalar::I32, Scalar::U32, Scalar::Bool] {
-            for start in [0, 1, 7, 1_000_000, 0.3_f32.to_bits(), (-7.77_f32).to_bits()] {
-                let mut seen = vec![start];
-                let mut word = start;
-                while let Some(next) = simpler_words(scalar, word).last() {
-                    assert!(!seen.contains(next), "{scalar:?} {start} comes back to {next}");
-                    seen.push(*next);
-                    word = *next;
-                }
-            }
-        }
-        assert!(simpler_words(Scalar::F32, 0).is_empty());
-    }
-
     /// Makes results of all arguments together.
+    #[derive(Debug)]
     struct By(fn(&[u32]) -> Vec<u32>);
+
+    impl Executor for By {
+        fn path(&self) -> Path {
+            Path::VULKAN
+        }
+
+        fn adapter(&self) -> Adapter {
+            unreachable!("nobody asks")
+        }
+
+        fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+            Ok(Box::new(Self(self.0)))
+        }
+    }
 
     impl Prepared for By {
         fn capacity(&self) -> usize {
@@ -155,11 +115,16 @@ mod tests {
         let scalars = [Scalar::U32];
         let within = Tolerance::from(Abs(0.0));
         let judge = Judge::new(&scalars, &within, &[0]);
+        let package = Package::from_source("m", "fn f(x: u32) -> u32 { return x; }");
+        let (probed, fixtures) = (Probed::new(&package, "f").expect("valid"), Vec::new());
+        let inputs = Dynamic::new(&probed.function.parameters, vec![vec![Part::any(Scalar::U32)]]);
         let reduced = |actual: fn(&[u32]) -> Vec<u32>| {
+            let (squares, actual) = (By(squares), By(actual));
+            let caller = |by| Caller::new(by, Cow::Borrowed(&probed), &fixtures, 64);
             let pair = Pair {
-                expected: &Runs::of_one_word(By(squares)),
-                actual: &Runs::of_one_word(By(actual)),
-                arguments: &scalars,
+                expected: &caller(&squares).expect("ready"),
+                actual: &caller(&actual).expect("ready"),
+                inputs: &inputs,
                 results: &scalars,
                 judge: &judge,
                 leeway: &Leeway::default(),

@@ -1,12 +1,15 @@
 //! One row: executed on each column's path, and compared.
 
+use std::borrow::Cow;
+
 use super::compute::run_entry_point_on_each;
 use super::divergence::divergence;
 use super::excerpt::function_lines;
-use super::execute::{Comparison, Judge, Ran, Runs, not_run};
+use super::execute::{Comparison, Judge, Ran, not_run};
 use super::leeway::{Latitude, Leeway};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
+use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
 use crate::made_up::{self, Ranges};
 use crate::path::Path;
@@ -80,9 +83,9 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
             }
         };
         match results {
-            Ok((runs, results)) => {
+            Ok((caller, results)) => {
                 cell.status = Some(Status::Executed);
-                ran.push(Ran { column: index, runs, results });
+                ran.push(Ran { column: index, caller, results });
             }
             Err(stop) => cell.stopped = Some(stop),
         }
@@ -105,7 +108,7 @@ fn results<'p>(
     fixtures: &'p Fixtures,
     rows: &[u32],
     endless: &mut Option<String>,
-) -> Result<(Runs<'p>, Vec<u32>), Stop> {
+) -> Result<(Caller<'p>, Vec<u32>), Stop> {
     // A path that isn't here is one thing, a function that doesn't run there another.
     crate::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
@@ -114,9 +117,11 @@ fn results<'p>(
         }
         Stop::NotRun(not_run(error))
     };
-    let runs = Runs::new(path, probed, fixtures, request.cases).map_err(&mut stop)?;
-    let results = runs.results(rows, request.cases).map_err(stop)?;
-    Ok((runs, results))
+    let executor = executor::of(path).map_err(ProbeError::from).map_err(&mut stop)?;
+    let caller = Caller::new(executor, Cow::Borrowed(probed), fixtures, request.cases);
+    let caller = caller.map_err(&mut stop)?;
+    let results = caller.results(rows, request.cases).map_err(stop)?;
+    Ok((caller, results))
 }
 
 /// Compares each column with the first one that ran.

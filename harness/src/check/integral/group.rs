@@ -130,7 +130,7 @@ impl Group {
             let doubt = bound.doubt(lane, value, control);
             failure.with_control(Some((control, nodes)).filter(|_| comparable && !doubt.passes()))
         };
-        let tally = PathTally::new(&called.ready, tally, show).with_nodes(self.nodes() as u64);
+        let tally = PathTally::new(called, tally, show).with_nodes(self.nodes() as u64);
         Ok((tally, undecided))
     }
 

@@ -139,7 +139,7 @@ pub(super) fn conclude(
                 configurations: Some(sum.configurations),
                 ..PathRecord::of(adapter.clone())
             };
-            let path = session.called.ready.path;
+            let path = session.called.path;
             let told = !plan.known_issues.names(path, adapter);
             let rejection = sum.worst.filter(|_| sum.rejected > 0 && told).map(|worst| {
                 let replayed = Replayed { case: worst.configuration, steps: &[], input: None };

@@ -218,17 +218,10 @@ fn compare(
     for (path, values) in results {
         let mut failing = 0;
         for (index, (actual, expected)) in values.iter().zip(&table.expected).enumerate() {
-            let wrong = scalars.iter().enumerate().find_map(|(lane, scalar)| {
-                let measure = match scalar.is_float() {
-                    true => tolerance.measure(lane, f32::from_bits(actual[lane]), expected[lane]),
-                    false if scalar.decode(actual[lane]).to_bits() == expected[lane].to_bits() => {
-                        return None;
-                    }
-                    false => return Some((lane, "different".to_owned())),
-                };
-                (!measure.passes()).then(|| (lane, measure.to_string()))
-            });
-            let Some((lane, error)) = wrong else { continue };
+            let (lane, error) = tolerance.measure_words(&scalars, actual, expected);
+            if error.passes() {
+                continue;
+            }
             failing += 1;
             if failing > SHOWN {
                 continue;

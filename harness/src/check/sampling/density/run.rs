@@ -73,7 +73,7 @@ impl Run<'_> {
     /// What a function's values are off by, relative, where it reads textures that the path keeps
     /// in half floats: the peak of a lobe may come from one texel.
     fn half_rounding(&self, which: usize) -> f64 {
-        if self.other(which).called.ready.reads_half_floats() { HALF } else { 0.0 }
+        if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
 
     pub(super) fn evidence(&self, reason: impl std::fmt::Display) -> Failure {

@@ -1,0 +1,149 @@
+//! A function that is ready on an executor: rows of words in, rows of words out.
+
+use std::borrow::Cow;
+
+use super::{Executor, left_open};
+use crate::fixture::Fixtures;
+use crate::path::Path;
+use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
+
+/// A function on one executor.
+pub(crate) struct Caller<'e> {
+    pub(crate) probed: Cow<'e, Probed>,
+    /// What it reads.
+    pub(crate) fixtures: &'e Fixtures,
+    pub(crate) path: Path,
+    /// Words of all arguments.
+    pub(crate) words: usize,
+    /// Words of a result.
+    width: usize,
+    prepared: Box<dyn Prepared + 'e>,
+}
+
+/// Calls that run.
+#[must_use]
+pub(crate) struct Running<'p> {
+    caller: &'p Caller<'p>,
+    started: Started<'p>,
+    calls: usize,
+    rows: Vec<u32>,
+}
+
+/// The results of one dispatch, as long as they are lent.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'r> {
+    pub(crate) words: &'r [u32],
+    /// Words from one case to the next.
+    pub(crate) stride: usize,
+    /// Words of a result.
+    pub(crate) width: usize,
+}
+
+/// The results of one dispatch.
+pub(crate) struct Results {
+    words: Vec<u32>,
+    stride: usize,
+    width: usize,
+}
+
+impl<'e> Caller<'e> {
+    /// Gets a function ready, with room for so many calls in a dispatch.
+    pub(crate) fn new(
+        executor: &'e dyn Executor,
+        probed: Cow<'e, Probed>,
+        fixtures: &'e Fixtures,
+        calls: usize,
+    ) -> Result<Self, ProbeError> {
+        let path = executor.path();
+        let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
+        if prepared.capacity() == 0 {
+            let function = probed.function.name.clone();
+            return Err(ProbeError::NoRoom { function, path });
+        }
+        let parameters = probe::parameter_shapes(&probed.function);
+        let words = parameters.into_iter().map(|shape| shape.lanes().len()).sum();
+        let width = probed.function.result.lanes().len();
+        Ok(Self { probed, fixtures, path, words, width, prepared })
+    }
+
+    /// Calls of one dispatch.
+    pub(crate) fn capacity(&self) -> usize {
+        self.prepared.capacity()
+    }
+
+    /// Whether the path stores what it reads of textures as half floats.
+    pub(crate) fn reads_half_floats(&self) -> bool {
+        self.prepared.reads_half_floats()
+    }
+
+    /// Starts the calls of a dispatch, whose arguments follow one another in `rows`.
+    pub(crate) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
+        let started = self.prepared.start(calls, rows)?;
+        Ok(Running { caller: self, started, calls, rows: rows.to_vec() })
+    }
+
+    /// The results of any number of calls, one after the other.
+    pub(crate) fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
+        let mut results = Vec::with_capacity(calls * self.width);
+        for first in (0..calls).step_by(self.capacity()) {
+            let count = self.capacity().min(calls - first);
+            let rows = &rows[first * self.words..][..count * self.words];
+            self.start(rows, count)?.view(|found| {
+                (0..found.len()).for_each(|case| results.extend_from_slice(found.of(case)));
+            })?;
+        }
+        Ok(results)
+    }
+}
+
+impl Running<'_> {
+    /// Waits for the results, and lends them to `read`.
+    pub(crate) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, ProbeError> {
+        let Self { caller, started, calls, rows } = self;
+        let Caller { width, path, .. } = *caller;
+        let mut value = None;
+        let mut view = |words: &[u32], stride: usize| {
+            let (expected, found) = (calls * stride.max(width), words.len());
+            value = Some(match found == expected && stride >= width {
+                true => Ok(read(View { words, stride, width })),
+                false => Err(ProbeError::Length { path, expected, found }),
+            });
+        };
+        if let Err(error) = started(&mut view) {
+            let of = (&*caller.probed, caller.fixtures);
+            let partial = left_open(of, (calls, &rows), error)?;
+            view(&partial.words, partial.stride);
+        }
+        value.unwrap_or(Err(ProbeError::Length { path, expected: calls * width, found: 0 }))
+    }
+
+    /// Waits for the results, and keeps them.
+    pub(crate) fn read(self) -> Result<Results, ProbeError> {
+        self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
+    }
+}
+
+impl<'r> View<'r> {
+    /// How many cases there are.
+    #[inline]
+    pub(crate) fn len(self) -> usize {
+        self.words.len() / self.stride.max(1)
+    }
+
+    /// The words of one case.
+    #[inline]
+    pub(crate) fn of(self, case: usize) -> &'r [u32] {
+        &self.words[case * self.stride..][..self.width]
+    }
+}
+
+impl Results {
+    pub(crate) fn view(&self) -> View<'_> {
+        View { words: &self.words, stride: self.stride, width: self.width }
+    }
+
+    /// The words of one case.
+    pub(crate) fn of(&self, case: usize) -> &[u32] {
+        self.view().of(case)
+    }
+}
