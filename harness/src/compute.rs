@@ -29,11 +29,11 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::golden::ValuesError;
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::{Fault, Verdict};
+use crate::record::Fault;
 use crate::reflect::Overrides;
 use crate::run::{
-    Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed,
-    Passes as Unexpected, PathFailures, Stop, or_panic,
+    Fails, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, PathFailures, Stop,
+    WrongDeclaration, or_panic,
 };
 use crate::settings::SettingsError;
 use crate::tolerance::{LaneError, Tolerance};
@@ -185,43 +185,12 @@ pub enum ComputeError {
         /// The bound.
         bound: f64,
     },
-    /// A path that is declared to fail agrees.
-    #[error(
-        "`{variable}` is as it should be on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove its `fails_on`"
-    )]
-    UnexpectedPass {
-        /// The variable.
-        variable: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
-    /// A path runs passes that it is declared to refuse.
-    #[error(
-        "the passes run on {path}, which is declared to refuse them: {reason}\n\
-         the bug is gone, or hidden: remove its `refused_on`"
-    )]
-    NotRefused {
-        /// The variable that is compared.
-        variable: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
+    /// A declaration of a path doesn't hold, or names no bug.
+    #[error(transparent)]
+    Declaration(#[from] WrongDeclaration),
     /// Several paths fail in several ways, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// A path is declared to fail without a reason.
-    #[error("`{variable}` is declared to fail on {on} without a reason: name the bug")]
-    UnexplainedIssue {
-        /// The variable.
-        variable: String,
-        /// The paths.
-        on: Selector,
-    },
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
@@ -258,14 +227,25 @@ impl From<NotBegun> for ComputeError {
     }
 }
 
-impl ComputeError {
-    /// True if elements are wrong, or a declaration is: otherwise there is no verdict.
+impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Differs(_) | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,
+            Self::Differs(_) => true,
+            Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => source.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
+        }
+    }
+
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Differs(difference) => difference.fault(),
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Dispatch(DispatchError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            other => Fault::of(&other.to_string()),
         }
     }
 }
@@ -280,42 +260,9 @@ impl Stop for ComputeError {
     }
 }
 
-impl ComputeError {
-    /// The same as data.
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Differs(difference) => difference.fault(),
-            Self::Paths(failures) => failures.fault(Self::fault),
-            Self::Dispatch(DispatchError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
-            }
-            other => Fault::of(&other.to_string()),
-        }
-    }
-}
-
 impl Passed for ComputeAgreement {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
-    }
-}
-
-impl Concluded for Result<ComputeAgreement, ComputeError> {
-    fn verdict(&self) -> Verdict {
-        match self {
-            Ok(passed) if passed.known_issues.is_empty() => Verdict::Pass,
-            Ok(_) => Verdict::KnownIssue,
-            Err(error) if error.is_verdict() => Verdict::Fail,
-            Err(_) => Verdict::Error,
-        }
-    }
-
-    fn message(&self) -> Option<String> {
-        self.as_ref().err().map(ToString::to_string)
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.as_ref().err().map(ComputeError::fault)
     }
 }
 
@@ -684,14 +631,6 @@ impl After<'_> {
 
     fn executors(&self) -> Result<Vec<&dyn Executor>, PathError> {
         executor::or_selected(&self.compute.executors)
-    }
-
-    fn passes_unexpectedly(&self, unexpected: Unexpected) -> ComputeError {
-        let (variable, Unexpected { path, declared, reason }) = (self.variable.clone(), unexpected);
-        match declared {
-            Declared::Fails => ComputeError::UnexpectedPass { variable, path, reason },
-            Declared::Refuses => ComputeError::NotRefused { variable, path, reason },
-        }
     }
 }
 

@@ -19,10 +19,10 @@ use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::{Fault, PathFault, Verdict};
+use crate::record::{Fault, PathFault};
 use crate::run::{
-    Concluded, Declared, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes,
-    PathFailures, Stop,
+    Fails, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, PathFailures, Stop,
+    WrongDeclaration,
 };
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
@@ -127,19 +127,9 @@ pub enum FrameError {
     /// A rectangle that isn't in the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A path that is declared to fail agrees.
-    #[error(
-        "`{case}` is as it should be on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove its `fails_on`"
-    )]
-    UnexpectedPass {
-        /// Name of the golden.
-        case: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
+    /// A declaration of a path doesn't hold, or names no bug.
+    #[error(transparent)]
+    Declaration(#[from] WrongDeclaration),
     /// No draw touches a pixel.
     #[error(
         "no draw touches a pixel: each still is what the frame was cleared to, {clear:?}; look at what the \
@@ -149,25 +139,9 @@ pub enum FrameError {
         /// The values that the frame was cleared to.
         clear: [f32; 4],
     },
-    /// A path draws what it is declared to refuse.
-    #[error(
-        "`{case}` is drawn on {path}, which is declared to refuse it: {reason}\n\
-         the bug is gone, or hidden: remove its `refused_on`"
-    )]
-    NotRefused {
-        /// Name of the golden.
-        case: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
     /// Several paths fail, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// A path is declared to fail without a reason.
-    #[error("the frame is declared to fail on {0} without a reason: name the bug")]
-    UnexplainedIssue(Selector),
     /// The golden differs, is missing or can't be used.
     #[error("{}", first_then(source, adapter))]
     Golden {
@@ -178,24 +152,32 @@ pub enum FrameError {
     },
 }
 
-impl FrameError {
-    fn passes(case: &str, Passes { path, declared, reason }: Passes) -> Self {
-        let case = case.to_owned();
-        match declared {
-            Declared::Fails => Self::UnexpectedPass { case, path, reason },
-            Declared::Refuses => Self::NotRefused { case, path, reason },
-        }
-    }
+impl FrameError {}
 
-    /// True if pixels are wrong, or a declaration is: otherwise there is no verdict.
+impl Fails for FrameError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Mean { .. } | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,
+            Self::Mean { .. } => true,
+            Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => {
                 matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })
             }
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
+        }
+    }
+
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Golden { adapter, .. } | Self::Mean { adapter, .. } => {
+                Fault { paths: vec![PathFault::on(adapter)], ..Fault::of(&self.to_string()) }
+            }
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Draw(DrawError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            Self::Draw(DrawError::Rounds(found)) => Fault::of(&self.to_string()).at(Some(&**found)),
+            other => Fault::of(&other.to_string()),
         }
     }
 }
@@ -250,45 +232,9 @@ fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
     }
 }
 
-impl FrameError {
-    /// The same as data.
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Golden { adapter, .. } | Self::Mean { adapter, .. } => {
-                Fault { paths: vec![PathFault::on(adapter)], ..Fault::of(&self.to_string()) }
-            }
-            Self::Paths(failures) => failures.fault(Self::fault),
-            Self::Draw(DrawError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
-            }
-            Self::Draw(DrawError::Rounds(found)) => Fault::of(&self.to_string()).at(Some(&**found)),
-            other => Fault::of(&other.to_string()),
-        }
-    }
-}
-
 impl Passed for FrameMean {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
-    }
-}
-
-impl<T: Passed> Concluded for Result<T, FrameError> {
-    fn verdict(&self) -> Verdict {
-        match self {
-            Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
-            Ok(_) => Verdict::KnownIssue,
-            Err(error) if error.is_verdict() => Verdict::Fail,
-            Err(_) => Verdict::Error,
-        }
-    }
-
-    fn message(&self) -> Option<String> {
-        self.as_ref().err().map(ToString::to_string)
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.as_ref().err().map(FrameError::fault)
     }
 }
 

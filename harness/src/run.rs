@@ -10,8 +10,8 @@ mod reporter;
 
 pub use host::{Host, host};
 pub(crate) use identity::{Identity, NotBegun, Replayed, leave_frame_out, with_inputs};
-pub(crate) use known_issue::{Conclusion, Declared, Judged, KnownIssues, Passes, Stop};
-pub use known_issue::{KnownIssue, PathFailures};
+pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop};
+pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::NotReplayed;
-pub(crate) use reporter::{Concluded, Passed, Reporter, or_panic};
+pub(crate) use reporter::{Fails, Passed, Report, or_panic, reported};

@@ -266,9 +266,9 @@ mod tests {
         let wrong =
             crate::package::Package::from_source("s", "\nfn f(x: f32) -> f32 { return x; }");
         let check = wrong.function("f").over((0.0..=1.0_f32, 0.0..=1.0_f32));
-        let ended = check.unrecorded().try_is_finite();
-        let located = crate::run::Concluded::location(&ended);
-        assert!(located.is_some_and(|place| place.ends_with(":2:1")), "{ended:?}");
+        let failure = check.unrecorded().try_is_finite().expect_err("it takes one");
+        let located = crate::run::Fails::location(&failure);
+        assert!(located.is_some_and(|place| place.ends_with(":2:1")), "{failure:?}");
         let text = returned(&<(f64, f64) as crate::value::Mirror>::shape());
         assert_eq!(text, "returns Material, the reference returns (f32, f32)");
     }

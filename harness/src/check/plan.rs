@@ -3,7 +3,7 @@
 use super::tolerances::Tolerances;
 use super::{Failure, Probe};
 use crate::path::Selected;
-use crate::run::{Declared, KnownIssues, Passes};
+use crate::run::KnownIssues;
 use crate::tolerance::Tolerance;
 
 /// A function with what its author says of a check, but for the cases.
@@ -31,20 +31,7 @@ impl<'a> Plan<'a> {
 
     /// Wants paths that can be, and a reason for each that is declared to fail.
     pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
-        self.known_issues.expect_sound()?;
-        self.tolerance_on.expect_sound()?;
-        self.known_issues.unexplained().map_or(Ok(()), |on| {
-            let (function, on) = (self.probe.name.clone(), on.clone());
-            Err(Failure::UnexplainedIssue { function, on })
-        })
-    }
-
-    /// A path passes that is declared to fail, or runs what it is declared to refuse.
-    pub(super) fn passes(&self, Passes { path, declared, reason }: Passes) -> Failure {
-        let function = self.probe.name.clone();
-        match declared {
-            Declared::Fails => Failure::UnexpectedPass { function, path, reason },
-            Declared::Refuses => Failure::NotRefused { function, path, reason },
-        }
+        self.known_issues.expect_sound::<Failure>(&self.probe.name)?;
+        Ok(self.tolerance_on.expect_sound()?)
     }
 }

@@ -12,7 +12,7 @@ use crate::domain::Stream;
 use crate::executor::Executor;
 use crate::path::Adapter;
 use crate::record::Subject;
-use crate::run::{Conclusion, Identity, Judged, Memory, Reporter, with_inputs};
+use crate::run::{Conclusion, Identity, Judged, Memory, Report, reported, with_inputs};
 
 /// What a verb makes of the verdict before it is recorded.
 pub(super) type Last<'l> =
@@ -57,11 +57,10 @@ impl Plan<'_> {
         demand: &Demand,
         (verb, last): (Body<'_>, Last<'_>),
     ) -> Result<Agreement, Failure> {
-        let reporter = Reporter::start();
         let Asserted { check, text, .. } = asserted;
         let function = self.probe.name.clone();
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
-        let mut subject = Subject::Function {
+        let subject = Subject::Function {
             package: self.probe.root().display().to_string(),
             function,
             check: (*check).to_owned(),
@@ -70,9 +69,9 @@ impl Plan<'_> {
             domain: stream.described(),
             seed,
         };
-        let mut paths = Vec::new();
-        let mut read: Vec<_> = self.probe.module_file().into_iter().collect();
-        let mut run = || {
+        let recorded = || self.recorded && !withheld.load(Ordering::Relaxed);
+        let mut run = |Report { subject, paths, read }: &mut Report| {
+            read.extend(self.probe.module_file());
             self.expect_reasons()?;
             let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
             let own: String = own.collect();
@@ -100,7 +99,7 @@ impl Plan<'_> {
                         inputs,
                     )?;
                     let session = session.remembering(memory.as_ref());
-                    if let Subject::Function { location, .. } = &mut subject {
+                    if let Subject::Function { location, .. } = &mut *subject {
                         *location = session.called.function().span.to_string();
                     }
                     read.extend(session.called.files(&self.probe.fixtures));
@@ -113,16 +112,15 @@ impl Plan<'_> {
                     let told = !self.known_issues.names(tally.path, adapter);
                     Ok(Judged { record, values: session.outcome(tally, told)? })
                 };
-                all.extend(self.known_issues.conclude(&executors, replays, &mut paths, judge));
+                let name = &self.probe.name;
+                all.extend(self.known_issues.conclude(name, &executors, replays, paths, judge));
             }
             self.verdict(&asserted, stream.described(), all)
         };
-        let result = run();
-        let result = last(result, &mut read);
-        if self.recorded && !withheld.load(Ordering::Relaxed) {
-            reporter.record(subject, paths, read, &result);
-        }
-        result
+        reported(subject, &recorded, |report| {
+            let result = run(report);
+            last(result, &mut report.read)
+        })
     }
 }
 

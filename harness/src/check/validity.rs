@@ -2,9 +2,9 @@
 
 use crate::package::Package;
 use crate::path::Adapter;
-use crate::record::{PathRecord, Subject, Verdict};
+use crate::record::{PathRecord, Subject};
 use crate::reflect::{Invalid, ReflectError, Validated};
-use crate::run::{Concluded, Reporter, or_panic};
+use crate::run::{Fails, KnownIssue, Passed, or_panic, reported};
 
 /// The check's name in records.
 const CHECK: &str = "is_valid";
@@ -26,8 +26,6 @@ impl Package {
     /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
     #[track_caller]
     pub fn is_valid(&self) -> Validated {
-        let reporter = Reporter::start();
-        let result = self.try_is_valid();
         let modules = self.modules().unwrap_or_default();
         let subject = Subject::Function {
             package: self.root().display().to_string(),
@@ -38,9 +36,12 @@ impl Package {
             domain: String::new(),
             seed: 0,
         };
-        let read = modules.iter().filter_map(|module| self.file_of(module));
-        reporter.record(subject, paths(&result, modules.len()), read, &result);
-        or_panic(result)
+        or_panic(reported(subject, &|| true, |report| {
+            let result = self.try_is_valid();
+            report.read.extend(modules.iter().filter_map(|module| self.file_of(module)));
+            report.paths = paths(&result, modules.len());
+            result
+        }))
     }
 }
 
@@ -77,26 +78,20 @@ fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord>
     all.map(record).collect()
 }
 
-/// The first place where a package isn't valid.
-fn place(invalid: &Invalid) -> Option<String> {
-    let Invalid::Modules { errors, .. } = invalid else { return None };
-    errors.iter().find_map(|(_, error)| Some(error.diagnostic()?.location()?.to_string()))
+impl Passed for Validated {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &[]
+    }
 }
 
-impl Concluded for Result<Validated, Invalid> {
-    fn verdict(&self) -> Verdict {
-        match self {
-            Ok(_) => Verdict::Pass,
-            Err(Invalid::Modules { .. }) => Verdict::Fail,
-            Err(_) => Verdict::Error,
-        }
+impl Fails for Invalid {
+    fn is_verdict(&self) -> bool {
+        matches!(self, Self::Modules { .. })
     }
 
-    fn message(&self) -> Option<String> {
-        self.as_ref().err().map(ToString::to_string)
-    }
-
+    /// The first place where the package isn't valid.
     fn location(&self) -> Option<String> {
-        self.as_ref().err().and_then(place)
+        let Self::Modules { errors, .. } = self else { return None };
+        errors.iter().find_map(|(_, error)| Some(error.diagnostic()?.location()?.to_string()))
     }
 }

@@ -6,10 +6,12 @@ use super::{Disagreement, Fit, Rejection};
 use super::{Mismatch, Vacuous};
 use crate::golden::ValuesError;
 use crate::output::counted;
-use crate::path::{Adapter, Path, PathError, Selector};
+use crate::path::{Adapter, PathError};
 use crate::probe::ProbeError;
-use crate::record::{Fault, Verdict};
-use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed, PathFailures, Stop};
+use crate::record::Fault;
+use crate::run::{
+    Fails, KnownIssue, NotBegun, NotReplayed, Passed, PathFailures, Stop, WrongDeclaration,
+};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
 
@@ -60,43 +62,12 @@ pub enum Failure {
         /// What is wrong, and what to do.
         source: Box<ValuesError>,
     },
-    /// A path that is declared to fail agrees.
-    #[error(
-        "`{function}` passes on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove its `fails_on`"
-    )]
-    UnexpectedPass {
-        /// The function's path.
-        function: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
-    /// A path runs a function that it is declared to refuse.
-    #[error(
-        "`{function}` runs on {path}, which is declared to refuse it: {reason}\n\
-         the bug is gone, or hidden: remove its `refused_on`"
-    )]
-    NotRefused {
-        /// The function's path.
-        function: String,
-        /// The path.
-        path: Path,
-        /// The declaration.
-        reason: String,
-    },
+    /// A declaration of a path doesn't hold, or names no bug.
+    #[error(transparent)]
+    Declaration(#[from] WrongDeclaration),
     /// Several paths fail in several ways, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// A path is declared to fail without a reason.
-    #[error("`{function}` is declared to fail on {on} without a reason: name the bug")]
-    UnexplainedIssue {
-        /// The function's path.
-        function: String,
-        /// The paths.
-        on: Selector,
-    },
     /// Samples are not what they should be.
     #[error("{0}")]
     Rejection(Box<Rejection>),
@@ -176,17 +147,36 @@ impl Failure {
     pub(super) fn golden(source: ValuesError) -> Self {
         Self::Golden { disagreement: None, source: Box::new(source) }
     }
+}
 
-    /// True if values are wrong, or a declaration is: otherwise there is no verdict.
+impl Fails for Failure {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Disagreement(_)
-            | Self::Rejection(_)
-            | Self::UnexpectedPass { .. }
-            | Self::NotRefused { .. } => true,
+            Self::Disagreement(_) | Self::Rejection(_) => true,
+            Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => source.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
+        }
+    }
+
+    fn fault(&self) -> Fault {
+        match self {
+            Self::Disagreement(found) => found.fault(),
+            Self::Golden { disagreement: Some(found), .. } => found.fault(),
+            Self::Rejection(found) => found.fault(),
+            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Probe(ProbeError::Reflect(error)) => {
+                Fault::of(&self.to_string()).at(error.diagnostic())
+            }
+            other => Fault::of(&other.to_string()),
+        }
+    }
+
+    fn location(&self) -> Option<String> {
+        match self {
+            Self::Signature { location, .. } => Some(location.clone()),
+            _ => None,
         }
     }
 }
@@ -216,22 +206,6 @@ impl From<NotBegun> for Failure {
     }
 }
 
-impl Failure {
-    /// The same as data.
-    fn fault(&self) -> Fault {
-        match self {
-            Self::Disagreement(found) => found.fault(),
-            Self::Golden { disagreement: Some(found), .. } => found.fault(),
-            Self::Rejection(found) => found.fault(),
-            Self::Paths(failures) => failures.fault(Self::fault),
-            Self::Probe(ProbeError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
-            }
-            other => Fault::of(&other.to_string()),
-        }
-    }
-}
-
 impl Passed for Agreement {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
@@ -241,32 +215,6 @@ impl Passed for Agreement {
 impl Passed for Fit {
     fn known_issues(&self) -> &[KnownIssue] {
         &self.known_issues
-    }
-}
-
-impl<T: Passed> Concluded for Result<T, Failure> {
-    fn verdict(&self) -> Verdict {
-        match self {
-            Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
-            Ok(_) => Verdict::KnownIssue,
-            Err(failure) if failure.is_verdict() => Verdict::Fail,
-            Err(_) => Verdict::Error,
-        }
-    }
-
-    fn message(&self) -> Option<String> {
-        self.as_ref().err().map(ToString::to_string)
-    }
-
-    fn fault(&self) -> Option<Fault> {
-        self.as_ref().err().map(Failure::fault)
-    }
-
-    fn location(&self) -> Option<String> {
-        match self {
-            Err(Failure::Signature { location, .. }) => Some(location.clone()),
-            _ => None,
-        }
     }
 }
 

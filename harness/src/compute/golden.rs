@@ -54,7 +54,7 @@ impl After<'_> {
     ) -> Result<ComputeAgreement, ComputeError> {
         let tolerance = tolerance.into();
         let text = format!("golden `{case}`, {tolerance}");
-        self.report(("matches", text), Location::caller(), &mut |report| {
+        self.report(("matches", text), Location::caller(), |report| {
             report.read.extend(goldens.values_read(case));
             let golden = goldens.table(case)?;
             let passes = self.compute.passes()?;

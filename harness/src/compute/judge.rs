@@ -4,12 +4,11 @@ use std::fmt;
 use std::panic::Location;
 
 use super::{After, ComputeAgreement, ComputeError, words};
-use crate::diagnostic::FileRead;
 use crate::dispatch::Passes;
 use crate::executor::Executor;
 use crate::path::Adapter;
 use crate::record::{CaseFault, Fault, PathFault, PathRecord, Replay, Subject};
-use crate::run::{Identity, Judged, Replayed, Reporter, replay};
+use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Shape, hexfloat};
 
@@ -17,13 +16,6 @@ use crate::value::{Shape, hexfloat};
 pub(super) enum Assertion<'a> {
     Agrees(Expected, Tolerance),
     Holds(Statement<'a>),
-}
-
-/// What is recorded of a verdict.
-pub(super) struct Report {
-    subject: Subject,
-    paths: Vec<PathRecord>,
-    pub(super) read: Vec<FileRead>,
 }
 
 /// A reference's elements.
@@ -151,9 +143,7 @@ impl After<'_> {
         place: &'static Location<'static>,
     ) -> Result<ComputeAgreement, ComputeError> {
         let verb = assertion.verb();
-        self.report((verb, assertion.text()), place, &mut |report| {
-            self.judged(&assertion, verb, report)
-        })
+        self.report((verb, assertion.text()), place, |report| self.judged(&assertion, verb, report))
     }
 
     /// Records what a verb finds.
@@ -161,9 +151,8 @@ impl After<'_> {
         &self,
         (verb, text): (&str, String),
         place: &'static Location<'static>,
-        judge: &mut dyn FnMut(&mut Report) -> Result<ComputeAgreement, ComputeError>,
+        judge: impl FnOnce(&mut Report) -> Result<ComputeAgreement, ComputeError>,
     ) -> Result<ComputeAgreement, ComputeError> {
-        let reporter = Reporter::start();
         let subject = Subject::Function {
             package: self.compute.package.root().display().to_string(),
             function: self.last_entry_point().to_owned(),
@@ -173,13 +162,7 @@ impl After<'_> {
             domain: String::new(),
             seed: 0,
         };
-        let mut report = Report { subject, paths: Vec::new(), read: Vec::new() };
-        let result = judge(&mut report);
-        if self.recorded {
-            let Report { subject, paths, read } = report;
-            reporter.record(subject, paths, read, &result);
-        }
-        result
+        reported(subject, &|| self.recorded, judge)
     }
 
     fn last_entry_point(&self) -> &str {
@@ -200,12 +183,8 @@ impl After<'_> {
         if identity.case(function, &identity.check).is_some() {
             replay::done();
         }
-        compute.known_issues.expect_sound()?;
+        compute.known_issues.expect_sound::<ComputeError>(&self.variable)?;
         compute.tolerance_on.expect_sound()?;
-        if let Some(on) = compute.known_issues.unexplained() {
-            let (variable, on) = (self.variable.clone(), on.clone());
-            return Err(ComputeError::UnexplainedIssue { variable, on });
-        }
         let executors = self.executors()?;
         let passes = compute.passes()?;
         report.read.extend(passes.read());
@@ -246,7 +225,13 @@ impl After<'_> {
             let replay = identity.replay(selectable, 0, function, &identity.check, replayed);
             Ok(Judged { record, values: Outcome { elements, sum, replay } })
         };
-        let all = compute.known_issues.conclude(&executors, false, &mut report.paths, on_path);
+        let all = compute.known_issues.conclude(
+            &self.variable,
+            &executors,
+            false,
+            &mut report.paths,
+            on_path,
+        );
         let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
             let entry_points: Vec<&str> = passes.entry_points().collect();
             let paths = differing.into_iter().map(|(adapter, one)| {
@@ -262,8 +247,7 @@ impl After<'_> {
                 agreeing: agreeing.iter().map(|(adapter, _)| adapter.clone()).collect(),
             }))]
         };
-        let (agreed, known_issues) =
-            all.verdict(differ, |passes| self.passes_unexpectedly(passes))?;
+        let (agreed, known_issues) = all.verdict(differ)?;
         let known = known_issues.iter().map(|issue| usize::try_from(issue.cases).unwrap_or(0));
         let elements = agreed.iter().map(|(_, one)| one.elements).chain(known).max().unwrap_or(0);
         let paths = agreed.into_iter().map(|(adapter, one)| (adapter, one.sum.worst)).collect();

@@ -3,7 +3,6 @@
 use std::sync::LazyLock;
 
 use super::{Frame, FrameAgreement, FrameError};
-use crate::diagnostic::FileRead;
 use crate::draw::Source;
 use crate::executor::Executor;
 use crate::golden::{
@@ -15,7 +14,7 @@ use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
-use crate::run::{Concluded, Judged, Reporter, leave_frame_out, or_panic, replay};
+use crate::run::{Judged, Passed, Report, leave_frame_out, or_panic, replay, reported};
 use crate::settings;
 
 impl Frame<'_> {
@@ -47,9 +46,7 @@ impl Frame<'_> {
             return Ok(FrameAgreement { case, paths, known_issues });
         }
         let folder = goldens.folder().display().to_string();
-        self.reported((case.to_owned(), folder), &mut |records, read| {
-            self.compare(goldens, case, records, read)
-        })
+        self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
     /// Notes that the frame isn't drawn, if that is so.
@@ -63,33 +60,23 @@ impl Frame<'_> {
 
     /// Records what a verb finds, under the name of a golden and its folder.
     #[track_caller]
-    pub(super) fn reported<T>(
+    pub(super) fn reported<T: Passed>(
         &self,
         (golden, folder): (String, String),
-        judge: &mut dyn FnMut(&mut Vec<PathRecord>, &mut Vec<FileRead>) -> Result<T, FrameError>,
-    ) -> Result<T, FrameError>
-    where
-        Result<T, FrameError>: Concluded,
-    {
-        let reporter = Reporter::start();
+        judge: impl FnOnce(&mut Report) -> Result<T, FrameError>,
+    ) -> Result<T, FrameError> {
         let location = self.place(std::panic::Location::caller());
-        let (mut records, mut read) = (Vec::new(), Vec::new());
-        let result = judge(&mut records, &mut read);
-        if self.recorded {
-            reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
-        }
-        result
+        reported(Subject::Frame { golden, folder, location }, &|| self.recorded, judge)
     }
 
     fn compare(
         &self,
         goldens: &Goldens,
         case: &str,
-        records: &mut Vec<PathRecord>,
-        read: &mut Vec<FileRead>,
+        Report { paths: records, read, .. }: &mut Report,
     ) -> Result<FrameAgreement, FrameError> {
         replay::begin_frame(case)?;
-        self.expect_reasons()?;
+        self.known_issues.expect_sound::<FrameError>(case)?;
         self.check_tolerances()?;
         if let Some((name, reason)) = self.unusable_aov() {
             return Err(FrameError::Aov(name.to_owned(), reason));
@@ -162,7 +149,7 @@ impl Frame<'_> {
                 _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), source }),
             }
         };
-        let all = self.known_issues.conclude(&executors, false, records, on_path);
+        let all = self.known_issues.conclude(case, &executors, false, records, on_path);
         let differ = |differing: Vec<(Adapter, Compared)>, _: &[(Adapter, Compared)]| {
             let differing = differing.into_iter().filter_map(|(adapter, compared)| {
                 let adapter = Box::new(adapter);
@@ -170,8 +157,7 @@ impl Frame<'_> {
             });
             differing.collect()
         };
-        let (agreeing, known_issues) =
-            all.verdict(differ, |passes| FrameError::passes(case, passes))?;
+        let (agreeing, known_issues) = all.verdict(differ)?;
         let agreeing = agreeing.into_iter();
         let paths = agreeing.filter_map(|(adapter, compared)| Some((adapter, compared.ok()?)));
         Ok(FrameAgreement { case: case.to_owned(), paths: paths.collect(), known_issues })
@@ -182,13 +168,6 @@ impl Frame<'_> {
 type Compared = Result<FrameMargin, Box<GoldenError>>;
 
 impl Frame<'_> {
-    /// Wants paths that can be, and a reason for each that is declared to fail.
-    pub(super) fn expect_reasons(&self) -> Result<(), FrameError> {
-        self.known_issues.expect_sound()?;
-        let unexplained = self.known_issues.unexplained();
-        unexplained.map_or(Ok(()), |on| Err(FrameError::UnexplainedIssue(on.clone())))
-    }
-
     /// Each bounds something, on paths that can be.
     fn check_tolerances(&self) -> Result<(), FrameError> {
         self.tolerance_on.expect_sound()?;

@@ -1,13 +1,12 @@
 //! Compares the mean colour of a part of a frame with an expected one, without a golden.
 
 use super::{Frame, FrameError};
-use crate::diagnostic::FileRead;
 use crate::executor::Executor;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::Adapter;
 use crate::record::PathRecord;
-use crate::run::{Judged, KnownIssue, or_panic, replay};
+use crate::run::{Judged, KnownIssue, Report, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
 
 /// The mean of a rectangle on each path.
@@ -72,27 +71,27 @@ impl Frame<'_> {
             return Ok(FrameMean { paths: Vec::new(), known_issues: Vec::new() });
         }
         let tolerance = tolerance.into();
-        self.reported((format!("mean of {rect}"), String::new()), &mut |records, read| {
-            self.mean(rect, expected, &tolerance, records, read)
+        let name = format!("mean of {rect}");
+        self.reported((name.clone(), String::new()), |report| {
+            self.mean(&name, rect, expected, &tolerance, report)
         })
     }
 
     fn mean(
         &self,
+        name: &str,
         rect: Rect,
         expected: [f64; 3],
         tolerance: &Tolerance,
-        records: &mut Vec<PathRecord>,
-        read: &mut Vec<FileRead>,
+        Report { paths: records, read, .. }: &mut Report,
     ) -> Result<FrameMean, FrameError> {
         if let Some(bound) = tolerance.unusable() {
             return Err(FrameError::Tolerance(format!(
                 "{bound}; a bound is a number of at least 0"
             )));
         }
-        let name = format!("mean of {rect}");
-        replay::begin_frame(&name)?;
-        self.expect_reasons()?;
+        replay::begin_frame(name)?;
+        self.known_issues.expect_sound::<FrameError>(name)?;
         let (width, height) = (self.scene.width, self.scene.height);
         if !rect.fits(width, height) {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));
@@ -118,7 +117,7 @@ impl Frame<'_> {
             };
             Ok::<_, FrameError>(Judged { record, values: (mean, worst) })
         };
-        let all = self.known_issues.conclude(&executors, false, records, on_path);
+        let all = self.known_issues.conclude(name, &executors, false, records, on_path);
         let differ = |differing: Vec<(Adapter, Mean)>, _: &[(Adapter, Mean)]| {
             let off = |(adapter, (mean, worst)): (Adapter, Mean)| FrameError::Mean {
                 adapter: Box::new(adapter),
@@ -129,8 +128,7 @@ impl Frame<'_> {
             };
             differing.into_iter().map(off).collect()
         };
-        let (agreeing, known_issues) =
-            all.verdict(differ, |passes| FrameError::passes(&name, passes))?;
+        let (agreeing, known_issues) = all.verdict(differ)?;
         let paths = agreeing.into_iter().map(|(adapter, (mean, _))| (adapter, mean)).collect();
         Ok(FrameMean { paths, known_issues })
     }

@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 
+use super::Fails;
 use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Fault, PathFault, PathRecord};
@@ -95,6 +96,63 @@ impl<E: Display> Display for PathFailures<E> {
     }
 }
 
+/// A declaration of a path that doesn't hold, or names no bug.
+///
+/// ```
+/// use karat::check::Failure;
+/// use karat::prelude::*;
+/// use karat::run::WrongDeclaration;
+///
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let check = package.function("half").over(0.0..=1.0).fails_on(Path::CPU, " ").unrecorded();
+/// let failure = check.try_is_finite().expect_err("it names no bug");
+/// assert!(matches!(failure, Failure::Declaration(WrongDeclaration::Unexplained { .. })));
+/// ```
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum WrongDeclaration {
+    /// A path that is declared to fail agrees.
+    #[error(
+        "`{subject}` passes on {path}, where it is declared to fail: {reason}\n\
+         the bug is gone, or hidden: remove its `fails_on`"
+    )]
+    UnexpectedPass {
+        /// The function, the golden or the variable.
+        subject: String,
+        /// The path.
+        path: Path,
+        /// The declaration.
+        reason: String,
+    },
+    /// A path runs what it is declared to refuse.
+    #[error(
+        "`{subject}` runs on {path}, which is declared to refuse it: {reason}\n\
+         the bug is gone, or hidden: remove its `refused_on`"
+    )]
+    NotRefused {
+        /// The function, the golden or the variable.
+        subject: String,
+        /// The path.
+        path: Path,
+        /// The declaration.
+        reason: String,
+    },
+    /// A path is declared to fail without a reason.
+    #[error("`{subject}` is declared to fail on {on} without a reason: name the bug")]
+    Unexplained {
+        /// The function, the golden or the variable.
+        subject: String,
+        /// The paths.
+        on: Selector,
+    },
+}
+
+impl WrongDeclaration {
+    /// True if it is of a bug that is gone: otherwise there is no verdict.
+    pub(crate) fn is_verdict(&self) -> bool {
+        !matches!(self, Self::Unexplained { .. })
+    }
+}
+
 /// The declarations of one check or frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KnownIssues {
@@ -102,15 +160,6 @@ pub(crate) struct KnownIssues {
     values: Selected<String>,
     /// Paths that refuse what they are given.
     refusals: Selected<String>,
-}
-
-/// A declaration of a path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Declared {
-    /// `.fails_on(...)`
-    Fails,
-    /// `.refused_on(...)`
-    Refuses,
 }
 
 impl KnownIssues {
@@ -124,10 +173,19 @@ impl KnownIssues {
         declare(&mut self.refusals, on, reason);
     }
 
-    /// Refuses a declaration for what is no path.
-    pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
+    /// Wants paths that can be, and a reason for each that is declared to fail.
+    pub(crate) fn expect_sound<E>(&self, subject: &str) -> Result<(), E>
+    where
+        E: From<PathError> + From<WrongDeclaration>,
+    {
         self.values.expect_sound()?;
-        self.refusals.expect_sound()
+        self.refusals.expect_sound()?;
+        let mut all = self.values.iter().chain(self.refusals.iter());
+        let unexplained = all.find(|(_, reason)| reason.is_empty());
+        unexplained.map_or(Ok(()), |(on, _)| {
+            let (subject, on) = (subject.to_owned(), on.clone());
+            Err(WrongDeclaration::Unexplained { subject, on }.into())
+        })
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -137,12 +195,6 @@ impl KnownIssues {
     /// True if something is declared of a path.
     pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
         self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
-    }
-
-    /// The first declaration without a reason.
-    pub(crate) fn unexplained(&self) -> Option<&Selector> {
-        let mut all = self.values.iter().chain(self.refusals.iter());
-        all.find(|(_, reason)| reason.is_empty()).map(|(selector, _)| selector)
     }
 
     /// Has each path judged, and says what that means by what is declared of it. No path is left out,
@@ -156,6 +208,7 @@ impl KnownIssues {
     /// The record of each path is added to `records`.
     pub(crate) fn conclude<V, E: Stop>(
         &self,
+        subject: &str,
         executors: &[&dyn Executor],
         replays: bool,
         records: &mut Vec<PathRecord>,
@@ -192,13 +245,15 @@ impl KnownIssues {
             records.push(record);
             match (refuses, fails) {
                 (Some(reason), _) => {
-                    all.passing.push(Passes { path, reason, declared: Declared::Refuses });
+                    let subject = subject.to_owned();
+                    all.wrong.push(WrongDeclaration::NotRefused { subject, path, reason });
                 }
                 (None, Some(reason)) if failures > 0 || replays => {
                     all.known.push(KnownIssue { adapter, reason, cases, failures });
                 }
                 (None, Some(reason)) => {
-                    all.passing.push(Passes { path, reason, declared: Declared::Fails });
+                    let subject = subject.to_owned();
+                    all.wrong.push(WrongDeclaration::UnexpectedPass { subject, path, reason });
                 }
                 (None, None) if failures > 0 => all.differing.push((adapter, values)),
                 (None, None) => all.agreeing.push((adapter, values)),
@@ -238,7 +293,7 @@ pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
 /// Why a check, a frame or passes fail.
-pub(crate) trait Stop: Display {
+pub(crate) trait Stop: Fails + From<WrongDeclaration> {
     /// True if a path refused what it was given, before any of it ran.
     fn is_refusal(&self) -> bool;
 
@@ -252,21 +307,12 @@ pub(crate) trait Stop: Display {
         Self: Sized;
 }
 
-/// A path passes that is declared to fail, or runs what it is declared to refuse.
-#[derive(Clone, Debug)]
-pub(crate) struct Passes {
-    pub(crate) path: Path,
-    /// The declaration that doesn't hold.
-    pub(crate) declared: Declared,
-    pub(crate) reason: String,
-}
-
 /// Each path with its verdict.
 pub(crate) struct Conclusion<V, E> {
     asked: usize,
     pub(crate) agreeing: Vec<(Adapter, V)>,
     differing: Vec<(Adapter, V)>,
-    passing: Vec<Passes>,
+    wrong: Vec<WrongDeclaration>,
     stopped: Vec<(Adapter, E)>,
     known: Vec<KnownIssue>,
 }
@@ -274,8 +320,8 @@ pub(crate) struct Conclusion<V, E> {
 impl<V, E> Default for Conclusion<V, E> {
     fn default() -> Self {
         let (agreeing, differing) = (Vec::new(), Vec::new());
-        let (passing, stopped, known) = (Vec::new(), Vec::new(), Vec::new());
-        Self { asked: 0, agreeing, differing, passing, stopped, known }
+        let (wrong, stopped, known) = (Vec::new(), Vec::new(), Vec::new());
+        Self { asked: 0, agreeing, differing, wrong, stopped, known }
     }
 }
 
@@ -295,7 +341,7 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.asked += other.asked;
         self.agreeing.extend(other.agreeing);
         self.differing.extend(other.differing);
-        self.passing.extend(other.passing);
+        self.wrong.extend(other.wrong);
         self.stopped.extend(other.stopped);
         self.known.extend(other.known);
     }
@@ -305,12 +351,11 @@ impl<V, E: Stop> Conclusion<V, E> {
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
-        passes: impl Fn(Passes) -> E,
     ) -> Result<Agreed<V>, E> {
         if self.all_stop_alike() {
             return Err(self.stopped.swap_remove(0).1);
         }
-        let Self { agreeing, differing, passing, mut stopped, known, .. } = self;
+        let Self { agreeing, differing, wrong, mut stopped, known, .. } = self;
         let without = differing.iter().map(|(adapter, _)| &adapter.path);
         let without = without.chain(stopped.iter().map(|(adapter, _)| &adapter.path));
         let without: BTreeSet<String> = without.cloned().collect();
@@ -318,7 +363,7 @@ impl<V, E: Stop> Conclusion<V, E> {
             true => Vec::new(),
             false => differ(differing, &agreeing),
         };
-        failures.extend(passing.into_iter().map(passes));
+        failures.extend(wrong.into_iter().map(E::from));
         match (failures.len(), stopped.len()) {
             (0, 0) => Ok((agreeing, known)),
             (1, 0) => Err(failures.swap_remove(0)),
@@ -347,15 +392,28 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
+        Declaration,
         Paths(PathFailures<Error>),
     }
 
     impl Display for Error {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             match self {
-                Self::Late => f.write_str("late"),
+                Self::Late | Self::Declaration => f.write_str("late"),
                 Self::Paths(paths) => write!(f, "{paths}"),
             }
+        }
+    }
+
+    impl From<WrongDeclaration> for Error {
+        fn from(_: WrongDeclaration) -> Self {
+            Self::Declaration
+        }
+    }
+
+    impl Fails for Error {
+        fn is_verdict(&self) -> bool {
+            false
         }
     }
 
@@ -385,7 +443,7 @@ mod tests {
                 ..Conclusion::default()
             });
         }
-        let Err(Error::Paths(paths)) = all.verdict(|_, _| Vec::new(), |_| Error::Late) else {
+        let Err(Error::Paths(paths)) = all.verdict(|_, _| Vec::new()) else {
             panic!("some paths stop")
         };
         let stopped: Vec<&str> = paths.stopped.iter().map(|(adapter, _)| &*adapter.path).collect();

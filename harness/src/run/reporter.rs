@@ -8,16 +8,16 @@ use crate::diagnostic::FileRead;
 use crate::output::visible;
 use crate::record::{self, Fault, PathRecord, Record, Stopwatch, Subject, Verdict};
 
-/// How a check ends, as far as its record is concerned.
-pub(crate) trait Concluded {
-    /// Pass, known issue, fail or error.
-    fn verdict(&self) -> Verdict;
-    /// What is wrong.
-    fn message(&self) -> Option<String>;
+/// Why a check fails, as far as its record is concerned.
+pub(crate) trait Fails: Display {
+    /// True if values are wrong, or a declaration is: otherwise there is no verdict.
+    fn is_verdict(&self) -> bool;
+
     /// The same as data.
-    fn fault(&self) -> Option<Fault> {
-        self.message().map(|message| Fault::of(&message))
+    fn fault(&self) -> Fault {
+        Fault::of(&self.to_string())
     }
+
     /// `file:line:column` of the function, where a failure knows it.
     fn location(&self) -> Option<String> {
         None
@@ -30,28 +30,41 @@ pub(crate) trait Passed {
     fn known_issues(&self) -> &[KnownIssue];
 }
 
-/// A check whose verdict is going to be recorded.
-pub(crate) struct Reporter {
-    stopwatch: Stopwatch,
+/// What is recorded of a check that runs.
+pub(crate) struct Report {
+    pub(crate) subject: Subject,
+    pub(crate) paths: Vec<PathRecord>,
+    /// The files that its verdict depends on.
+    pub(crate) read: Vec<FileRead>,
 }
 
-impl Reporter {
-    /// The check begins.
-    pub(crate) fn start() -> Self {
-        Self { stopwatch: Stopwatch::start() }
+/// Judges something, and records how that ended unless `recorded` says then that it isn't to be.
+pub(crate) fn reported<T: Passed, E: Fails>(
+    subject: Subject,
+    recorded: &dyn Fn() -> bool,
+    judge: impl FnOnce(&mut Report) -> Result<T, E>,
+) -> Result<T, E> {
+    let stopwatch = Stopwatch::start();
+    let mut report = Report { subject, paths: Vec::new(), read: Vec::new() };
+    let result = judge(&mut report);
+    if recorded() {
+        report.record(&stopwatch, &result);
     }
+    result
+}
 
-    /// Records how it ended, and of which files.
-    pub(crate) fn record(
-        self,
-        mut subject: Subject,
-        paths: Vec<PathRecord>,
-        read: impl IntoIterator<Item = FileRead>,
-        concluded: &impl Concluded,
-    ) {
+impl Report {
+    fn record<T: Passed, E: Fails>(self, stopwatch: &Stopwatch, result: &Result<T, E>) {
+        let Self { mut subject, paths, read } = self;
+        let (verdict, failure) = match result {
+            Ok(passed) if passed.known_issues().is_empty() => (Verdict::Pass, None),
+            Ok(_) => (Verdict::KnownIssue, None),
+            Err(failure) if failure.is_verdict() => (Verdict::Fail, Some(failure)),
+            Err(failure) => (Verdict::Error, Some(failure)),
+        };
         // A check that ends before its function runs has found it all the same.
         if let (Subject::Function { location, .. }, Some(known)) =
-            (&mut subject, concluded.location())
+            (&mut subject, failure.and_then(E::location))
             && location.is_empty()
         {
             *location = known;
@@ -61,13 +74,13 @@ impl Reporter {
             test: identity::test(),
             cargo_package: identity::cargo_package(),
             subject,
-            verdict: concluded.verdict(),
+            verdict,
             paths,
-            message: concluded.message(),
-            fault: concluded.fault(),
+            message: failure.map(ToString::to_string),
+            fault: failure.map(E::fault),
             overlay: record::overlay(),
             read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),
-            time: Some(self.stopwatch.time()),
+            time: Some(stopwatch.time()),
         });
     }
 }

@@ -12,6 +12,8 @@ use karat::path::Selector;
 use karat::probe::ProbeError;
 use karat::reflect::ReflectError;
 
+use karat::run::WrongDeclaration;
+
 use crate::Wrong;
 use crate::declared::{Assertion, Frame};
 
@@ -94,13 +96,22 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
             Vacuous::NoCases | Vacuous::TooManyCases(_) => Some("cases"),
             _ => (!test.over.is_empty()).then_some("over"),
         },
-        Failure::UnexpectedPass { .. } => Some("fails_on"),
-        Failure::NotRefused { .. } => Some("refused_on"),
+        Failure::Declaration(wrong) => Some(of_declaration(wrong)),
         Failure::Probe(ProbeError::Reflect(ReflectError::Override(_))) => Some("override"),
         Failure::Probe(ProbeError::Path(_)) => {
             of_paths.into_iter().find(|(_, paths)| wrong(paths)).map(|(key, _)| key)
         }
         _ => None,
+    }
+}
+
+/// The key of a declaration that doesn't hold.
+fn of_declaration(wrong: &WrongDeclaration) -> &'static str {
+    match wrong {
+        WrongDeclaration::UnexpectedPass { .. } | WrongDeclaration::Unexplained { .. } => {
+            "fails_on"
+        }
+        WrongDeclaration::NotRefused { .. } => "refused_on",
     }
 }
 
@@ -133,8 +144,7 @@ pub(crate) fn frame_key_of(
     };
     match error {
         FrameError::Tolerance(_) => Some("tolerance"),
-        FrameError::UnexpectedPass { .. } => Some("fails_on"),
-        FrameError::NotRefused { .. } => Some("refused_on"),
+        FrameError::Declaration(wrong) => Some(of_declaration(wrong)),
         FrameError::Draw(DrawError::Path(_)) if wrong(&frame.refused_on) => Some("refused_on"),
         FrameError::Draw(DrawError::Path(_)) if wrong(&frame.fails_on) => Some("fails_on"),
         FrameError::Draw(DrawError::Size { .. }) => Some("size"),

@@ -14,7 +14,7 @@ use crate::path::Adapter;
 use crate::probe::{BATCH, Inputs};
 use crate::record::{PathRecord, Subject};
 use crate::reflect::Function;
-use crate::run::{Identity, Judged, Replayed, Reporter};
+use crate::run::{Identity, Judged, Replayed, Report, reported};
 use crate::stats::sidak;
 
 /// A sampler in progress on one path, and the other functions that a check needs.
@@ -52,12 +52,11 @@ pub(super) fn conclude(
 ) -> Result<Fit, Failure> {
     let Sampled { plan, settings, configurations, shapes, recorded, .. } = sampler;
     let function = plan.probe.name.clone();
-    let reporter = Reporter::start();
     let check = hypothesis.check;
     let identity = Identity::of(&function, check)?;
     let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
     let package = plan.probe.package.root().display().to_string();
-    let mut subject = Subject::Function {
+    let subject = Subject::Function {
         package,
         function: function.clone(),
         check: check.to_owned(),
@@ -66,9 +65,8 @@ pub(super) fn conclude(
         domain: String::new(),
         seed,
     };
-    let mut paths = Vec::new();
-    let mut read: Vec<_> = plan.probe.module_file().into_iter().collect();
-    let result = (|| {
+    reported(subject, &|| recorded, |Report { subject, paths, read }| {
+        read.extend(plan.probe.module_file());
         settings.check(&function)?;
         plan.expect_reasons()?;
         let asserted = Asserted::new(check, hypothesis.text.clone());
@@ -95,7 +93,7 @@ pub(super) fn conclude(
                 asserted,
                 inputs,
             )?;
-            if let Subject::Function { location, .. } = &mut subject {
+            if let Subject::Function { location, .. } = &mut *subject {
                 *location = session.called.function().span.to_string();
             }
             read.extend(session.called.files(&plan.probe.fixtures));
@@ -163,7 +161,7 @@ pub(super) fn conclude(
             Ok(Judged { record, values })
         };
         let executors = plan.probe.executors()?;
-        let all = plan.known_issues.conclude(&executors, replays, &mut paths, on_path);
+        let all = plan.known_issues.conclude(&function, &executors, replays, paths, on_path);
         let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
             let Some((_, first)) = differing.first() else { return Vec::new() };
             let rejection = Rejection {
@@ -178,7 +176,7 @@ pub(super) fn conclude(
             };
             vec![Failure::Rejection(Box::new(rejection))]
         };
-        let (agreeing, known_issues) = all.verdict(differ, |passes| plan.passes(passes))?;
+        let (agreeing, known_issues) = all.verdict(differ)?;
         // A path that refuses the sampler has no configurations, so known issues count by themselves.
         let least = match agreeing.is_empty() {
             true => known_issues.iter().map(|issue| issue.cases).min(),
@@ -194,11 +192,7 @@ pub(super) fn conclude(
             paths: agreeing.into_iter().map(|(adapter, one)| (adapter, one.p)).collect(),
             known_issues,
         })
-    })();
-    if recorded {
-        reporter.record(subject, paths, read, &result);
-    }
-    result
+    })
 }
 
 /// The seed of a configuration's random numbers.
