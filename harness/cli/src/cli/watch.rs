@@ -7,10 +7,10 @@
 
 pub(super) mod files;
 mod keys;
+mod resident;
 mod screen;
 mod worker;
 
-use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -25,8 +25,10 @@ use karat_suite::Wrong;
 use super::project::Project;
 use super::search::{Found, stands_for};
 use super::{Ending, Outcome, PackageArgs, resolved};
+pub(super) use resident::Resident;
 use screen::Screen;
-pub(super) use worker::{Reads, Request, Said, Worker};
+use worker::Worker;
+pub(super) use worker::{Reads, Request, Said};
 
 /// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
 const DEADLINE: &str = "10";
@@ -138,15 +140,9 @@ impl Typing {
 /// What one path has of a test.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
-    /// Messages of tests that fail.
-    pub(super) failing: BTreeMap<String, String>,
-    /// Tests that there are, and what couldn't be read as one.
-    pub(super) count: usize,
     /// Tests that the last edit concerned.
     pub(super) ran: usize,
     pub(super) took: Duration,
-    /// Whether tests run.
-    pub(super) busy: bool,
     /// Tests that this path can't judge.
     pub(super) idle: usize,
     /// Why there is no verdict.
@@ -161,11 +157,7 @@ pub(super) struct Verdicts {
 pub(super) struct Lane {
     /// Its path, and of which tests where there are several sources.
     pub(super) name: String,
-    path: String,
-    source: Source,
-    /// Where its process keeps records.
-    records: PathBuf,
-    worker: Option<Worker>,
+    pub(super) resident: Resident,
     pub(super) verdicts: Verdicts,
     /// True if all tests of its path are here.
     pub(super) alone: bool,
@@ -173,22 +165,7 @@ pub(super) struct Lane {
     validates: bool,
     /// Files that its tests read.
     reads: Reads,
-    /// Whether files changed while it ran.
-    again: Option<Asked>,
     began: Instant,
-}
-
-/// What a path is asked for.
-#[derive(Clone, Default)]
-struct Asked {
-    all: bool,
-    changed: Vec<PathBuf>,
-}
-
-impl Asked {
-    fn all() -> Self {
-        Self { all: true, changed: Vec::new() }
-    }
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -265,7 +242,7 @@ struct Watch {
 impl Watch {
     fn run(&mut self, events: &Receiver<Event>, once: bool, out: &mut dyn Write) -> Outcome {
         for index in 0..self.lanes.len() {
-            self.ask(index, Asked::all())?;
+            self.ask(index, all())?;
         }
         self.screen.draw(&self.view(), out)?;
         loop {
@@ -279,8 +256,7 @@ impl Watch {
                     self.changed = files.iter().map(|file| shown(file, &self.folder)).collect();
                     self.screen.say_changed(&self.changed, out)?;
                     for index in 0..self.lanes.len() {
-                        let changed = files.clone();
-                        self.ask(index, Asked { all: false, changed })?;
+                        self.ask(index, Request { changed: files.clone(), ..Request::default() })?;
                     }
                 }
                 Event::Worker(index, said) => self.hear(index, said, out)?,
@@ -293,13 +269,13 @@ impl Watch {
                 Event::Unread => return Ok(Ending::Good),
             }
             self.screen.draw(&self.view(), out)?;
-            if once && self.lanes.iter().all(|lane| !lane.verdicts.busy) {
+            if once && self.lanes.iter().all(|lane| !lane.resident.busy) {
                 let red = |lane: &Lane| {
-                    let Verdicts { broken, failing, invalid, .. } = &lane.verdicts;
-                    broken.is_some() || invalid.is_some() || !failing.is_empty()
+                    let Verdicts { broken, invalid, .. } = &lane.verdicts;
+                    broken.is_some() || invalid.is_some() || !lane.resident.failing.is_empty()
                 };
                 // Each path has the same tests.
-                let none = |lane: &Lane| lane.verdicts.count + lane.verdicts.idle == 0;
+                let none = |lane: &Lane| lane.resident.tests.len() + lane.verdicts.idle == 0;
                 let bad =
                     self.lanes.iter().any(red) || self.lanes.iter().all(none) || self.is_unjudged();
                 return Ok(if bad { Ending::Bad } else { Ending::Good });
@@ -309,7 +285,7 @@ impl Watch {
 
     /// Whether there are tests that no path judges.
     fn is_unjudged(&self) -> bool {
-        let of = |lane: &Lane| lane.source.folder().to_owned();
+        let of = |lane: &Lane| lane.resident.folder().to_owned();
         self.lanes.iter().any(|lane| {
             let mut same = self.lanes.iter().filter(|other| of(other) == of(lane));
             same.all(|other| other.verdicts.idle > 0)
@@ -320,7 +296,7 @@ impl Watch {
     fn concerns(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let ending = file.extension().unwrap_or_default();
-        let is_cargo = |lane: &Lane| matches!(lane.source, Source::Cargo(_));
+        let is_cargo = |lane: &Lane| matches!(lane.resident.source, Source::Cargo(_));
         let is_source = ["wgsl", "wesl"].iter().any(|known| ending == *known)
             || (["rs", "lock"].iter().any(|known| ending == *known)
                 && self.lanes.iter().any(is_cargo))
@@ -348,61 +324,35 @@ impl Watch {
     }
 
     /// Asks a path for the tests that an edit of some files concerns, or for all.
-    fn ask(&mut self, index: usize, asked: Asked) -> anyhow::Result<()> {
+    fn ask(&mut self, index: usize, request: Request) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
-        if lane.verdicts.busy {
-            let again = lane.again.get_or_insert_default();
-            again.all |= asked.all;
-            again.changed.extend(asked.changed);
-            return Ok(());
-        }
-        if lane.worker.is_none() {
-            lane.worker = Some(lane.start(index, &self.sender)?);
-        }
-        lane.began = Instant::now();
-        lane.verdicts.busy = true;
-        lane.verdicts.ran = 0;
-        let request = Request {
-            filter: self.filter.clone(),
-            all: asked.all,
-            first: lane.verdicts.failing.keys().cloned().collect(),
-            changed: asked.changed,
-            validate: lane.validates,
-            report: None,
-        };
-        if let Some(worker) = &mut lane.worker
-            && worker.ask(&request).is_err()
-        {
-            // It ended; its last words come as an event.
-            lane.verdicts.busy = true;
+        let request = Request { filter: self.filter.clone(), validate: lane.validates, ..request };
+        let sender = self.sender.clone();
+        let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
+        if lane.resident.ask(request, tell)? {
+            lane.began = Instant::now();
+            lane.verdicts.ran = 0;
         }
         Ok(())
     }
 
     fn hear(&mut self, index: usize, said: Said, out: &mut dyn Write) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
+        lane.resident.hear(&said);
         match said {
             Said::Test { name, wrong } => {
                 lane.verdicts.ran += 1;
-                match wrong {
-                    Some(Wrong { message, .. }) => {
-                        self.screen.say_failed(&lane.name, &name, &message, out)?;
-                        lane.verdicts.failing.insert(name, message);
-                    }
-                    None => drop(lane.verdicts.failing.remove(&name)),
+                if let Some(Wrong { message, .. }) = wrong {
+                    self.screen.say_failed(&lane.name, &name, &message, out)?;
                 }
                 return Ok(());
             }
-            Said::Done { tests, broken, idle, invalid, remarks, reads } => {
+            Said::Done { broken, idle, invalid, remarks, reads, .. } => {
                 lane.verdicts.idle = idle;
                 lane.verdicts.invalid = invalid;
                 lane.verdicts.remarks = remarks;
                 lane.reads = reads;
-                lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();
-                lane.verdicts.count = tests.len();
-                // Of a module that can't be read nobody knows which tests it has.
-                lane.verdicts.failing.retain(|name, _| tests.contains(name));
                 let broken: Vec<String> = broken.into_iter().map(|wrong| wrong.message).collect();
                 lane.verdicts.broken = (!broken.is_empty()).then(|| broken.join("\n"));
                 self.screen.say_done(lane, out)?;
@@ -417,16 +367,14 @@ impl Watch {
                 return Ok(());
             }
             Said::Ended { why } => {
-                lane.worker = None;
                 self.reports = None;
-                lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();
                 lane.verdicts.broken = Some(why);
                 self.screen.say_done(lane, out)?;
             }
         }
-        if let Some(asked) = self.lanes[index].again.take() {
-            self.ask(index, asked)?;
+        if let Some(request) = self.lanes[index].resident.waited() {
+            self.ask(index, request)?;
         }
         Ok(())
     }
@@ -478,7 +426,7 @@ impl Watch {
     }
 
     fn pending(&self) -> keys::Waiting {
-        let shaders = self.lanes.iter().filter_map(|lane| match &lane.source {
+        let shaders = self.lanes.iter().filter_map(|lane| match &lane.resident.source {
             Source::Shaders(folder) => Some(folder.clone()),
             Source::Cargo(_) => None,
         });
@@ -487,20 +435,15 @@ impl Watch {
 
     /// Asks each path for its records; when all have answered, the report opens.
     fn ask_for_records(&mut self) {
-        let mut asked = 0;
-        for lane in &mut self.lanes {
-            let request = Request { report: Some(lane.report()), ..Request::default() };
-            if let Some(worker) = &mut lane.worker {
-                asked += usize::from(worker.ask(&request).is_ok());
-            }
-        }
+        let asked = self.lanes.iter_mut().map(|lane| lane.resident.ask_for_records());
+        let asked = asked.filter(|asked| *asked).count();
         self.reports = (asked > 0).then_some(asked);
         let wait = "the report opens when the tests have run";
         self.notice = Some(if asked > 0 { wait } else { "no test has run" }.to_owned());
     }
 
     fn open_report(&self) -> String {
-        let files: Vec<PathBuf> = self.lanes.iter().map(Lane::report).collect();
+        let files: Vec<PathBuf> = self.lanes.iter().map(|lane| lane.resident.report()).collect();
         let files: Vec<PathBuf> = files.into_iter().filter(|file| file.is_file()).collect();
         let page = self.project.output().join("watch.html");
         match keys::open_report(&self.project, &files, &page) {
@@ -511,8 +454,8 @@ impl Watch {
 
     fn all_again(&mut self) -> anyhow::Result<bool> {
         for index in 0..self.lanes.len() {
-            self.lanes[index].verdicts.failing.clear();
-            self.ask(index, Asked::all())?;
+            self.lanes[index].resident.failing.clear();
+            self.ask(index, all())?;
         }
         Ok(true)
     }
@@ -522,29 +465,19 @@ impl Lane {
     fn new(index: usize, of: &str, path: &str, source: &Source, records: &Path) -> Self {
         Self {
             name: format!("{path}{of}"),
-            path: path.to_owned(),
-            source: source.clone(),
-            records: records.join(index.to_string()),
-            worker: None,
+            resident: Resident::new(path, source.clone(), records.join(index.to_string())),
             verdicts: Verdicts::default(),
             alone: true,
             validates: false,
             reads: Reads::Any,
-            again: None,
             began: Instant::now(),
         }
     }
+}
 
-    fn start(&self, index: usize, sender: &Sender<Event>) -> anyhow::Result<Worker> {
-        let sender = sender.clone();
-        let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
-        Worker::start(&self.path, &self.source, &self.records, tell)
-    }
-
-    /// The file that its process writes records into.
-    fn report(&self) -> PathBuf {
-        self.records.with_extension("jsonl")
-    }
+/// A request for all tests.
+fn all() -> Request {
+    Request { all: true, ..Request::default() }
 }
 
 /// The folder of all, and those outside of it that its packages import from.

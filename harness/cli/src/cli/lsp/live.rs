@@ -1,6 +1,5 @@
 //! Tests without Rust that run after each save, in processes that stay, as under `karat watch`.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 use std::time::SystemTime;
@@ -8,26 +7,18 @@ use std::time::SystemTime;
 use karat::record::Record;
 use karat_suite::{Suite, Wrong};
 
-use super::super::watch::{Request, Said, Source, Worker};
+use super::super::watch::{Request, Resident, Said, Source};
 use super::Event;
 use super::place::resolved;
 
 /// The tests of one package on one path.
 pub(super) struct Lane {
     pub(super) package: PathBuf,
-    pub(super) path: String,
-    worker: Option<Worker>,
-    /// Where its process keeps records.
-    records: PathBuf,
-    pub(super) busy: bool,
-    again: bool,
+    pub(super) resident: Resident,
     /// When it was last asked.
     asked: SystemTime,
     /// Whether all tests have had a verdict.
     pub(super) done: bool,
-    tests: BTreeSet<String>,
-    /// Tests that fail.
-    pub(super) failing: BTreeMap<String, Wrong>,
     /// Files and functions that can't be read as tests.
     pub(super) broken: Vec<Wrong>,
     pub(super) verdicts: Vec<Record>,
@@ -73,15 +64,9 @@ impl Live {
                 let records = self.records.path().join(self.lanes.len().to_string());
                 self.lanes.push(Lane {
                     package: folder.clone(),
-                    path,
-                    worker: None,
-                    records,
-                    busy: false,
-                    again: false,
+                    resident: Resident::new(&path, Source::Shaders(folder.clone()), records),
                     asked: SystemTime::now(),
                     done: false,
-                    tests: BTreeSet::new(),
-                    failing: BTreeMap::new(),
                     broken: Vec::new(),
                     verdicts: Vec::new(),
                 });
@@ -98,8 +83,7 @@ impl Live {
     pub(super) fn hear(&mut self, index: usize, said: Said) -> anyhow::Result<Told> {
         let Some(lane) = self.lanes.get_mut(index) else { return Ok(Told::Nothing) };
         let told = lane.hear(said);
-        if lane.again && !lane.busy {
-            lane.again = false;
+        if lane.resident.waited().is_some() {
             lane.ask(index, &self.sender)?;
         }
         Ok(told)
@@ -108,48 +92,28 @@ impl Live {
 
 impl Lane {
     fn ask(&mut self, index: usize, sender: &Sender<Event>) -> anyhow::Result<()> {
-        if self.busy {
-            self.again = true;
-            return Ok(());
+        let sender = sender.clone();
+        let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
+        if self.resident.ask(Request::default(), tell)? {
+            self.asked = SystemTime::now();
         }
-        let worker = match &mut self.worker {
-            Some(worker) => worker,
-            none => {
-                let sender = sender.clone();
-                let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
-                let source = Source::Shaders(self.package.clone());
-                none.insert(Worker::start(&self.path, &source, &self.records, tell)?)
-            }
-        };
-        let first = self.failing.keys().cloned().collect();
-        (self.busy, self.asked) = (true, SystemTime::now());
-        // If it has ended, its last words come.
-        drop(worker.ask(&Request { first, ..Request::default() }));
         Ok(())
     }
 
     fn hear(&mut self, said: Said) -> Told {
+        self.resident.hear(&said);
         match said {
-            Said::Test { name, wrong } => {
-                match wrong {
-                    Some(wrong) => drop(self.failing.insert(name, wrong)),
-                    None => drop(self.failing.remove(&name)),
-                }
-                Told::Nothing
-            }
+            Said::Test { .. } => Told::Nothing,
             Said::Done { tests, broken, .. } => {
-                self.failing.retain(|name, _| tests.contains(name));
                 self.verdicts.retain(|record| tests.contains(&record.test));
-                (self.tests, self.broken, self.done) = (tests, broken, true);
-                let request = Request { report: Some(self.report()), ..Request::default() };
-                let asked = self.worker.as_mut().map(|worker| worker.ask(&request));
+                (self.broken, self.done) = (broken, true);
                 // It stays busy until its records are there.
-                self.busy = matches!(asked, Some(Ok(())));
+                self.resident.busy = self.resident.ask_for_records();
                 Told::Verdicts
             }
             Said::Reported { .. } => {
-                self.busy = false;
-                self.verdicts = read(&self.report());
+                self.resident.busy = false;
+                self.verdicts = read(&self.resident.report());
                 // A test that nothing concerned since has its verdict from this time, too.
                 let asked = humantime::format_rfc3339_millis(self.asked).to_string();
                 for time in self.verdicts.iter_mut().filter_map(|record| record.time.as_mut()) {
@@ -158,20 +122,16 @@ impl Lane {
                 Told::Verdicts
             }
             Said::Ended { why } => {
-                (self.worker, self.busy, self.done) = (None, false, false);
+                self.done = false;
                 // What it knew is still true of the files that it saw.
                 Told::Ended(why)
             }
         }
     }
 
-    fn report(&self) -> PathBuf {
-        self.records.with_extension("jsonl")
-    }
-
     /// Whether a test is one of these.
     pub(super) fn has(&self, test: &str) -> bool {
-        self.tests.contains(test)
+        self.resident.tests.contains(test)
     }
 }
 

@@ -325,7 +325,7 @@ impl Server {
         let Some((root, package, subjects)) = self.subjects(file) else { return Vec::new() };
         let verdicts = self.verdicts(root, &Now::of(&self.documents));
         let lanes = self.live.lanes().filter(|lane| lane.package == package);
-        let busy = lanes.into_iter().any(|lane| lane.busy);
+        let busy = lanes.into_iter().any(|lane| lane.resident.busy);
         let known = Known { verdicts: &verdicts, busy, whole: root.knows_all() };
         subjects.lenses(&wanted.text_document.uri, &known)
     }

@@ -63,11 +63,11 @@ impl Server {
         findings::of_records(&current, last, folder, &self.documents, found);
         for lane in self.live.lanes().filter(|lane| self.is_of(root, &lane.package)) {
             // What has no record has no list of files: it is about what is saved.
-            if self.documents.is_unsaved_below(&lane.package) || lane.busy {
+            if self.documents.is_unsaved_below(&lane.package) || lane.resident.busy {
                 continue;
             }
             let recorded = |test: &str| lane.verdicts.iter().any(|record| record.test == test);
-            let failing = lane.failing.iter().filter(|(test, _)| !recorded(test));
+            let failing = lane.resident.failing.iter().filter(|(test, _)| !recorded(test));
             for wrong in failing.map(|(_, wrong)| wrong).chain(&lane.broken) {
                 // A module that isn't valid has been told, as it is in the editor.
                 if let Some(place) = wrong.place.as_deref().and_then(Place::of)
@@ -93,7 +93,8 @@ impl Server {
         let mut all = root.verdicts(now);
         // A path of a test that stays has its verdict there.
         for lane in lanes.iter().filter(|lane| lane.done) {
-            all.current.retain_mut(|record| !lane.has(&record.test) || leave(record, &lane.path));
+            all.current
+                .retain_mut(|record| !lane.has(&record.test) || leave(record, &lane.resident.path));
         }
         let current = live.current.into_iter().chain(all.current).collect();
         let stale = live.stale.into_iter().chain(all.stale).collect();

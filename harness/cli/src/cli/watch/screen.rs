@@ -9,7 +9,7 @@ use crossterm::{cursor, execute, terminal};
 use karat::output::visible;
 
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Lane, Verdicts};
+use super::{Lane, Resident, Verdicts};
 
 /// What there is to see.
 pub(super) struct View<'v> {
@@ -139,8 +139,8 @@ impl Screen {
             let broken = lane.verdicts.broken.as_ref().or(lane.verdicts.invalid.as_ref());
             let broken = broken.map(|why| (lane.name.clone(), why.clone()));
             broken.or_else(|| {
-                let (name, message) = lane.verdicts.failing.first_key_value()?;
-                Some((format!("{name} on {}", lane.name), message.clone()))
+                let (name, wrong) = lane.resident.failing.first_key_value()?;
+                Some((format!("{name} on {}", lane.name), wrong.message.clone()))
             })
         });
         if let Some((title, message)) = worst {
@@ -208,8 +208,9 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
 }
 
 fn words(lane: &Lane) -> (karat::output::Style, String) {
-    let Verdicts { failing, count, ran, took, busy, idle, broken, invalid, remarks } =
-        &lane.verdicts;
+    let Verdicts { ran, took, idle, broken, invalid, remarks } = &lane.verdicts;
+    let Resident { failing, tests, busy, .. } = &lane.resident;
+    let count = &tests.len();
     let mut took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
     if let Some(remark) = remarks.as_ref().and_then(|remarks| remarks.lines().next()) {
         took = format!("{took}; {remark}");

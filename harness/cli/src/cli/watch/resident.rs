@@ -1,0 +1,92 @@
+//! Tests of one source on one path, in a process that stays: `karat watch` and editors ask it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use karat_suite::Wrong;
+
+use super::{Request, Said, Source, Worker};
+
+pub(in crate::cli) struct Resident {
+    pub(in crate::cli) path: String,
+    pub(in crate::cli) source: Source,
+    /// Where its process keeps records.
+    records: PathBuf,
+    worker: Option<Worker>,
+    /// Tests that there are.
+    pub(in crate::cli) tests: BTreeSet<String>,
+    /// Tests that fail.
+    pub(in crate::cli) failing: BTreeMap<String, Wrong>,
+    /// Whether tests run.
+    pub(in crate::cli) busy: bool,
+    /// The request that waits until they have run.
+    waiting: Option<Request>,
+}
+
+impl Resident {
+    pub(in crate::cli) fn new(path: &str, source: Source, records: PathBuf) -> Self {
+        let (path, worker, waiting) = (path.to_owned(), None, None);
+        let (tests, failing) = Default::default();
+        Self { path, source, records, worker, tests, failing, busy: false, waiting }
+    }
+
+    /// Asks for tests, those that fail first. False if others run: then it is asked when they have.
+    pub(in crate::cli) fn ask(
+        &mut self,
+        request: Request,
+        tell: impl Fn(Said) -> bool + Send + 'static,
+    ) -> anyhow::Result<bool> {
+        if self.busy {
+            let waiting = self.waiting.get_or_insert_default();
+            let changed = std::mem::take(&mut waiting.changed).into_iter().chain(request.changed);
+            let (all, changed) = (waiting.all || request.all, changed.collect());
+            *waiting = Request { all, changed, ..request };
+            return Ok(false);
+        }
+        let worker = match &mut self.worker {
+            Some(worker) => worker,
+            none => none.insert(Worker::start(&self.path, &self.source, &self.records, tell)?),
+        };
+        let first = self.failing.keys().cloned().collect();
+        self.busy = true;
+        // If it has ended, its last words come.
+        drop(worker.ask(&Request { first, ..request }));
+        Ok(true)
+    }
+
+    /// Takes note of what the process said.
+    pub(in crate::cli) fn hear(&mut self, said: &Said) {
+        match said {
+            Said::Test { name, wrong: Some(wrong) } => {
+                self.failing.insert(name.clone(), wrong.clone());
+            }
+            Said::Test { name, wrong: None } => drop(self.failing.remove(name)),
+            Said::Done { tests, .. } => {
+                self.failing.retain(|name, _| tests.contains(name));
+                (self.tests, self.busy) = (tests.clone(), false);
+            }
+            Said::Reported { .. } => {}
+            Said::Ended { .. } => (self.worker, self.busy) = (None, false),
+        }
+    }
+
+    /// The request that waited, once nothing runs any more.
+    pub(in crate::cli) fn waited(&mut self) -> Option<Request> {
+        self.waiting.take_if(|_| !self.busy)
+    }
+
+    /// Asks for its records, in [its file](Self::report). False if no process is there.
+    pub(in crate::cli) fn ask_for_records(&mut self) -> bool {
+        let request = Request { report: Some(self.report()), ..Request::default() };
+        self.worker.as_mut().is_some_and(|worker| worker.ask(&request).is_ok())
+    }
+
+    /// The file that its process writes records into.
+    pub(in crate::cli) fn report(&self) -> PathBuf {
+        self.records.with_extension("jsonl")
+    }
+
+    pub(in crate::cli) fn folder(&self) -> &Path {
+        self.source.folder()
+    }
+}
