@@ -65,17 +65,6 @@ pub struct Request {
 }
 
 /// A function of either package.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::compare::Request;
-/// # let package = |text| Package::from_source("m", text);
-/// # let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// # let after = package("fn half(x: f32) -> f32 { return 0.6 * x; }");
-/// let compared = Request::new(before, after).run()?;
-/// assert_eq!(compared[0].function, "half");
-/// # Ok::<(), karat::package::PackageError>(())
-/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
     /// `fresnel::schlick`
@@ -95,17 +84,6 @@ pub struct Compared {
 }
 
 /// What an edit did to a function.
-///
-/// ```
-/// use karat::Package;
-/// use karat::compare::{Change, Request};
-///
-/// let before = Package::from_source("m", "fn f() -> f32 { return 1.0; }");
-/// let after = Package::from_source("m", "fn g() -> f32 { return 1.0; }");
-/// let compared = Request::new(before, after).run()?;
-/// assert!(compared.iter().any(|one| matches!(one.change, Change::Added)));
-/// # Ok::<(), karat::package::PackageError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -141,18 +119,6 @@ pub enum Change {
 }
 
 /// How results changed on one path.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::compare::{Change, Request};
-/// # let package = |text| Package::from_source("m", text);
-/// # let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// # let after = package("fn half(x: f32) -> f32 { return 0.6 * x; }");
-/// if let Change::Changed { paths } = &Request::new(before, after).run()?[0].change {
-///     paths.iter().for_each(|one| println!("{}: {} was {}", one.path, one.after, one.before));
-/// }
-/// # Ok::<(), karat::package::PackageError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
     /// The path.
@@ -182,75 +148,26 @@ impl Compared {
 
 impl Request {
     /// Compares a package with an edited one, on the path `cpu` unless others are named.
-    ///
-    /// ```no_run
-    /// use karat::Package;
-    /// use karat::compare::Request;
-    ///
-    /// let request = Request::new(Package::open("old")?, Package::open("new")?);
-    /// # let _ = request;
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     pub fn new(before: Package, after: Package) -> Self {
         Self { before, after, only: Vec::new(), cases: CASES, paths: vec![Path::CPU] }
     }
 
     /// Only functions whose name contains one of these.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::compare::Request;
-    ///
-    /// let package = || Package::from_source("m", "fn f() -> f32 { return 1.0; } fn g() -> f32 { return 2.0; }");
-    /// assert_eq!(Request::new(package(), package()).only(["g"]).run()?.len(), 1);
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
     /// Inputs of each function, 4,096 unless it is said.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::compare::Request;
-    ///
-    /// # let package = || Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let compared = Request::new(package(), package()).cases(100).run()?;
-    /// # let _ = compared;
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
     /// Runs functions on these paths.
-    ///
-    /// ```
-    /// use karat::compare::Request;
-    /// use karat::{Package, Path};
-    ///
-    /// # let package = || Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let compared = Request::new(package(), package()).paths(vec![Path::CPU]).run()?;
-    /// # let _ = compared;
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     pub fn paths(self, paths: Vec<Path>) -> Self {
         Self { paths, ..self }
     }
 
     /// Compares, in the order of names.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::compare::Request;
-    ///
-    /// let package = || Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// for one in Request::new(package(), package()).run()? {
-    ///     println!("{}: {:?}", one.function, one.change);
-    /// }
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     ///
     /// # Errors
     /// If a package can't be read.

@@ -17,13 +17,6 @@ use self::excerpt::{Excerpt, Excerpts};
 use crate::output::visible;
 
 /// A file of the author, as read.
-///
-/// ```
-/// use karat::diagnostic::SourceFile;
-///
-/// let file = SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}\nfn g() {}".to_owned() };
-/// assert_eq!(file.line_column(13), (2, 4));
-/// ```
 #[derive(PartialEq, Eq)]
 pub struct SourceFile {
     /// Path as shown: relative to the working directory where that is shorter.
@@ -47,13 +40,6 @@ impl SourceFile {
     }
 
     /// Line and column of a byte offset, both counted from 1; columns count characters.
-    ///
-    /// ```
-    /// use karat::diagnostic::SourceFile;
-    ///
-    /// let file = SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}\nfn g() {}".to_owned() };
-    /// assert_eq!(file.line_column(0), (1, 1));
-    /// ```
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
         let offset = self.text.floor_char_boundary(offset);
@@ -65,15 +51,6 @@ impl SourceFile {
 }
 
 /// A stretch of one author's file.
-///
-/// ```
-/// use std::sync::Arc;
-///
-/// use karat::diagnostic::{SourceFile, Span};
-///
-/// let file = Arc::new(SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}".to_owned() });
-/// assert_eq!(Span { file, range: 3..4 }.to_string(), "m.wgsl:1:4");
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
@@ -101,13 +78,6 @@ impl fmt::Display for Span {
 }
 
 /// A message with labelled places in the author's files.
-///
-/// ```
-/// use karat::diagnostic::Diagnostic;
-///
-/// let message = Diagnostic::new("there is no `shlick`").note("did you mean `schlick`?");
-/// assert!(message.to_string().contains("did you mean"));
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// What is wrong, in one sentence.
@@ -120,29 +90,11 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// A message without a place.
-    ///
-    /// ```
-    /// use karat::diagnostic::Diagnostic;
-    ///
-    /// let diagnostic = Diagnostic::new("there is no function `hlaf`");
-    /// assert_eq!(diagnostic.message, "there is no function `hlaf`");
-    /// ```
     pub fn new(message: impl Into<String>) -> Self {
         Self { message: message.into(), labels: Vec::new(), notes: Vec::new() }
     }
 
     /// Adds a place.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::diagnostic::Diagnostic;
-    /// use karat::reflect::Program;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let half = Program::of_function(&package, "half")?.function("half")?;
-    /// println!("{}", Diagnostic::new("it isn't tested").at(half.span, "this one"));
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn at(mut self, span: Span, remark: impl Into<String>) -> Self {
         self.labels.push((span, remark.into()));
@@ -150,13 +102,6 @@ impl Diagnostic {
     }
 
     /// Adds a hint.
-    ///
-    /// ```
-    /// use karat::diagnostic::Diagnostic;
-    ///
-    /// let diagnostic = Diagnostic::new("there is no function `hlaf`").note("did you mean `half`?");
-    /// assert_eq!(diagnostic.notes, ["did you mean `half`?"]);
-    /// ```
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.notes.push(note.into());
@@ -164,24 +109,12 @@ impl Diagnostic {
     }
 
     /// Where to look first.
-    ///
-    /// ```
-    /// use karat::diagnostic::Diagnostic;
-    ///
-    /// assert!(Diagnostic::new("nothing is tested").location().is_none());
-    /// ```
     #[must_use]
     pub fn location(&self) -> Option<&Span> {
         self.labels.first().map(|(span, _)| span)
     }
 
     /// The message as a warning: something to know that fails nothing.
-    ///
-    /// ```
-    /// use karat::diagnostic::Diagnostic;
-    ///
-    /// assert!(Diagnostic::new("nothing tests it").to_warning().starts_with("warning: nothing"));
-    /// ```
     #[must_use]
     pub fn to_warning(&self) -> String {
         self.shown(codespan::Severity::Warning)
@@ -248,12 +181,6 @@ impl std::error::Error for Diagnostic {}
 
 /// The name in `known` that `unknown` was most likely meant to be, if one is close: its last `::`
 /// part is equal, or at most a third of the letters differ.
-///
-/// ```
-/// use karat::diagnostic::nearest;
-///
-/// assert_eq!(nearest("fresnel::shlick", ["fresnel::schlick", "tone::map"]), Some("fresnel::schlick"));
-/// ```
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -272,12 +199,6 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
 
 /// BLAKE3 of a text of shaders, in hexadecimal. A line ends with `\n` or `\r\n`, as the checkout has it: the
 /// text is the same, and so is the hash.
-///
-/// ```
-/// use karat::diagnostic::text_hash;
-///
-/// assert_eq!(text_hash(b"const A = 1.0;\r\n"), text_hash(b"const A = 1.0;\n"));
-/// ```
 #[must_use]
 pub fn text_hash(text: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -291,13 +212,6 @@ pub fn text_hash(text: &[u8]) -> String {
 }
 
 /// A file that was read, with a hash of what was in it then.
-///
-/// ```
-/// use karat::diagnostic::FileRead;
-///
-/// let file = "shaders/brdf.wgsl".as_ref();
-/// assert_ne!(FileRead::of(file, b"fn f() {}"), FileRead::of(file, b"fn g() {}"));
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct FileRead {
     /// The file, with its folders from the root.
@@ -308,26 +222,12 @@ pub struct FileRead {
 
 impl FileRead {
     /// A file with these bytes.
-    ///
-    /// ```
-    /// use karat::diagnostic::FileRead;
-    ///
-    /// let (one, other) = (FileRead::of("a.wgsl".as_ref(), b"a"), FileRead::of("a.wgsl".as_ref(), b"b"));
-    /// assert_ne!(one.hash, other.hash);
-    /// ```
     #[must_use]
     pub fn of(file: &Path, bytes: &[u8]) -> Self {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
     /// A file that isn't there or can't be read. When it appears, what depends on it changes.
-    ///
-    /// ```
-    /// use karat::diagnostic::FileRead;
-    ///
-    /// let missing = FileRead::missing("sky.wgsl".as_ref());
-    /// assert!(missing.file.ends_with("sky.wgsl"));
-    /// ```
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -335,13 +235,6 @@ impl FileRead {
     }
 
     /// A file as it is now.
-    ///
-    /// ```no_run
-    /// use karat::diagnostic::FileRead;
-    ///
-    /// let read = FileRead::now("shaders/sky.wgsl".as_ref());
-    /// println!("{}: {}", read.file.display(), read.hash);
-    /// ```
     #[must_use]
     pub fn now(file: &Path) -> Self {
         read_file(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
@@ -349,14 +242,6 @@ impl FileRead {
 }
 
 /// The bytes of a file that an author wrote. A pipe, a socket or a device is none: reading it may never end.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let file = folder.path().join("brdf.csv");
-/// std::fs::write(&file, "x,result")?;
-/// assert_eq!(karat::diagnostic::read_file(&file)?, b"x,result");
-/// # Ok::<(), std::io::Error>(())
-/// ```
 ///
 /// # Errors
 /// If it isn't there, isn't a file, or can't be read.
@@ -370,11 +255,6 @@ pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
 
 /// A path as people read it best: absolute without `..`, or relative to the working directory. The
 /// working directory itself is `.`.
-///
-/// ```
-/// let shown = karat::diagnostic::shown("shaders/sky.wgsl".as_ref());
-/// assert!(shown.ends_with("sky.wgsl"));
-/// ```
 pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();

@@ -118,38 +118,6 @@ pub(crate) struct Wanted {
 }
 
 /// Dispatches whose shaders are valid and whose fixtures fit them.
-///
-/// ```
-/// # use karat::dispatch::{Afterwards, DispatchError, Passes};
-/// # use karat::executor::Executor;
-/// # use karat::path::Adapter;
-/// # use karat::prelude::*;
-/// # use karat::probe::{Call, Prepared, ProbeError};
-/// # #[derive(Debug)]
-/// # struct Mine;
-/// # impl Executor for Mine {
-/// #     fn path(&self) -> Path {
-/// #         Path::CPU
-/// #     }
-/// #     fn adapter(&self) -> Adapter {
-/// #         let (path, name) = ("cpu".to_owned(), "Mine".to_owned());
-/// #         Adapter { path, name, driver: String::new(), software: true }
-/// #     }
-/// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-/// #         unreachable!("no function is called")
-/// #     }
-/// // What an executor makes of them.
-/// fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
-///     assert_eq!(passes.entry_points().count(), 1);
-///     Ok(vec![(0, vec![7])]) // the only resource holds a 7
-/// }
-/// # }
-/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
-/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
-/// # let package = Package::from_source("m", text);
-/// # let compute = package.compute().with("data", Storage::new([0_u32])).on(&Mine);
-/// # compute.dispatch("count", [1, 1, 1]).after("data").agrees_with([7_u32], Abs(0.0));
-/// ```
 #[derive(Debug)]
 pub struct Passes {
     pub(crate) passes: Vec<Pass>,
@@ -250,40 +218,6 @@ impl Passes {
     }
 
     /// The entry points, in the order in which they are dispatched.
-    ///
-    /// ```
-    /// # use karat::dispatch::{Afterwards, DispatchError, Passes};
-    /// # use karat::executor::Executor;
-    /// # use karat::path::Adapter;
-    /// # use karat::prelude::*;
-    /// # use karat::probe::{Call, Prepared, ProbeError};
-    /// # #[derive(Debug)]
-    /// # struct Mine;
-    /// # impl Executor for Mine {
-    /// #     fn path(&self) -> Path {
-    /// #         Path::CPU
-    /// #     }
-    /// #     fn adapter(&self) -> Adapter {
-    /// #         let (path, name) = ("cpu".to_owned(), "Mine".to_owned());
-    /// #         Adapter { path, name, driver: String::new(), software: true }
-    /// #     }
-    /// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-    /// #         unreachable!("no function is called")
-    /// #     }
-    /// #     fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
-    /// // In an executor's `dispatch`, of `.dispatch("clear", ...).dispatch("count", ...)`.
-    /// assert!(passes.entry_points().eq(["clear", "count"]));
-    /// #         Ok(vec![(0, vec![7])])
-    /// #     }
-    /// # }
-    /// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
-    /// #             @compute @workgroup_size(1) fn clear() { data[0] = 0u; }
-    /// #             @compute @workgroup_size(1) fn count() { data[0] += 7u; }";
-    /// # let package = Package::from_source("m", text);
-    /// # let compute = package.compute().with("data", Storage::new([0_u32])).on(&Mine);
-    /// # let compute = compute.dispatch("clear", [1, 1, 1]).dispatch("count", [1, 1, 1]);
-    /// # compute.after("data").agrees_with([7_u32], Abs(0.0));
-    /// ```
     pub fn entry_points(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|pass| pass.name.as_str())
     }

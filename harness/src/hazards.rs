@@ -60,15 +60,6 @@ pub struct Request {
 }
 
 /// An operation at which something goes wrong.
-///
-/// ```
-/// use karat::hazards::Kind;
-/// # use karat::prelude::*;
-/// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
-/// let hazard = &package.hazards().input("x", 0.0..=1.0).run()?.found[0];
-/// assert_eq!((hazard.kind, hazard.text.as_str()), (Kind::Infinite, "1.0 / x"));
-/// # Ok::<(), karat::hazards::HazardError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hazard {
     /// What goes wrong.
@@ -102,15 +93,6 @@ pub struct Hazard {
 }
 
 /// What was found in a package.
-///
-/// ```
-/// # use karat::prelude::*;
-/// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
-/// let hazards = package.hazards().run()?;
-/// println!("{hazards}"); // as `karat hazards` prints it
-/// assert_eq!(hazards.functions, 1);
-/// # Ok::<(), karat::hazards::HazardError>(())
-/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
     /// The package.
@@ -133,13 +115,6 @@ pub struct Hazards {
 }
 
 /// Parts of functions that weren't looked at.
-///
-/// ```
-/// # use karat::prelude::*;
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// assert_eq!(package.hazards().run()?.unseen, Default::default());
-/// # Ok::<(), karat::hazards::HazardError>(())
-/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
     /// Inputs that make a loop count to more than some thousands.
@@ -204,57 +179,24 @@ impl Package {
 
 impl Request {
     /// Only functions whose name contains one of these.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
-    ///             fn half(x: f32) -> f32 { return 0.5 * x; }";
-    /// let package = Package::from_source("m", text);
-    /// assert!(package.hazards().only(["half"]).run()?.found.is_empty());
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
     /// Inputs of each function, 1,024 unless it is said.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let hazards = package.hazards().cases(64).run()?;
-    /// assert_eq!(hazards.functions, 1);
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
     /// Reports what `karat.toml` accepts, too.
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # static SHADERS: Package = karat::package!("shaders");
-    /// for hazard in SHADERS.hazards().with_accepted().run()?.found {
-    ///     println!("{}: {:?}", hazard.text, hazard.accepted);
-    /// }
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     #[must_use]
     pub fn with_accepted(self) -> Self {
         Self { with_accepted: true, ..self }
     }
 
     /// What arguments and members of this name are, in every function.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
-    /// assert!(package.hazards().input("x", 1.0..=2.0).run()?.found.is_empty());
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     #[must_use]
     pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
         let (least, most) = range.into_inner();
@@ -264,13 +206,6 @@ impl Request {
 
     /// Looks.
     ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// assert!(package.hazards().run()?.found.is_empty());
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
-    ///
     /// # Errors
     /// If the package can't be read, no function can be looked at, or a declaration isn't true.
     pub fn run(&self) -> Result<Hazards, HazardError> {
@@ -278,13 +213,6 @@ impl Request {
     }
 
     /// [`run`](Self::run), which tells how many functions are done, one more each time, and of how many.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// package.hazards().run_with(&|done, all| eprintln!("{done} of {all}"))?;
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -650,14 +578,6 @@ impl AcceptedHazard {
 
 impl Hazard {
     /// The lines below the first: where it came from, what it means and what else shows it.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
-    /// let hazard = &package.hazards().input("x", 0.0..=1.0).run()?.found[0];
-    /// assert!(hazard.details().to_string().trim_start().starts_with("inverse with x = 0"));
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
     }

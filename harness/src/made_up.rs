@@ -27,28 +27,11 @@ pub(crate) use resources::{Resources, VARIANTS};
 ///
 /// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an
 /// argument (`params.groups`), which comes first.
-///
-/// ```
-/// use karat::made_up::Ranges;
-///
-/// let mut ranges = Ranges::default();
-/// ranges.declare("roughness", 0.05, 1.0).expect("it is a range");
-/// assert!(ranges.declare("ior", 2.0, 1.0).is_err());
-/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ranges(BTreeMap<String, (f64, f64)>);
 
 impl Ranges {
     /// Those that a package's `karat.toml` declares.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::made_up::Ranges;
-    ///
-    /// let package = Package::from_source("m", "fn f() -> f32 { return 1.0; }");
-    /// assert_eq!(Ranges::of(&package)?, Ranges::default());
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
     ///
     /// # Errors
     /// If `karat.toml` can't be read.
@@ -57,12 +40,6 @@ impl Ranges {
     }
 
     /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
-    ///
-    /// ```
-    /// # use karat::made_up::Ranges;
-    /// let mut ranges = Ranges::default();
-    /// ranges.declare("eta", 1.0, 2.5).expect("it is a range");
-    /// ```
     ///
     /// # Errors
     /// If an end isn't finite or the first is above the second, in a sentence.
@@ -86,18 +63,6 @@ impl Ranges {
 }
 
 /// The parts of a [`Dynamic`] domain for an argument of which the name and the type are known.
-///
-/// ```
-/// use karat::domain::Dynamic;
-/// use karat::made_up::{Ranges, suggested};
-/// use karat::value::{Scalar, Shape};
-///
-/// let roughness = ("perceptualRoughness".to_owned(), Shape::Scalar(Scalar::F32));
-/// let parts = suggested(&roughness.0, &roughness.1, &Ranges::default())?;
-/// let domain = Dynamic::new(&[roughness], vec![parts]);
-/// assert_eq!(domain.described(), "perceptualRoughness from 0 to 1");
-/// # Ok::<(), String>(())
-/// ```
 ///
 /// # Errors
 /// If a declared range has no value of the argument's type, in a sentence.
@@ -277,18 +242,6 @@ impl Arguments {
 }
 
 /// One call of a function, of which nothing is given.
-///
-/// ```
-/// # use karat::prelude::*;
-/// # use karat::probe::Probed;
-/// use karat::made_up::{MadeUp, Ranges};
-///
-/// let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
-/// let probed = Probed::new(&package, "half")?;
-/// let made = MadeUp::of(&probed, &Ranges::default(), 0).expect("it is made up");
-/// assert_eq!((made.lanes.len(), made.drawn.to_string().as_str()), (1, "from 0 to 1: alpha"));
-/// # Ok::<(), karat::probe::ProbeError>(())
-/// ```
 #[cfg(feature = "engine")]
 #[derive(Clone, Debug)]
 pub struct MadeUp {
@@ -306,17 +259,6 @@ pub struct MadeUp {
 impl MadeUp {
     /// Case `case` of those that a search tries: edges come first.
     ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # use karat::made_up::{MadeUp, Ranges};
-    /// # use karat::probe::Probed;
-    /// # let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
-    /// # let half = Probed::new(&package, "half")?;
-    /// let none = MadeUp::of(&half, &Ranges::default(), 1_000_000);
-    /// assert!(none.is_err(), "there are fewer cases");
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
-    ///
     /// # Errors
     /// If a resource can't be made up, or a declared range has no value of its argument's type, in a sentence.
     pub fn of(probed: &crate::probe::Probed, ranges: &Ranges, case: usize) -> Result<Self, String> {
@@ -333,17 +275,6 @@ impl MadeUp {
     }
 
     /// The arguments of that function, by their names.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # use karat::made_up::{MadeUp, Ranges};
-    /// # use karat::probe::Probed;
-    /// # let package = Package::from_source("m", "fn half(alpha: f32) -> f32 { return 0.5 * alpha; }");
-    /// # let half = Probed::new(&package, "half")?;
-    /// let made = MadeUp::of(&half, &Ranges::default(), 0).expect("it is made up");
-    /// assert_eq!(made.arguments(half.function())[0].0, "alpha");
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
         let mut rest = &*self.lanes;
@@ -361,14 +292,6 @@ impl MadeUp {
 const CASES: usize = 1024;
 
 /// The ranges that names were drawn from: for a report.
-///
-/// ```
-/// # use karat::prelude::*;
-/// let package = Package::from_source("m", "fn inverse(x: f32, alpha: f32) -> f32 { return alpha / x; }");
-/// let drawn = package.hazards().run()?.drawn.to_string();
-/// assert!(drawn.ends_with("from 0 to 1: alpha"), "{drawn}");
-/// # Ok::<(), karat::hazards::HazardError>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[serde(transparent)]
 pub struct Drawn {
@@ -396,14 +319,6 @@ impl Drawn {
 
 impl Drawn {
     /// A line for each kind of number: what it is drawn from, and at most so many of the names that are.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let package = Package::from_source("m", "fn f(u: f32, t: f32, n: vec3f) -> f32 { return u * t; }");
-    /// let lines = package.hazards().run()?.drawn.lines(1);
-    /// assert_eq!(lines, ["a unit vector: n", "from 0 to 1: t and 1 more"]);
-    /// # Ok::<(), karat::hazards::HazardError>(())
-    /// ```
     #[must_use]
     pub fn lines(&self, most: usize) -> Vec<String> {
         let line = |(text, names): (&String, &BTreeSet<String>)| {

@@ -45,13 +45,6 @@ use crate::package::Package;
 use crate::tolerance::{Abs, Rel, Tolerance};
 
 /// How far a row gets on a column.
-///
-/// ```
-/// use karat::matrix::Status;
-///
-/// assert!(Status::Executed > Status::Valid, "what runs was found valid before");
-/// assert_eq!("agrees".parse(), Ok(Status::Agrees));
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -70,12 +63,6 @@ impl Status {
     pub const ALL: [Self; 4] = [Self::Translated, Self::Valid, Self::Executed, Self::Agrees];
 
     /// The name in tables and on the command line.
-    ///
-    /// ```
-    /// use karat::matrix::Status;
-    ///
-    /// assert_eq!(Status::Valid.name(), "valid");
-    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -104,17 +91,6 @@ impl fmt::Display for Status {
 }
 
 /// Why a row gets no further.
-///
-/// ```
-/// # use karat::Package;
-/// use karat::matrix::Stop;
-///
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let stopped = &matrix.rows[0].cells[0].stopped;
-/// assert!(matches!(stopped, Some(Stop::NothingToCompare(_))), "there is one column");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "why", content = "says")]
 pub enum Stop {
@@ -140,13 +116,6 @@ pub enum Stop {
 
 impl Stop {
     /// Its words.
-    ///
-    /// ```
-    /// use karat::matrix::Stop;
-    ///
-    /// let stop = Stop::Rejected("`spirv-val shader.spv`: invalid".to_owned());
-    /// assert_eq!(stop.text(), "`spirv-val shader.spv`: invalid");
-    /// ```
     #[must_use]
     pub fn text(&self) -> &str {
         match self {
@@ -164,13 +133,6 @@ impl Stop {
 
     /// Whether something is wrong: of the translation, of what runs it or of what judges it. The
     /// others say what isn't here or can't be.
-    ///
-    /// ```
-    /// use karat::matrix::Stop;
-    ///
-    /// assert!(Stop::Differs("12 of 512 cases differ from `vulkan`".to_owned()).is_wrong());
-    /// assert!(!Stop::NoValidator("none of the validators of msl is here".to_owned()).is_wrong());
-    /// ```
     #[must_use]
     pub fn is_wrong(&self) -> bool {
         use Stop::{Broke, Differs, Panicked, Rejected};
@@ -179,18 +141,6 @@ impl Stop {
 }
 
 /// A row on a column.
-///
-/// ```
-/// # use karat::Package;
-/// use karat::matrix::Status;
-///
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let cell = &matrix.rows[0].cells[0]; // of the first column
-/// assert_eq!(cell.status, Some(Status::Executed));
-/// assert_eq!(cell.compared, 0); // nothing else ran it
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// How far it got; `None`: not even a translation.
@@ -231,29 +181,12 @@ pub struct Cell {
 
 impl Cell {
     /// The translation, if it is a text.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["glsl".parse()?]).run()?;
-    /// let glsl = matrix.rows[0].cells[0].text().expect("naga translates it");
-    /// assert!(glsl.contains("float half"));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         self.code.as_ref()?.text()
     }
 
     /// Whether its results are others than those of the column that it is compared with.
-    ///
-    /// ```
-    /// use karat::matrix::{Cell, Stop};
-    ///
-    /// let stop = Stop::Differs("12 of 512 cases differ from `vulkan`".to_owned());
-    /// assert!(Cell { stopped: Some(stop), ..Cell::default() }.differs());
-    /// assert!(!Cell::default().differs());
-    /// ```
     #[must_use]
     pub fn differs(&self) -> bool {
         matches!(self.stopped, Some(Stop::Differs(_)))
@@ -261,16 +194,6 @@ impl Cell {
 }
 
 /// What the author wrote.
-///
-/// ```
-/// # use karat::Package;
-/// let text = "// Takes half of x.\nfn half(x: f32) -> f32 { return 0.5 * x; }";
-/// let package = Package::from_source("m", text);
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let source = &matrix.rows[0].source;
-/// assert!(source.line == 2 && source.text.starts_with("fn half"));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
     /// The file.
@@ -282,14 +205,6 @@ pub struct Source {
 }
 
 /// A buffer that an entry point was run with.
-///
-/// ```
-/// use karat::matrix::Buffer;
-///
-/// let sizes = Buffer { group: 0, binding: 2, bytes: vec![64, 0, 0, 0, 32, 0, 0, 0] };
-/// let words: Vec<u32> = bytemuck::pod_collect_to_vec(&sizes.bytes);
-/// assert_eq!(words, [64, 32]); // what `@group(0) @binding(2)` held
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Buffer {
     /// Its group.
@@ -301,16 +216,6 @@ pub struct Buffer {
 }
 
 /// A function or an entry point on every column.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let row = &matrix.rows[0];
-/// assert_eq!((&*row.name, &*row.kind, row.cells.len()), ("half", "function", 1));
-/// assert!(row.text.contains("@compute"), "a kernel calls it");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// `module::name`
@@ -393,61 +298,24 @@ impl Package {
 
 impl Request {
     /// These columns only.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Column;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let columns: [Column; 2] = ["cpu".parse()?, "glsl".parse()?];
-    /// let matrix = package.matrix().columns(columns).run()?;
-    /// assert!(matrix.columns.iter().map(|head| &*head.name).eq(["cpu", "glsl"]));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn columns(self, columns: impl IntoIterator<Item = Column>) -> Self {
         Self { columns: columns.into_iter().collect(), ..self }
     }
 
     /// Calls each function with so many cases.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).cases(100).run()?;
-    /// assert_eq!(matrix.cases, 100);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
     /// Lets results of two columns differ by so much.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let exact = package.matrix().within(Ulp(0.0).or(Abs(1e-30))); // tiny ones may become 0
-    /// let matrix = exact.columns(["cpu".parse()?, "vulkan".parse()?]).run()?;
-    /// matrix.expect_no_findings();
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn within(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { within: tolerance.into(), ..self }
     }
 
     /// Only rows whose name contains one of these.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let text = "fn half(x: f32) -> f32 { return 0.5 * x; } fn twice(x: f32) -> f32 { return 2.0 * x; }";
-    /// # let package = Package::from_modules("m", [("tone", text)]);
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).only(["tone::h"]).run()?;
-    /// assert!(matrix.rows.iter().map(|row| &*row.name).eq(["tone::half"]));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
@@ -456,17 +324,6 @@ impl Request {
     /// Declares that a row doesn't get to a status on a column, or on the paths of a selector
     /// (`:hlsl`, `@swiftshader`). It is a [finding](Matrix::findings) if it does. `[[matrix]]` in
     /// `karat.toml` declares the same.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Status;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let request = package.matrix().columns(["cpu".parse()?]);
-    /// let matrix = request.fails_on("cpu", "half", Status::Agrees, "naga#1234").run()?;
-    /// assert!(matrix.rows[0].cells[0].known.is_some());
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn fails_on(mut self, column: &str, row: &str, status: Status, reason: &str) -> Self {
         let [row, column, reason] = [row, column, reason].map(str::to_owned);
@@ -477,33 +334,12 @@ impl Request {
     /// Writes to a file which row runs where, as nothing else can be done about a driver that hangs or
     /// crashes than to begin again. A row that ran as a process ended runs alone, and if it ends one once
     /// more it isn't run: its cells say why. [`restarted`] runs a program that does this.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// # let folder = tempfile::tempdir()?;
-    /// let file = folder.path().join("journal.jsonl");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).journal(&file).run()?;
-    /// assert!(file.exists(), "each row began and ended");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn journal(self, file: &Path) -> Self {
         Self { journal: Some(file.to_owned()), ..self }
     }
 
     /// Makes the matrix.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// for row in &matrix.rows {
-    ///     println!("{} at {}", row.name, row.location);
-    /// }
-    /// assert_eq!(matrix.rows.len(), 1);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// If the package can't be read, has no function and no entry point, a setting is wrong, or the
@@ -513,15 +349,6 @@ impl Request {
     }
 
     /// [`run`](Self::run), which tells how many rows are done, one more each time, and of how many.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let request = package.matrix().columns(["cpu".parse()?]);
-    /// let matrix = request.run_with(&|done, all| eprintln!("{done} of {all}"))?;
-    /// assert_eq!(matrix.rows.len(), 1);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// As [`run`](Self::run).

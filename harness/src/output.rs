@@ -13,17 +13,6 @@ use std::sync::LazyLock;
 
 /// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. The string holds the
 /// commands (ECMA-48, SGR) that begin it.
-///
-/// ```no_run
-/// use std::io::Write;
-///
-/// use karat::output::{Output, Style};
-///
-/// let (bad, mut out) = (Style::BAD, Output::stdout());
-/// writeln!(out, "{bad}FAILS{bad:#} fresnel::schlick")?;
-/// out.finish()?;
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
@@ -57,17 +46,6 @@ impl fmt::Display for Style {
 }
 
 /// Marks a text whose terminal commands are our own, so that an [`Output`] lets them pass.
-///
-/// ```
-/// use std::io::Write;
-///
-/// use karat::output::{Output, trusted};
-///
-/// let mut seen = Vec::new();
-/// write!(Output::new(&mut seen), "{} {}", trusted("\u{1b}[1mbold"), "\u{1b}[2J")?;
-/// assert_eq!(seen, b"\x1b[1mbold \\u{1b}[2J"); // what isn't trusted is shown
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
@@ -75,19 +53,6 @@ pub fn trusted(text: &str) -> String {
 
 /// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal
 /// commands in it are escaped.
-///
-/// ```
-/// use std::io::Write;
-///
-/// use karat::output::{Output, with_colours};
-///
-/// let mut seen = Vec::new();
-/// let red = with_colours("\u{1b}[31mred\u{1b}[0m \u{1b}[2J");
-/// write!(Output::new(&mut seen), "{red}")?;
-/// let seen = String::from_utf8_lossy(&seen);
-/// assert!(seen.contains("red") && !seen.contains("\u{1b}[2J"), "the screen isn't cleared");
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -103,12 +68,6 @@ pub fn with_colours(text: &str) -> String {
 }
 
 /// `1 check`, `12 checks`: a count with what it counts, whose plural has an `s`.
-///
-/// ```
-/// use karat::output::counted;
-///
-/// assert_eq!((counted(1_u64, "check"), counted(12_u64, "check")), ("1 check".into(), "12 checks".into()));
-/// ```
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     // What doesn't fit is many.
@@ -132,24 +91,12 @@ fn commands(character: char) -> bool {
 }
 
 /// A text in which terminal commands are escaped: `\u{1b}`. A line may end as on Windows.
-///
-/// ```
-/// use karat::output::visible;
-///
-/// assert_eq!(visible("a file \u{1b}[2J"), "a file \\u{1b}[2J");
-/// ```
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
 /// A text in one line: [`visible`], and with ends of lines and tabs escaped, too.
-///
-/// ```
-/// use karat::output::one_line;
-///
-/// assert_eq!(one_line("a\n::error::b"), "a\\u{a}::error::b");
-/// ```
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {
     let ends = |character: char| matches!(character, '\n' | '\r' | '\t') || commands(character);
@@ -168,13 +115,6 @@ const LONGEST_NAME: usize = 1000;
 
 /// A name that every format can hold, by one rule, wherever it comes from: [`one_line`], and of more than
 /// 1000 bytes the first and the beginning of a hash, so that no two names become one.
-///
-/// ```
-/// use karat::output::name;
-///
-/// assert_eq!(name("brdf::schlick"), "brdf::schlick");
-/// assert_eq!(name(&"a".repeat(1 << 20)).len(), 1000);
-/// ```
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
@@ -193,12 +133,6 @@ pub(crate) fn name_within(text: &str, most: usize) -> Cow<'_, str> {
 
 /// A text within Markdown that neither Markdown nor HTML takes for its own: no cell of a table ends in it, and
 /// it has no tag, link, image or code.
-///
-/// ```
-/// use karat::output::markdown;
-///
-/// assert_eq!(markdown("a|b\n<img>"), "a&#124;b &lt;img&gt;");
-/// ```
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
@@ -207,12 +141,6 @@ pub fn markdown(text: &str) -> String {
 }
 
 /// [`visible`] for JSON, where such characters occur within strings and become `\u001b`.
-///
-/// ```
-/// use karat::output::visible_json;
-///
-/// assert_eq!(visible_json("\"\u{7f}\""), "\"\\u007f\"");
-/// ```
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
@@ -245,17 +173,6 @@ fn styled(text: &str) -> String {
 /// Writing to it never fails. If the reader has gone, the rest is dropped, so that a command does
 /// the same, with the same exit code, whether or not anybody reads. Any other error is returned by
 /// [`finish`](Self::finish).
-///
-/// ```no_run
-/// use std::io::Write;
-///
-/// use karat::output::Output;
-///
-/// let mut out = Output::stdout();
-/// writeln!(out, "{} tests", 3)?;
-/// out.finish()?; // a full disk is an error here
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
@@ -274,15 +191,6 @@ enum State {
 
 impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
     /// Standard output, with colours if it is a terminal that has them.
-    ///
-    /// ```
-    /// use std::io::Write;
-    ///
-    /// use karat::output::Output;
-    ///
-    /// writeln!(Output::stdout(), "3 tests")?;
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn stdout() -> Self {
         Self::new(anstream::stdout().lock())
@@ -291,15 +199,6 @@ impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
 
 impl Output<anstream::AutoStream<io::Stderr>> {
     /// Standard error, which others may write to at the same time.
-    ///
-    /// ```
-    /// use std::io::Write;
-    ///
-    /// use karat::output::Output;
-    ///
-    /// writeln!(Output::stderr(), "nothing is tested")?;
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn stderr() -> Self {
         Self::new(anstream::stderr())
@@ -308,33 +207,11 @@ impl Output<anstream::AutoStream<io::Stderr>> {
 
 impl<W: Write> Output<W> {
     /// Writes to `inner`.
-    ///
-    /// ```
-    /// use std::io::Write;
-    ///
-    /// use karat::output::Output;
-    ///
-    /// let mut out = Output::new(Vec::new());
-    /// writeln!(out, "3 tests")?;
-    /// out.finish()?;
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn new(inner: W) -> Self {
         Self { inner, line: Vec::new(), state: State::Open }
     }
 
     /// Writes what is left.
-    ///
-    /// ```
-    /// use std::io::Write;
-    ///
-    /// use karat::output::Output;
-    ///
-    /// let mut out = Output::new(Vec::new());
-    /// writeln!(out, "3 tests")?;
-    /// out.finish()?; // what couldn't be written is an error
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     ///
     /// # Errors
     /// If something couldn't be written for another reason than that the reader has gone.
@@ -394,10 +271,6 @@ impl<W: Write> Drop for Output<W> {
 
 /// Tells people something that isn't a result, on standard error. If that is closed, the text is
 /// lost: there is nowhere left to report it.
-///
-/// ```no_run
-/// karat::output::tell("waits for another run to end");
-/// ```
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // An output of our own doesn't fail.

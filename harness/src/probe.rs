@@ -49,17 +49,6 @@ use crate::reflect::{Function, Overrides, Program, ReflectError};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
-///
-/// ```
-/// use karat::Package;
-/// use karat::probe::Probed;
-///
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let probed = Probed::new(&package, "half")?;
-/// assert_eq!(probed.function().parameters.len(), 1);
-/// assert!(probed.kernel().contains("@compute"));
-/// # Ok::<(), karat::probe::ProbeError>(())
-/// ```
 #[derive(Clone, Debug)]
 pub struct Probed {
     pub(crate) program: Arc<Program>,
@@ -70,15 +59,6 @@ pub struct Probed {
 impl Probed {
     /// Prepares a probe of `path` (`fresnel::schlick`).
     ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::probe::Probed;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// assert!(Probed::new(&package, "half").is_ok());
-    /// assert!(Probed::new(&package, "hlaf").is_err());
-    /// ```
-    ///
     /// # Errors
     /// If there is no such function, the shader isn't valid, or a kernel can't call it.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
@@ -86,16 +66,6 @@ impl Probed {
     }
 
     /// The same with values of overrides, by their names or numbers.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::probe::Probed;
-    ///
-    /// let text = "override GAIN: f32; fn louder(x: f32) -> f32 { return GAIN * x; }";
-    /// let package = Package::from_source("m", text);
-    /// let gain = [("GAIN".to_owned(), 2.0)].into();
-    /// assert!(Probed::with_overrides(&package, "louder", &gain).is_ok());
-    /// ```
     ///
     /// # Errors
     /// Those of [`new`](Self::new); and if an override has no value, or there is no such override.
@@ -137,14 +107,6 @@ impl Probed {
 
     /// Takes note of how long what it writes is, which its fixtures say.
     ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::probe::Probed;
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// Probed::new(&package, "half")?.fit(&Vec::new())?; // it writes nothing
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
-    ///
     /// # Errors
     /// If fixtures and variables don't match.
     pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
@@ -165,15 +127,6 @@ impl Probed {
 
     /// The same where these parameters are given with their derivatives. Others are too, in vain, if
     /// the function isn't one of fragments.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::probe::Probed;
-    /// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(x); }");
-    /// let probed = Probed::new(&package, "slope")?.with_quads(&[true]);
-    /// assert!(probed.function().parameters[0].1.quad().is_some());
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
@@ -198,15 +151,6 @@ impl Probed {
 
     /// The same where each parameter that has a float is given with its derivatives, if the function
     /// takes any: with arguments that don't vary each derivative is 0, and nothing is tried.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::probe::Probed;
-    /// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(x); }");
-    /// let probed = Probed::new(&package, "slope")?.with_varying();
-    /// assert!(probed.function().parameters[0].1.quad().is_some());
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
@@ -222,45 +166,18 @@ impl Probed {
     }
 
     /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::probe::Probed;
-    /// let text = "fn slope(x: f32) -> f32 { return dpdx(x); } fn half(x: f32) -> f32 { return 0.5 * x; }";
-    /// let package = Package::from_source("m", text);
-    /// assert!(Probed::new(&package, "slope")?.takes_derivatives());
-    /// assert!(!Probed::new(&package, "half")?.takes_derivatives());
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {
         self.function.form.fragment
     }
 
     /// The function's signature, place, comment and resources.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::probe::Probed;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// assert_eq!(Probed::new(&package, "half")?.function().parameters[0].0, "x");
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn function(&self) -> &Function {
         &self.function
     }
 
     /// The function with all that it uses.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::probe::Probed;
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// assert!(Probed::new(&package, "half")?.program().text().contains("0.5 * x"));
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
@@ -270,15 +187,6 @@ impl Probed {
     pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
 
     /// The whole text that is compiled: the function with all that it uses, then the kernel.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::probe::Probed;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// println!("{}", Probed::new(&package, "half")?.kernel()); // as `karat show` prints it
-    /// # Ok::<(), karat::probe::ProbeError>(())
-    /// ```
     #[must_use]
     pub fn kernel(&self) -> &str {
         &self.kernel.text
@@ -287,15 +195,6 @@ impl Probed {
 
 impl ProbeError {
     /// Whether it is the path that can't do what the function needs, so that others may.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::probe::Probed;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let error = Probed::new(&package, "quarter").expect_err("there is no such function");
-    /// assert!(!error.is_of_path(), "no path can call it");
-    /// ```
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         match self {
@@ -424,20 +323,6 @@ pub enum ProbeError {
 }
 
 /// Results of which some words were never written. They still are a NaN.
-///
-/// ```
-/// use karat::probe::ProbeError;
-///
-/// fn told(error: &ProbeError) -> String {
-///     match error {
-///         ProbeError::ResultNotWritten { path, partial, .. } => format!("{path}: {partial:?}"),
-///         other => other.to_string(),
-///     }
-/// }
-/// # let package = karat::Package::from_source("m", "fn f() -> f32 { return 1.0; }");
-/// # let error = karat::probe::Probed::new(&package, "g").unwrap_err();
-/// # assert!(told(&error).contains("no function `g`"), "{}", told(&error));
-/// ```
 #[derive(Debug)]
 pub struct Partial {
     /// The words of each case, and one more.

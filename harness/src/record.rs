@@ -33,14 +33,6 @@ use crate::path::Adapter;
 pub const SCHEMA: u32 = 3;
 
 /// What a check concluded.
-///
-/// ```no_run
-/// use karat::record::Verdict;
-///
-/// let records = karat::record::read("target/karat/last".as_ref())?;
-/// assert!(records.iter().all(|record| record.verdict == Verdict::Pass));
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -55,13 +47,6 @@ pub enum Verdict {
 }
 
 /// One verdict.
-///
-/// ```no_run
-/// for record in karat::record::read("target/karat/last".as_ref())? {
-///     println!("{}: {}", record.test, record.message.as_deref().unwrap_or("as it should be"));
-/// }
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// See [`SCHEMA`].
@@ -99,15 +84,6 @@ pub struct Record {
 
 /// When a verdict was made and how long it took, for people who look for slow tests. It isn't part
 /// of the verdict, and differs from run to run.
-///
-/// ```
-/// use karat::record::Time;
-///
-/// let json = r#"{ "started": "2026-01-31T12:00:00.000Z", "seconds": 0.25 }"#; // within a record
-/// let time: Time = serde_json::from_str(json)?;
-/// assert!(time.seconds < 1.0, "it began at {} and is slow", time.started);
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
     /// When the check began, in UTC: `2026-01-31T12:00:00.000Z`.
@@ -140,18 +116,6 @@ impl Stopwatch {
 }
 
 /// What a verdict is about.
-///
-/// ```no_run
-/// use karat::record::Subject;
-///
-/// for record in karat::record::read("target/karat/last".as_ref())? {
-///     match &record.subject {
-///         Subject::Function { function, check, .. } => println!("{function} {check}"),
-///         Subject::Frame { golden, .. } => println!("frame {golden}"),
-///     }
-/// }
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Subject {
@@ -187,15 +151,6 @@ pub enum Subject {
 }
 
 /// The results of one path.
-///
-/// ```no_run
-/// for record in karat::record::read("target/karat/last".as_ref())? {
-///     for path in &record.paths {
-///         println!("{} of {} cases fail on {}", path.failures, path.cases, path.adapter);
-///     }
-/// }
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathRecord {
     /// Path, adapter and driver.
@@ -254,15 +209,6 @@ impl PathRecord {
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
 /// another driver may fail the check and be right.
-///
-/// ```
-/// use karat::record::Grant;
-///
-/// let json = r#"{ "cases": 256, "wider": 12, "worst": 1.5 }"#; // of a path in a record
-/// let grant: Grant = serde_json::from_str(json)?;
-/// assert!(grant.wider > 0, "another driver may fail this check and be right");
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grant {
     /// Cases that were looked at: a sample.
@@ -279,18 +225,6 @@ pub struct Grant {
 
 /// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
 /// records may be incomplete: they don't show that something wasn't tested.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let record = folder.path();
-/// use karat::record::Run;
-///
-/// # let selected = vec!["fresnel".to_owned()];
-/// # Run { selected, ..Run::default() }.write(record)?;
-/// let run = Run::read(record)?.expect("it has ended");
-/// assert!(run.passed && run.selected == ["fresnel"]); // `karat test fresnel`
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// See [`SCHEMA`].
@@ -336,17 +270,6 @@ impl Run {
     const FILE: &'static str = "run.json";
 
     /// Writes it beside the records of a folder.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let record = folder.path();
-    /// use karat::record::Run;
-    ///
-    /// let run = Run { passed: false, ..Run::default() };
-    /// run.write(record)?;
-    /// assert_eq!(Run::read(record)?, Some(run));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// If the file can't be written.
@@ -457,14 +380,6 @@ pub(crate) fn leave_out(test: &str) {
 
 /// The tests of a folder of records whose frames were left out (`KARAT_FRAMES=off`).
 ///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let record = folder.path();
-/// std::fs::write(record.join("7.left-out"), "sky\n")?; // as a process of tests does
-/// assert!(karat::record::left_out(record)?.contains("sky"));
-/// # Ok::<(), std::io::Error>(())
-/// ```
-///
 /// # Errors
 /// If a file can't be read.
 pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
@@ -503,15 +418,6 @@ pub enum RecordError {
 }
 
 /// The record of a run.
-///
-/// ```no_run
-/// use karat::record::Recorded;
-///
-/// if let Some(recorded) = Recorded::read("target/karat/last".as_ref())? {
-///     println!("{} verdicts", recorded.records.len());
-/// }
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Where it is.
@@ -560,18 +466,6 @@ impl Recorded {
 }
 
 /// Whether a run of a folder of records was killed, and none has begun since.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let records = folder.path();
-/// use karat::record::{Running, was_killed};
-///
-/// let running = Running::begin(records)?;
-/// assert!(!was_killed(records), "it lives");
-/// drop(running);
-/// assert!(!was_killed(records), "it gave up by itself");
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[must_use]
 pub fn was_killed(records: &Path) -> bool {
     // One that has ended holds nothing.
@@ -646,22 +540,6 @@ impl Record {
     }
 
     /// Orders records by what they are about, and those of one test about the same as they were made.
-    ///
-    /// ```
-    /// # use karat::record::SCHEMA;
-    /// use karat::record::Record;
-    ///
-    /// # let record = |name: &str| -> Result<Record, serde_json::Error> {
-    /// #     serde_json::from_value(serde_json::json!({
-    /// #         "schema": SCHEMA, "test": name, "verdict": "pass", "paths": [], "message": null,
-    /// #         "subject": { "kind": "frame", "golden": name },
-    /// #     }))
-    /// # };
-    /// let mut records = vec![record("sky")?, record("cloud")?]; // of several runs, say
-    /// Record::sort(&mut records);
-    /// assert_eq!(records[0].test, "cloud");
-    /// # Ok::<(), serde_json::Error>(())
-    /// ```
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {

@@ -60,16 +60,6 @@ use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::package::{Linked, LinkedModule, Package, PackageError};
 
 /// A linked and validated shader: text, IR, and the way back to the author's files.
-///
-/// ```
-/// use karat::Package;
-/// use karat::reflect::Program;
-///
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let program = Program::of_function(&package, "half")?;
-/// assert_eq!(program.function("half")?.parameters[0].0, "x");
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Debug)]
 pub struct Program {
     linked: Linked,
@@ -90,10 +80,6 @@ struct Checked {
 const MOST_CHECKED: usize = 2048;
 
 /// A stage of a draw.
-///
-/// ```
-/// assert_ne!(karat::reflect::Stage::Vertex, karat::reflect::Stage::Fragment);
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// `@vertex`
@@ -134,14 +120,6 @@ pub enum ReflectError {
 
 impl ReflectError {
     /// The message with its places, if it has some.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
-    /// let error = Program::of_function(&wrong, "half").unwrap_err();
-    /// assert_eq!(error.diagnostic().unwrap().location().unwrap().to_string(), "<m>:1:33");
-    /// ```
     #[must_use]
     pub fn diagnostic(&self) -> Option<&Diagnostic> {
         match self {
@@ -186,16 +164,6 @@ impl Program {
 
     /// Links and validates a whole module with all that it declares. If the module imports nothing
     /// and has no conditions, naga gets it unchanged.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::reflect::Program;
-    ///
-    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(1.0); }";
-    /// let program = Program::of_module(&Package::from_modules("m", [("sky", text)]), "sky")?;
-    /// assert_eq!(program.module().entry_points.len(), 1);
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
@@ -292,15 +260,6 @@ impl Program {
     }
 
     /// The linked WGSL.
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::reflect::Program;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// assert!(Program::of_function(&package, "half")?.text().contains("0.5 * x"));
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn text(&self) -> &str {
         self.linked.text()
@@ -312,33 +271,12 @@ impl Program {
     }
 
     /// naga's IR of [`text`](Self::text).
-    ///
-    /// ```
-    /// use karat::Package;
-    /// use karat::reflect::Program;
-    ///
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let program = Program::of_function(&package, "half")?;
-    /// assert_eq!(program.module().functions.len(), 1);
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn module(&self) -> &naga::Module {
         &self.checked.module
     }
 
     /// The author's place for a range of [`text`](Self::text).
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let text = "const HALF = 0.5;\nfn half(x: f32) -> f32 { return HALF * x; }";
-    /// let program = Program::of_function(&Package::from_source("m", text), "half")?;
-    /// let at = program.text().find("HALF * x").expect("it is there");
-    /// let span = program.resolve(at..at + 8).expect("its author wrote it");
-    /// assert_eq!((&*span.file.text, span.range), (text, 50..58));
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)

@@ -151,12 +151,6 @@ pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
 }
 
 /// One of Karat's variables, with its value in the environment.
-///
-/// ```
-/// let variables = karat::settings::variables();
-/// let deadline = variables.iter().find(|one| one.name == "KARAT_DEADLINE").expect("there is one");
-/// println!("{}: {}", deadline.about, deadline.value.as_deref().unwrap_or("not set"));
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Variable {
@@ -169,11 +163,6 @@ pub struct Variable {
 }
 
 /// Every variable that Karat reads.
-///
-/// ```
-/// let names: Vec<&str> = karat::settings::variables().iter().map(|one| one.name).collect();
-/// assert!(names.contains(&"KARAT_PATHS"));
-/// ```
 #[must_use]
 pub fn variables() -> Vec<Variable> {
     let value = |name| Some(set(name)?.to_string_lossy().into_owned());
@@ -223,11 +212,6 @@ pub(crate) fn case_as_typed() -> String {
 }
 
 /// Whether the environment can be used.
-///
-/// ```
-/// karat::settings::check()?; // refuses `KARAT_PATSH=gl`
-/// # Ok::<(), karat::settings::SettingsError>(())
-/// ```
 ///
 /// # Errors
 /// If a variable is unknown, or has a value that it can't have.

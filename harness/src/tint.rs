@@ -30,11 +30,6 @@ const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 
                       of an installed one, of a `tint` or of a Chromium";
 
 /// Tint as this machine has it.
-///
-/// ```
-/// let tint = karat::tint::Tint::beside("shaders".as_ref(), false);
-/// println!("{}", tint.map_or_else(|missing| missing.to_string(), |tint| tint.to_string()));
-/// ```
 pub struct Tint {
     kind: Kind,
     /// The process that stays; `None` before the first question and after it ended.
@@ -42,12 +37,6 @@ pub struct Tint {
 }
 
 /// Tint isn't here.
-///
-/// ```
-/// # fn shown(missing: &karat::tint::Missing) {
-/// eprintln!("Tint wasn't asked: {missing}");
-/// # }
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Missing {
@@ -115,15 +104,6 @@ impl Tint {
     /// KARAT_TINT names another one, or is `off`. A Chromium takes a second to start, so one that KARAT_TINT
     /// doesn't name is taken only if `needed`.
     ///
-    /// ```
-    /// use karat::tint::Tint;
-    ///
-    /// match Tint::beside("shaders".as_ref(), false) {
-    ///     Ok(tint) => println!("{tint}"),
-    ///     Err(missing) => println!("Tint wasn't asked: {missing}"),
-    /// }
-    /// ```
-    ///
     /// # Errors
     /// If there is none, with the reason and how to get it.
     pub fn beside(folder: &Path, needed: bool) -> Result<Arc<Self>, Missing> {
@@ -162,12 +142,6 @@ impl Tint {
     }
 
     /// Its version: `webgpu 0.6.2, Node 20.20.2`. Asking starts it.
-    ///
-    /// ```
-    /// if let Ok(tint) = karat::tint::Tint::beside(".".as_ref(), false) {
-    ///     println!("{}", tint.version().unwrap_or_else(|broken| broken));
-    /// }
-    /// ```
     ///
     /// # Errors
     /// If it doesn't run, with the reason.

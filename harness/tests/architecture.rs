@@ -373,16 +373,49 @@ fn without_example(items: &[Item]) -> Vec<&str> {
     without.map(|(name, _)| name.as_str()).collect()
 }
 
-/// Whoever looks an item up sees it used.
+/// Rooms and files that are for tools around tests, whose authors read the command line's source.
+const TOOLS: [&str; 23] = [
+    "output",
+    "diagnostic",
+    "settings",
+    "stats",
+    "tint",
+    "reflect",
+    "probe",
+    "made_up",
+    "dispatch",
+    "interpret",
+    "record",
+    "run",
+    "hazards",
+    "compare",
+    "matrix",
+    "golden/acceptance",
+    "golden/changes",
+    "golden/compare",
+    "golden/pending",
+    "golden/provenance",
+    "golden/table",
+    "draw/drawing",
+    "check/wgsl_test",
+];
+
+/// Test authors see each item used that they meet.
 #[test]
-fn every_public_item_has_an_example() {
+fn what_test_authors_meet_has_an_example() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
     sources(&root, &mut files);
     files.sort();
+    let below = |file: &Path| file.strip_prefix(&root).expect("below src").with_extension("");
+    let is_of = |file: &Path, tool: &str| below(file).starts_with(tool);
+    for tool in TOOLS {
+        assert!(files.iter().any(|file| is_of(file, tool)), "there is no `{tool}` any more");
+    }
+    files.retain(|file| !TOOLS.iter().any(|tool| is_of(file, tool)));
     let read = |file| PublicItems::of(&std::fs::read_to_string(file).expect("UTF-8"));
     let all: Vec<Item> = files.iter().flat_map(read).collect();
-    assert!(all.len() > 500, "only {} public items were found", all.len());
+    assert!(all.len() > 250, "only {} public items were found", all.len());
     let missing = without_example(&all).join(", ");
     assert!(
         missing.is_empty(),

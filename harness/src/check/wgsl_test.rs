@@ -15,19 +15,6 @@ use crate::value::{Scalar, Shape};
 const TESTED: &str = "karat_tested";
 
 /// A function with `@test`.
-///
-/// ```wgsl
-/// import package::fresnel::schlick;
-/// import karat::{expect_near, expect_in_range};
-///
-/// @test fn grazing_light_is_reflected_whole() {
-///     expect_near(schlick(0.04, 0.0), 1.0, 1e-6);
-/// }
-///
-/// @test @cases(10000) fn is_a_fraction(@over(0, 1) f0: f32, @over(0, 1) cosine: f32) {
-///     expect_in_range(schlick(f0, cosine), 0.0, 1.0);
-/// }
-/// ```
 #[derive(Clone, Debug)]
 pub struct WgslTest {
     /// `brdf_test::is_a_fraction`
@@ -64,16 +51,6 @@ struct Made {
 impl Package {
     /// The tests of each of some modules, in the order of lines: functions with `@test`. Whether each is
     /// valid WGSL is seen when it is [used](WgslTest::parameters).
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let text = "import karat::expect_near;
-    ///             @test fn adds() { expect_near(1.0 + 1.0, 2.0, 0.0); }";
-    /// let package = Package::from_modules("m", [("m_test", text)]);
-    /// let tests = package.tests_in(&["m_test".to_owned()])?.remove(0)?; // of the first module
-    /// assert_eq!(tests[0].name, "m_test::adds");
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     ///
     /// # Errors
     /// If the package can't be read; of each module, if that one can't.
@@ -186,32 +163,12 @@ impl WgslTest {
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
     /// can't be linked.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let test = |text| {
-    ///     let package = Package::from_modules("m", [("m_test", text)]);
-    ///     let mut tests = package.tests_in(&["m_test".to_owned()]).expect("it can be read");
-    ///     tests.remove(0).expect("it can be read").remove(0)
-    /// };
-    /// let (plain, commented) = (test("@test fn runs() {}"), test("@test fn runs() {} // now and then"));
-    /// assert_eq!(plain.essence(), commented.essence());
-    /// ```
     #[must_use]
     pub fn essence(&self) -> Option<&str> {
         self.essence.as_deref()
     }
 
     /// The names and types of its parameters.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let text = "@test fn holds(@over(0, 1) x: f32) {}";
-    /// let package = Package::from_modules("m", [("m_test", text)]);
-    /// let test = package.tests_in(&["m_test".to_owned()])?.remove(0)?.remove(0);
-    /// assert_eq!(test.parameters()?[0].0, "x");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// What is wrong with it, with its place.
@@ -220,35 +177,12 @@ impl WgslTest {
     }
 
     /// The functions that it calls: `brdf::schlick`; none if it isn't valid.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let modules = [
-    ///     ("math", "fn half(x: f32) -> f32 { return 0.5 * x; }"),
-    ///     ("math_test", "import package::math::half;\n@test fn runs() { _ = half(1.0); }"),
-    /// ];
-    /// let package = Package::from_modules("m", modules);
-    /// let test = package.tests_in(&["math_test".to_owned()])?.remove(0)?.remove(0);
-    /// assert!(test.calls().any(|name| name == "math::half"));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn calls(&self) -> impl Iterator<Item = &str> {
         let made = self.made().ok();
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
     /// The test as a function, to be given arguments and [run](super::Check::try_expects).
-    ///
-    /// ```
-    /// # use karat::domain::Dynamic;
-    /// # use karat::prelude::*;
-    /// let text = "import karat::expect_near;
-    ///             @test fn adds() { expect_near(1.0 + 1.0, 2.0, 0.0); }";
-    /// let package = Package::from_modules("m", [("m_test", text)]);
-    /// let test = package.tests_in(&["m_test".to_owned()])?.remove(0)?.remove(0);
-    /// test.probe()?.over_dynamic(Dynamic::new(&[], vec![])).try_expects()?;
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// What is wrong with it, with its place.
@@ -261,18 +195,6 @@ impl WgslTest {
 
 /// Tests of one module that drivers count in one kernel: compiling one of several tests takes a fraction of
 /// the time of several. Whatever isn't simply good there runs alone, and is told as if it always had.
-///
-/// ```
-/// # use karat::prelude::*;
-/// use karat::check::TestGroup;
-///
-/// let text = "@test fn one() {}\n@test fn other() {}";
-/// let package = Package::from_modules("m", [("m_test", text)]);
-/// let tests = package.tests_in(&["m_test".to_owned()])?.remove(0)?;
-/// let groups = TestGroup::of(&tests.iter().collect::<Vec<_>>());
-/// assert!(groups[0].probe(&tests[1]).is_some());
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Debug)]
 pub struct TestGroup {
     package: Package,
@@ -289,15 +211,6 @@ const TOGETHER: usize = 8;
 impl TestGroup {
     /// Groups of some tests; a test that no other one of its module is with, or that isn't valid, is in
     /// none.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # use karat::check::TestGroup;
-    /// let package = Package::from_modules("m", [("m_test", "@test fn alone() {}")]);
-    /// let tests = package.tests_in(&["m_test".to_owned()])?.remove(0)?;
-    /// assert!(TestGroup::of(&[&tests[0]]).is_empty());
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn of(tests: &[&WgslTest]) -> Vec<Self> {
         let mut modules: BTreeMap<&str, Vec<&WgslTest>> = BTreeMap::new();
@@ -354,22 +267,6 @@ impl TestGroup {
     }
 
     /// [`WgslTest::probe`] with the others: `None` if it isn't in this group.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// # use karat::check::TestGroup;
-    /// use karat::domain::Dynamic;
-    ///
-    /// # let text = "import karat::expect_near;
-    /// #             @test fn adds() { expect_near(1.0 + 1.0, 2.0, 0.0); }
-    /// #             @test fn halves() { expect_near(0.5 * 4.0, 2.0, 0.0); }";
-    /// # let package = Package::from_modules("m", [("m_test", text)]);
-    /// let tests = package.tests_in(&["m_test".to_owned()])?.remove(0)?;
-    /// let groups = TestGroup::of(&tests.iter().collect::<Vec<_>>());
-    /// let adds = groups[0].probe(&tests[0]).expect("it is in the group");
-    /// adds.over_dynamic(Dynamic::new(&[], vec![])).try_expects()?;
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn probe<'a>(&'a self, test: &'a WgslTest) -> Option<Probe<'a>> {
         let (which, first) = *self.members.get(&test.name)?;
         let together = Together {

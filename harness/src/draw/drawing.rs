@@ -66,39 +66,6 @@ pub(crate) enum Source {
 }
 
 /// A scene whose shader is valid and whose fixtures fit it.
-///
-/// ```
-/// # use karat::Image;
-/// # use karat::draw::{DrawError, Drawing};
-/// # use karat::executor::Executor;
-/// # use karat::metric::Rect;
-/// # use karat::path::Adapter;
-/// # use karat::prelude::*;
-/// # use karat::probe::{Call, Prepared, ProbeError};
-/// # #[derive(Debug)]
-/// # struct Grey;
-/// # impl Executor for Grey {
-/// #     fn path(&self) -> Path {
-/// #         Path::CPU
-/// #     }
-/// #     fn adapter(&self) -> Adapter {
-/// #         let (path, name) = ("cpu".to_owned(), "Grey".to_owned());
-/// #         Adapter { path, name, driver: String::new(), software: true }
-/// #     }
-/// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-/// #         unreachable!("no function is called")
-/// #     }
-/// // What an executor makes of it: here grey, whatever is drawn.
-/// fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-///     let (width, height) = drawing.size();
-///     Ok(Image::new(width, height, vec![[0.5; 4]; (width * height) as usize]))
-/// }
-/// # }
-/// # let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5); }";
-/// # let package = Package::from_source("m", text);
-/// # let frame = package.frame("", 8, 4).fragment("fragment").on(&Grey);
-/// # frame.expect_mean(Rect::new(0, 0, 8, 4), [0.5; 3], Abs(0.0));
-/// ```
 #[derive(Debug)]
 pub struct Drawing<'s> {
     pub(super) scene: Cow<'s, Scene<'s>>,
@@ -274,164 +241,24 @@ impl<'s> Drawing<'s> {
 
 impl Drawing<'_> {
     /// Width and height of the frame.
-    ///
-    /// ```
-    /// # use karat::Image;
-    /// # use karat::draw::{DrawError, Drawing};
-    /// # use karat::executor::Executor;
-    /// # use karat::metric::Rect;
-    /// # use karat::path::Adapter;
-    /// # use karat::prelude::*;
-    /// # use karat::probe::{Call, Prepared, ProbeError};
-    /// # #[derive(Debug)]
-    /// # struct Grey;
-    /// # impl Executor for Grey {
-    /// #     fn path(&self) -> Path {
-    /// #         Path::CPU
-    /// #     }
-    /// #     fn adapter(&self) -> Adapter {
-    /// #         let (path, name) = ("cpu".to_owned(), "Grey".to_owned());
-    /// #         Adapter { path, name, driver: String::new(), software: true }
-    /// #     }
-    /// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-    /// #         unreachable!("no function is called")
-    /// #     }
-    /// #     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-    /// // In an executor's `draw`, of `package.frame("sky", 8, 4)`.
-    /// assert_eq!(drawing.size(), (8, 4));
-    /// #         Ok(Image::new(8, 4, vec![[0.5; 4]; 32]))
-    /// #     }
-    /// # }
-    /// # let text = "@group(0) @binding(0) var<uniform> light: vec4f;
-    /// #             @fragment fn fragment() -> @location(0) vec4f { return light; }";
-    /// # let package = Package::from_modules("m", [("sky", text)]);
-    /// # let light = Uniform::new(glam::Vec4::splat(0.5));
-    /// # let frame = package.frame("sky", 8, 4).with("light", light).fragment("fragment").on(&Grey);
-    /// # frame.expect_mean(Rect::new(0, 0, 8, 4), [0.5; 3], Abs(0.0));
-    /// ```
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         (self.scene.width, self.scene.height)
     }
 
     /// The module that has the entry points.
-    ///
-    /// ```
-    /// # use karat::Image;
-    /// # use karat::draw::{DrawError, Drawing};
-    /// # use karat::executor::Executor;
-    /// # use karat::metric::Rect;
-    /// # use karat::path::Adapter;
-    /// # use karat::prelude::*;
-    /// # use karat::probe::{Call, Prepared, ProbeError};
-    /// # #[derive(Debug)]
-    /// # struct Grey;
-    /// # impl Executor for Grey {
-    /// #     fn path(&self) -> Path {
-    /// #         Path::CPU
-    /// #     }
-    /// #     fn adapter(&self) -> Adapter {
-    /// #         let (path, name) = ("cpu".to_owned(), "Grey".to_owned());
-    /// #         Adapter { path, name, driver: String::new(), software: true }
-    /// #     }
-    /// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-    /// #         unreachable!("no function is called")
-    /// #     }
-    /// #     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-    /// // In an executor's `draw`, of `package.frame("sky", 8, 4)`.
-    /// assert_eq!(drawing.module(), "sky");
-    /// #         Ok(Image::new(8, 4, vec![[0.5; 4]; 32]))
-    /// #     }
-    /// # }
-    /// # let text = "@group(0) @binding(0) var<uniform> light: vec4f;
-    /// #             @fragment fn fragment() -> @location(0) vec4f { return light; }";
-    /// # let package = Package::from_modules("m", [("sky", text)]);
-    /// # let light = Uniform::new(glam::Vec4::splat(0.5));
-    /// # let frame = package.frame("sky", 8, 4).with("light", light).fragment("fragment").on(&Grey);
-    /// # frame.expect_mean(Rect::new(0, 0, 8, 4), [0.5; 3], Abs(0.0));
-    /// ```
     #[must_use]
     pub fn module(&self) -> &str {
         &self.scene.module
     }
 
     /// The program that the draws run.
-    ///
-    /// ```
-    /// # use karat::Image;
-    /// # use karat::draw::{DrawError, Drawing};
-    /// # use karat::executor::Executor;
-    /// # use karat::metric::Rect;
-    /// # use karat::path::Adapter;
-    /// # use karat::prelude::*;
-    /// # use karat::probe::{Call, Prepared, ProbeError};
-    /// # #[derive(Debug)]
-    /// # struct Grey;
-    /// # impl Executor for Grey {
-    /// #     fn path(&self) -> Path {
-    /// #         Path::CPU
-    /// #     }
-    /// #     fn adapter(&self) -> Adapter {
-    /// #         let (path, name) = ("cpu".to_owned(), "Grey".to_owned());
-    /// #         Adapter { path, name, driver: String::new(), software: true }
-    /// #     }
-    /// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-    /// #         unreachable!("no function is called")
-    /// #     }
-    /// #     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-    /// // In an executor's `draw`, of `.fragment("fragment")`.
-    /// assert!(drawing.program().text().contains("fn fragment"));
-    /// #         Ok(Image::new(8, 4, vec![[0.5; 4]; 32]))
-    /// #     }
-    /// # }
-    /// # let text = "@group(0) @binding(0) var<uniform> light: vec4f;
-    /// #             @fragment fn fragment() -> @location(0) vec4f { return light; }";
-    /// # let package = Package::from_modules("m", [("sky", text)]);
-    /// # let light = Uniform::new(glam::Vec4::splat(0.5));
-    /// # let frame = package.frame("sky", 8, 4).with("light", light).fragment("fragment").on(&Grey);
-    /// # frame.expect_mean(Rect::new(0, 0, 8, 4), [0.5; 3], Abs(0.0));
-    /// ```
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }
 
     /// The textures, samplers and buffers of the variables, by name.
-    ///
-    /// ```
-    /// # use karat::Image;
-    /// # use karat::draw::{DrawError, Drawing};
-    /// # use karat::executor::Executor;
-    /// # use karat::metric::Rect;
-    /// # use karat::path::Adapter;
-    /// # use karat::prelude::*;
-    /// # use karat::probe::{Call, Prepared, ProbeError};
-    /// # #[derive(Debug)]
-    /// # struct Grey;
-    /// # impl Executor for Grey {
-    /// #     fn path(&self) -> Path {
-    /// #         Path::CPU
-    /// #     }
-    /// #     fn adapter(&self) -> Adapter {
-    /// #         let (path, name) = ("cpu".to_owned(), "Grey".to_owned());
-    /// #         Adapter { path, name, driver: String::new(), software: true }
-    /// #     }
-    /// #     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-    /// #         unreachable!("no function is called")
-    /// #     }
-    /// #     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-    /// // In an executor's `draw`, of `.with("light", Uniform::new(...))`.
-    /// assert_eq!(drawing.fixtures()[0].0, "light");
-    /// #         Ok(Image::new(8, 4, vec![[0.5; 4]; 32]))
-    /// #     }
-    /// # }
-    /// # let text = "@group(0) @binding(0) var<uniform> light: vec4f;
-    /// #             @fragment fn fragment() -> @location(0) vec4f { return light; }";
-    /// # let package = Package::from_modules("m", [("sky", text)]);
-    /// # let light = Uniform::new(glam::Vec4::splat(0.5));
-    /// # let frame = package.frame("sky", 8, 4).with("light", light).fragment("fragment").on(&Grey);
-    /// # frame.expect_mean(Rect::new(0, 0, 8, 4), [0.5; 3], Abs(0.0));
-    /// ```
     #[must_use]
     pub fn fixtures(&self) -> &Fixtures {
         &self.fixtures

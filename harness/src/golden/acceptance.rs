@@ -20,13 +20,6 @@ const TOO_LARGE: u64 = 1 << 20;
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept.
-///
-/// ```
-/// use karat::golden::Acceptance;
-///
-/// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
-/// # let _ = acceptance;
-/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Acceptance {
     /// Why the new image is right.
@@ -44,20 +37,6 @@ pub struct Acceptance {
 }
 
 /// What accepting did.
-///
-/// ```no_run
-/// use karat::Goldens;
-/// use karat::golden::Acceptance;
-///
-/// let goldens = Goldens::open("golden".as_ref());
-/// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
-/// for pending in goldens.select("dusk")?.frames {
-///     let accepted = goldens.accept(&pending, &acceptance)?;
-///     println!("{}: written: {}", accepted.golden.display(), accepted.written);
-///     accepted.warnings.iter().for_each(|warning| println!("{warning}"));
-/// }
-/// # Ok::<(), karat::golden::AcceptError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Accepted {
     /// The golden.
@@ -233,18 +212,6 @@ pub enum AcceptError {
 
 impl Goldens {
     /// Makes a pending frame the golden.
-    ///
-    /// ```no_run
-    /// use karat::Goldens;
-    /// use karat::golden::Acceptance;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
-    /// for pending in goldens.select("dusk")?.frames {
-    ///     goldens.accept(&pending, &acceptance)?;
-    /// }
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
     ///
     /// # Errors
     /// If no reason is given; if `CI` is set and may not write; if the golden changed since the frame was compared; if the frame

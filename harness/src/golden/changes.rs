@@ -9,15 +9,6 @@ use crate::image::ImageError;
 use crate::value::format_lane;
 
 /// A row of values that isn't its golden's.
-///
-/// ```no_run
-/// # let goldens = karat::Goldens::open("golden".as_ref());
-/// # let pending = goldens.select("noise")?.frames.remove(0);
-/// for changed in pending.changed_rows(&goldens)? {
-///     println!("row {}: {:?} was {:?}", changed.row, changed.actual, changed.golden);
-/// }
-/// # Ok::<(), karat::golden::AcceptError>(())
-/// ```
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
     /// The row, from 0; of one that is gone, the golden's.
@@ -36,16 +27,6 @@ impl Pending {
     /// The rows that differ from the golden's, the largest differences first; all rows if there is no
     /// golden.
     ///
-    /// ```no_run
-    /// use karat::Goldens;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// for pending in goldens.pending().frames.iter().filter(|pending| pending.is_table()) {
-    ///     println!("{}: {} rows changed", pending.case, pending.changed_rows(&goldens)?.len());
-    /// }
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
-    ///
     /// # Errors
     /// If one of the files can't be read, or holds no table.
     pub fn changed_rows(&self, goldens: &Goldens) -> Result<Vec<ChangedRow>, AcceptError> {
@@ -62,16 +43,6 @@ impl Pending {
 impl Table {
     /// The rows that differ from those of a golden with the same arguments, the largest differences first,
     /// those among them that are new or gone; all rows if there is no golden, or one of other columns.
-    ///
-    /// ```no_run
-    /// use karat::golden::Table;
-    ///
-    /// let [(before, _), (now, _)] = [Table::read("before.csv".as_ref())?, Table::read("now.csv".as_ref())?];
-    /// for changed in now.changed_rows(Some(&before)) {
-    ///     println!("row {}: {:?} was {:?}", changed.row, changed.actual, changed.golden);
-    /// }
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let (given, all) = (self.arguments, self.columns.len());

@@ -13,16 +13,6 @@ use crate::output::counted;
 use crate::tolerance::significant;
 
 /// How far within its bounds a passing frame is.
-///
-/// ```
-/// use karat::Image;
-/// use karat::golden::FrameTolerance;
-///
-/// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
-/// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
-/// assert_eq!((margin.pixels, margin.beyond_gate), (1, 0));
-/// # Ok::<(), karat::golden::FrameDifference>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMargin {
     /// Pixels compared.
@@ -50,15 +40,6 @@ pub struct FrameMargin {
 
 impl FrameMargin {
     /// Whether every bit is equal.
-    ///
-    /// ```
-    /// use karat::Image;
-    /// use karat::golden::FrameTolerance;
-    ///
-    /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
-    /// assert!(!FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?.is_identical());
-    /// # Ok::<(), karat::golden::FrameDifference>(())
-    /// ```
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.decided_by == Criterion::Bits
@@ -114,15 +95,6 @@ impl fmt::Display for Share {
 }
 
 /// How a frame differs from its golden.
-///
-/// ```
-/// use karat::Image;
-/// use karat::golden::{FrameDifference, FrameTolerance};
-///
-/// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(2, 1, vec![[0.5; 4]; 2]));
-/// let difference = FrameTolerance::gate(1e-3).compare(&golden, &actual, None).unwrap_err();
-/// assert_eq!(difference, FrameDifference::Size { golden: (1, 1), actual: (2, 1) });
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameDifference {
@@ -146,16 +118,6 @@ pub enum FrameDifference {
 }
 
 /// By how much the values of a frame differ.
-///
-/// ```
-/// use karat::Image;
-/// use karat::golden::{FrameDifference, FrameTolerance};
-///
-/// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.6; 4]]));
-/// let difference = FrameTolerance::gate(1e-3).compare(&golden, &actual, None);
-/// let Err(FrameDifference::Values(deviation)) = difference else { panic!("it is 0.6") };
-/// assert_eq!((deviation.outliers, deviation.pixels), (1, 1));
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviation {
     /// Pixels with a channel out of bounds.
@@ -247,16 +209,6 @@ pub(super) fn compare(
 impl FrameTolerance {
     /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its
     /// golden. The exposures that HDR-FLIP looks at are chosen from the golden.
-    ///
-    /// ```
-    /// use karat::Image;
-    /// use karat::golden::FrameTolerance;
-    ///
-    /// let image = Image::new(1, 1, vec![[0.5; 4]]);
-    /// let margin = FrameTolerance::gate(1e-3).compare(&image, &image, None)?;
-    /// assert!(margin.is_identical());
-    /// # Ok::<(), karat::golden::FrameDifference>(())
-    /// ```
     ///
     /// # Errors
     /// If they differ by more than this allows, or can't be compared.

@@ -24,15 +24,6 @@ pub(super) struct Against {
 }
 
 /// A frame or values that differ from their golden, or have none.
-///
-/// ```no_run
-/// use karat::Goldens;
-///
-/// for pending in Goldens::open("golden".as_ref()).pending().frames {
-///     println!("{} waits in {}", pending.case, pending.path.display());
-///     println!("it was made on {}", pending.provenance.adapter);
-/// }
-/// ```
 #[derive(Clone, Debug)]
 pub struct Pending {
     /// Name of the golden.
@@ -45,14 +36,6 @@ pub struct Pending {
 
 impl Pending {
     /// Whether it was compared with goldens of this folder; true if that isn't known.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// // In CI, the frames of all folders wait in one.
-    /// let (goldens, output) = (Goldens::open("golden".as_ref()), Goldens::open("artefact".as_ref()));
-    /// let own = output.pending().frames.into_iter().filter(|pending| pending.is_of(&goldens));
-    /// println!("{} frames wait", own.count());
-    /// ```
     #[must_use]
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
@@ -61,16 +44,6 @@ impl Pending {
 
     /// The folder of goldens that it was compared with, in the project around a folder. The first golden of
     /// a package makes it. `None`: the frame doesn't say, as one of an older Karat.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// for pending in Goldens::open("artefact".as_ref()).pending().frames {
-    ///     if let Some(goldens) = pending.goldens(".".as_ref())? {
-    ///         println!("{} belongs into {}", pending.case, goldens.folder().display());
-    ///     }
-    /// }
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
     ///
     /// # Errors
     /// If the name that it says leaves the project, or is of a folder that tools keep (`.git`): a frame may
@@ -89,39 +62,18 @@ impl Pending {
     }
 
     /// The profile that rendered it.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
-    ///     println!("{} of {}", pending.case, pending.profile()); // dusk of gl-llvmpipe
-    /// }
-    /// ```
     #[must_use]
     pub fn profile(&self) -> Profile {
         Profile::of(&self.provenance.adapter)
     }
 
     /// Whether there is no golden that it could have been compared with.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// let pending = Goldens::open("golden".as_ref()).pending().frames;
-    /// let new = pending.iter().filter(|pending| pending.is_new()).count();
-    /// println!("{new} of {} have no golden", pending.len());
-    /// ```
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.provenance.compared_with.is_empty()
     }
 
     /// Whether it is a table of values and no frame.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// let pending = Goldens::open("golden".as_ref()).pending().frames;
-    /// let (tables, frames): (Vec<_>, Vec<_>) = pending.iter().partition(|pending| pending.is_table());
-    /// println!("{} tables, {} frames", tables.len(), frames.len());
-    /// ```
     #[must_use]
     pub fn is_table(&self) -> bool {
         is_table(&self.path)
@@ -129,15 +81,6 @@ impl Pending {
 
     /// Whether it was made on lavapipe, or is a table that Karat's engine made. Goldens for all profiles
     /// are made there, because any machine can have them.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
-    ///     if !pending.is_canonical() {
-    ///         println!("{} wasn't made on lavapipe", pending.case);
-    ///     }
-    /// }
-    /// ```
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
@@ -145,13 +88,6 @@ impl Pending {
     }
 
     /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
-    ///
-    /// ```no_run
-    /// # use karat::Goldens;
-    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
-    ///     println!("karat accept {}{} --because \"...\"", pending.case, pending.accept_arguments());
-    /// }
-    /// ```
     #[must_use]
     pub fn accept_arguments(&self) -> String {
         if self.is_table() {
@@ -168,12 +104,6 @@ impl Pending {
 }
 
 /// The pending frames of a folder.
-///
-/// ```no_run
-/// # use karat::Goldens;
-/// let found = Goldens::open("golden".as_ref()).pending();
-/// println!("{} wait, {} files can't be used", found.frames.len(), found.unusable.len());
-/// ```
 #[derive(Debug, Default)]
 pub struct PendingFrames {
     /// The frames, by name.
@@ -183,13 +113,6 @@ pub struct PendingFrames {
 }
 
 /// A file or folder that can't be used, where pending frames are looked for.
-///
-/// ```no_run
-/// # use karat::Goldens;
-/// for unusable in Goldens::open("golden".as_ref()).pending().unusable {
-///     println!("{}: {}", unusable.path.display(), unusable.reason);
-/// }
-/// ```
 #[derive(Debug)]
 pub struct Unusable {
     /// The file or folder.
@@ -200,12 +123,6 @@ pub struct Unusable {
 
 impl PendingFrames {
     /// Whether there are neither pending frames nor unusable files.
-    ///
-    /// ```
-    /// use karat::Goldens;
-    ///
-    /// assert!(Goldens::open("no-such-folder".as_ref()).pending().is_empty());
-    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty() && self.unusable.is_empty()
@@ -271,14 +188,6 @@ impl Goldens {
     }
 
     /// All pending frames in the folder and the folders below it.
-    ///
-    /// ```no_run
-    /// use karat::Goldens;
-    ///
-    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
-    ///     println!("{} differs{}", pending.case, if pending.is_new() { ": it is new" } else { "" });
-    /// }
-    /// ```
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -295,14 +204,6 @@ impl Goldens {
 
     /// The pending frames of this name. A file that can't be used is selected by the file's name.
     ///
-    /// ```no_run
-    /// use karat::Goldens;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// println!("{:?}", goldens.select("dusk")?);
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
-    ///
     /// # Errors
     /// If nothing has this name.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
@@ -310,15 +211,6 @@ impl Goldens {
     }
 
     /// [`select`](Self::select), for a name or a pattern that `matches` understands.
-    ///
-    /// ```no_run
-    /// use karat::Goldens;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// let skies = goldens.select_by("sky-*", |name| name.starts_with("sky-"))?;
-    /// # let _ = skies;
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
     ///
     /// # Errors
     /// If nothing has this name or matches the pattern.
@@ -344,13 +236,6 @@ impl Goldens {
     }
 
     /// The name that a pending file in this folder has by its place, whatever it says itself.
-    ///
-    /// ```
-    /// use karat::Goldens;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// assert_eq!(goldens.name_of("golden/rooms/dark.new.exr".as_ref()), "rooms/dark");
-    /// ```
     #[must_use]
     pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
@@ -359,16 +244,6 @@ impl Goldens {
     }
 
     /// Deletes a pending frame, and its preview.
-    ///
-    /// ```no_run
-    /// use karat::Goldens;
-    ///
-    /// let goldens = Goldens::open("golden".as_ref());
-    /// for pending in goldens.select("dusk")?.frames {
-    ///     goldens.reject(&pending)?;
-    /// }
-    /// # Ok::<(), karat::golden::AcceptError>(())
-    /// ```
     ///
     /// # Errors
     /// If the file can't be deleted.

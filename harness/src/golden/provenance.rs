@@ -13,15 +13,6 @@ use crate::metric::{ExposureRange, Rect};
 use crate::path::Adapter;
 
 /// What is known of a golden or a pending frame.
-///
-/// ```no_run
-/// use karat::golden::Table;
-///
-/// let (_, provenance) = Table::read("golden/noise.csv".as_ref())?;
-/// println!("made on {}", provenance.adapter);
-/// println!("accepted by {} because {}", provenance.accepted_by, provenance.because);
-/// # Ok::<(), karat::golden::TableError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Version of this format: [`Provenance::SCHEMA`].
@@ -106,16 +97,6 @@ impl Provenance {
 
     /// Reads the metadata of an EXR file.
     ///
-    /// ```no_run
-    /// use karat::Image;
-    /// use karat::golden::Provenance;
-    ///
-    /// let (_, metadata) = Image::read_exr("golden/dusk.exr".as_ref())?;
-    /// let provenance = Provenance::parse(&metadata.unwrap_or_default())?;
-    /// println!("{} x {}, {}", provenance.width, provenance.height, provenance.tolerance);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    ///
     /// # Errors
     /// If it is of a later version, or isn't a provenance.
     pub fn parse(metadata: &str) -> Result<Self, ProvenanceError> {
@@ -163,14 +144,6 @@ fn has_controls(value: &Value) -> bool {
 }
 
 /// What comparing a frame with its golden found, as the test said it.
-///
-/// ```no_run
-/// for pending in karat::Goldens::open("golden".as_ref()).pending().frames {
-///     if let Some(finding) = pending.provenance.finding {
-///         println!("{}: {}", pending.case, finding.verdict);
-///     }
-/// }
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFinding {
     /// How the frame differs, in words.

@@ -22,15 +22,6 @@ use crate::output::counted;
 use crate::value::{Scalar, format_lane};
 
 /// A column of a [`Table`].
-///
-/// ```no_run
-/// # use karat::golden::Table;
-/// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-/// for column in &table.columns {
-///     println!("{}: {}", column.name, column.scalar.wgsl()); // n_dot_h: f32
-/// }
-/// # Ok::<(), karat::golden::TableError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
     /// `n_dot_h`, `result.x`; of a buffer the component, such as `sums.x`.
@@ -40,14 +31,6 @@ pub struct Column {
 }
 
 /// Rows of numbers.
-///
-/// ```no_run
-/// use karat::golden::Table;
-///
-/// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-/// println!("{} rows, {} of {} columns are arguments", table.len(), table.arguments, table.columns.len());
-/// # Ok::<(), karat::golden::TableError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Table {
     /// The columns: arguments first.
@@ -59,15 +42,6 @@ pub struct Table {
 }
 
 /// What the facts say of a table's columns.
-///
-/// ```no_run
-/// # use karat::golden::Table;
-/// let (_, provenance) = Table::read("golden/noise.csv".as_ref())?;
-/// if let Some(facts) = provenance.table {
-///     println!("{} arguments, all columns: {:?}", facts.arguments, facts.types);
-/// }
-/// # Ok::<(), karat::golden::TableError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableFacts {
     /// How many columns are arguments.
@@ -105,55 +79,22 @@ pub enum TableError {
 
 impl Table {
     /// The lanes of each row.
-    ///
-    /// ```no_run
-    /// # use karat::golden::Table;
-    /// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-    /// for row in table.rows() {
-    ///     let cells = table.columns.iter().zip(row);
-    ///     println!("{:?}", cells.map(|(column, lane)| column.scalar.decode(*lane)).collect::<Vec<f64>>());
-    /// }
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     pub fn rows(&self) -> impl Iterator<Item = &[u32]> {
         self.words.chunks_exact(self.columns.len().max(1))
     }
 
     /// The arguments and the results of each row.
-    ///
-    /// ```no_run
-    /// # use karat::golden::Table;
-    /// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-    /// for (arguments, results) in table.split_rows() {
-    ///     println!("{arguments:?} gives {results:?}"); // the lanes' bits
-    /// }
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     pub fn split_rows(&self) -> impl Iterator<Item = (&[u32], &[u32])> {
         self.rows().map(|row| row.split_at(self.arguments.min(row.len())))
     }
 
     /// How many rows there are.
-    ///
-    /// ```no_run
-    /// # use karat::golden::Table;
-    /// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-    /// println!("{} rows", table.len());
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     #[must_use]
     pub fn len(&self) -> usize {
         self.words.len() / self.columns.len().max(1)
     }
 
     /// Whether there is no row.
-    ///
-    /// ```no_run
-    /// # use karat::golden::Table;
-    /// let (table, _) = Table::read("golden/noise.csv".as_ref())?;
-    /// assert!(!table.is_empty());
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -201,14 +142,6 @@ impl Table {
     }
 
     /// Reads a table with its facts.
-    ///
-    /// ```no_run
-    /// use karat::golden::Table;
-    ///
-    /// let (table, facts) = Table::read("golden/noise.csv".as_ref())?;
-    /// println!("{} rows, {facts:?}", table.len());
-    /// # Ok::<(), karat::golden::TableError>(())
-    /// ```
     ///
     /// # Errors
     /// If there is no such file, or a line of it isn't what it should be.

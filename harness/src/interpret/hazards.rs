@@ -17,12 +17,6 @@ use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 
 /// What kind of thing goes wrong, the worst first.
-///
-/// ```
-/// use karat::hazards::Kind;
-///
-/// println!("{}: {}", Kind::ByZero.name(), Kind::ByZero.about());
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -48,12 +42,6 @@ pub enum Kind {
 
 impl Kind {
     /// What it is called.
-    ///
-    /// ```
-    /// use karat::hazards::Kind;
-    ///
-    /// assert_ne!(Kind::Nan.name(), Kind::Infinite.name());
-    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -70,10 +58,6 @@ impl Kind {
     }
 
     /// What that means, in a sentence.
-    ///
-    /// ```
-    /// println!("{}", karat::hazards::Kind::Endless.about());
-    /// ```
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {

@@ -12,17 +12,6 @@ use crate::fixture::Fixtures;
 use crate::probe::{ProbeError, Probed};
 
 /// An operation: one value a component.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::probe::Probed;
-/// let text = "fn hidden(x: f32) -> f32 { let square = x * x; return 1.0 - square; }";
-/// let probed = Probed::new(&Package::from_source("m", text), "hidden")?;
-/// for step in karat::trace::trace(&probed, &Vec::new(), &[0.5_f32.to_bits()])? {
-///     println!("{}: {:?} in f32, {:?} in f64", step.text, step.single, step.double);
-/// }
-/// # Ok::<(), karat::probe::ProbeError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Step {
@@ -42,18 +31,6 @@ pub struct Step {
 }
 
 /// A component.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::probe::Probed;
-/// use karat::trace::Value;
-///
-/// let text = "fn hidden(x: f32) -> f32 { let square = x * x; return 1.0 - square; }";
-/// let probed = Probed::new(&Package::from_source("m", text), "hidden")?;
-/// let steps = karat::trace::trace(&probed, &Vec::new(), &[0.5_f32.to_bits()])?;
-/// assert!(matches!(steps[0].single[0], Value::Single(_)));
-/// # Ok::<(), karat::probe::ProbeError>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// An `f32`.

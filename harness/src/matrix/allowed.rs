@@ -9,15 +9,6 @@ use crate::probe::Probed;
 use crate::value::Scalar;
 
 /// How many results of a function on a column are what the WGSL specification allows.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let allowed = matrix.rows[0].cells[0].allowed.as_ref().expect("the engine executes it");
-/// assert!(allowed.bounded > 0 && allowed.outside == 0, "{:?}", allowed.first);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Allowed {
     /// Cases in which WGSL bounds each component.
@@ -57,16 +48,6 @@ impl Allowed {
 
 impl Row {
     /// The columns whose results aren't all what WGSL allows, by index.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// for row in &matrix.rows {
-    ///     assert_eq!(row.columns_outside().next(), None, "WGSL allows each result of {}", row.name);
-    /// }
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
         let cells = self.cells.iter().enumerate();
         let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));

@@ -8,14 +8,6 @@ use karat_translate::Target;
 use crate::path::{Api, Path, Via};
 
 /// A language that naga writes, and the execution path that runs it, if there is one.
-///
-/// ```
-/// use karat::matrix::Column;
-///
-/// let column: Column = "vulkan:hlsl".parse()?; // or a language that nothing runs: `msl`
-/// assert_eq!((column.language(), column.path()), ("hlsl", Some("vulkan:hlsl".parse()?)));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Column {
     pub(super) target: Target,
@@ -41,13 +33,6 @@ pub(super) enum Written {
 impl Column {
     /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
     /// that no path of ours runs, Tint's verdict on the author's text, and the engine (feature `engine`).
-    ///
-    /// ```
-    /// use karat::matrix::Column;
-    ///
-    /// assert!(Column::usual().contains(&"metal".parse()?));
-    /// # Ok::<(), String>(())
-    /// ```
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -85,14 +70,6 @@ impl Column {
     }
 
     /// The language that is translated into.
-    ///
-    /// ```
-    /// use karat::matrix::Column;
-    ///
-    /// let column: Column = "gl".parse()?;
-    /// assert_eq!(column.language(), "glsl");
-    /// # Ok::<(), String>(())
-    /// ```
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
@@ -116,14 +93,6 @@ impl Column {
     }
 
     /// The path that runs it.
-    ///
-    /// ```
-    /// use karat::matrix::Column;
-    ///
-    /// let (runs, nothing): (Column, Column) = ("metal".parse()?, "msl".parse()?);
-    /// assert!(runs.path().is_some() && nothing.path().is_none());
-    /// # Ok::<(), String>(())
-    /// ```
     #[must_use]
     pub fn path(self) -> Option<Path> {
         self.path

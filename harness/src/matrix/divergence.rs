@@ -15,17 +15,6 @@ use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
 
 /// Two columns that differ.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let cells = matrix.rows.iter().flat_map(|row| &row.cells);
-/// for found in cells.filter_map(|cell| cell.divergence.as_ref()) {
-///     panic!("{:?} gives {}, on {} {}", found.arguments, found.here, found.baseline, found.there);
-/// }
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Divergence {
     /// The column that this one is compared with.
@@ -53,32 +42,6 @@ pub struct Divergence {
 }
 
 /// A let-binding whose value differs.
-///
-/// ```
-/// use karat::matrix::{Divergence, Intermediate};
-///
-/// let first = Intermediate {
-///     name: "d".to_owned(),
-///     location: Some("shaders/ggx.wgsl:7:9".to_owned()),
-///     line: Some(7),
-///     here: "0.0".to_owned(),
-///     there: "1e-8".to_owned(),
-///     in_loop: false,
-///     text_line: Some(31),
-/// };
-/// # let found = |first| Divergence {
-/// #     baseline: "vulkan".to_owned(),
-/// #     arguments: vec![("alpha".to_owned(), "0.0001".to_owned())],
-/// #     here: "inf".to_owned(),
-/// #     there: "3.2e7".to_owned(),
-/// #     words: vec![0x38d1_b717],
-/// #     results: (vec![0x7f80_0000], vec![0x4bf4_2400]),
-/// #     alone: true,
-/// #     first: Some(first),
-/// #     unseen: Vec::new(),
-/// # };
-/// assert!(found(first).sentence("gl").contains("`d` (shaders/ggx.wgsl:7:9) differs first"));
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Intermediate {
     /// Its name.
@@ -100,23 +63,6 @@ pub struct Intermediate {
 
 impl Divergence {
     /// What differs, in a sentence or two.
-    ///
-    /// ```
-    /// use karat::matrix::Divergence;
-    ///
-    /// let found = Divergence {
-    ///     baseline: "vulkan".to_owned(),
-    ///     arguments: vec![("x".to_owned(), "0.5".to_owned())],
-    ///     here: "1.0".to_owned(),
-    ///     there: "0.25".to_owned(),
-    ///     words: vec![0x3f00_0000],
-    ///     results: (vec![0x3f80_0000], vec![0x3e80_0000]),
-    ///     alone: true,
-    ///     first: None,
-    ///     unseen: Vec::new(),
-    /// };
-    /// assert_eq!(found.sentence("gl"), "at x = 0.5 `gl` returns 1.0, `vulkan` 0.25");
-    /// ```
     #[must_use]
     pub fn sentence(&self, column: &str) -> String {
         let named: Vec<String> =

@@ -178,17 +178,6 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
 /// because a driver crashes. It passes the same file to [`Request::journal`](super::Request::journal). How
 /// the last one ended.
 ///
-/// ```no_run
-/// use std::path::Path;
-/// use std::process::Command;
-///
-/// let file = Path::new("target/journal.jsonl"); // which isn't there yet
-/// let mut program = Command::new("makes-matrices");
-/// let status = karat::matrix::restarted(file, program.arg(file))?;
-/// assert!(status.success());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-///
 /// # Errors
 /// If the program can't be run, or the file can't be read or written.
 pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {

@@ -13,15 +13,6 @@ use crate::package::Package;
 use crate::tint::{Question, Tint};
 
 /// What a validator said.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let said = &matrix.rows[0].cells[0].validators[0]; // the engine runs what naga finds valid
-/// assert!(said.command.starts_with("naga") && said.verdict == "valid");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Said {
     /// The command; `shader.*` holds the translation.
@@ -35,17 +26,6 @@ pub struct Said {
 }
 
 /// What a validator finds.
-///
-/// ```
-/// # use karat::Package;
-/// use karat::matrix::Outcome;
-///
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// let validators = &matrix.rows[0].cells[0].validators;
-/// assert!(validators.iter().all(|said| said.outcome == Outcome::Valid));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {

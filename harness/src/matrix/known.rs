@@ -9,18 +9,6 @@ use crate::diagnostic::nearest;
 use crate::path::{Path, Selector, adapter};
 
 /// A row that is declared not to get to a status on some columns. It must not get there.
-///
-/// ```
-/// # use karat::Package;
-/// use karat::matrix::Status;
-///
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let request = package.matrix().columns(["cpu".parse()?]);
-/// let matrix = request.fails_on("msl", "half", Status::Valid, "naga#1234").run()?;
-/// let known = &matrix.undecided[0]; // the matrix has no column `msl`
-/// assert_eq!((&*known.row, &*known.reason), ("half", "naga#1234"));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Known {
     /// `module::name`
@@ -103,23 +91,6 @@ impl Cell {
 
     /// The declaration that it fails, if it fails as that says: there, not before, and because of
     /// what was seen.
-    ///
-    /// ```
-    /// use karat::matrix::{Cell, Known, Status, Stop};
-    ///
-    /// let cell = Cell {
-    ///     status: Some(Status::Translated),
-    ///     stopped: Some(Stop::Rejected("`spirv-val`: invalid".to_owned())),
-    ///     known: Some(Known {
-    ///         row: "sky::radiance".to_owned(),
-    ///         column: "vulkan".to_owned(),
-    ///         status: Status::Valid, // which it doesn't get to
-    ///         reason: "naga#1234".to_owned(),
-    ///     }),
-    ///     ..Cell::default()
-    /// };
-    /// assert!(cell.fails_as_declared().is_some_and(|known| known.reason == "naga#1234"));
-    /// ```
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(
@@ -153,18 +124,6 @@ impl Cell {
 }
 
 /// A row that is wrong on a column, or declared to be and isn't.
-///
-/// ```
-/// # use karat::Package;
-/// use karat::matrix::Status;
-///
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let request = package.matrix().columns(["cpu".parse()?]);
-/// let matrix = request.fails_on("cpu", "half", Status::Executed, "a bug that is mended").run()?;
-/// let finding = &matrix.findings()[0];
-/// assert!(finding.outdated, "{finding}"); // it gets there
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The row.
@@ -186,14 +145,6 @@ impl fmt::Display for Finding {
 impl Matrix {
     /// Rows as which naga panics, that a validator rejects or has no verdict on, and whose results differ, if that isn't
     /// declared; and rows that are declared to fail and don't.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// assert!(matrix.findings().is_empty());
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
@@ -226,14 +177,6 @@ impl Matrix {
     }
 
     /// Wants nothing to be found.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// matrix.expect_no_findings();
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Panics
     /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got

@@ -8,16 +8,6 @@ use crate::output::{counted, markdown, visible};
 
 impl Cell {
     /// What a table calls it: how far it got, that it is wrong, or that this is known.
-    ///
-    /// ```
-    /// use karat::matrix::{Cell, Status, Stop};
-    ///
-    /// let valid = Cell { status: Some(Status::Valid), ..Cell::default() };
-    /// assert_eq!(valid.word(), "valid");
-    /// let differs = Stop::Differs("12 of 512 cases differ from `vulkan`".to_owned());
-    /// let wrong = Cell { status: Some(Status::Executed), stopped: Some(differs), ..Cell::default() };
-    /// assert_eq!(wrong.word(), "DIFFERS");
-    /// ```
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
@@ -87,15 +77,6 @@ fn prose(text: &str) -> String {
 impl Matrix {
     /// Why rows stop: each reason with its columns, and its rows. First what is wrong, then what isn't
     /// here or isn't run; of each the most frequent first.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// let (why, rows) = &matrix.reasons()[0];
-    /// assert_eq!((&**why, &*rows[0]), ("cpu: no other column ran it", "half"));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
         self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
@@ -137,14 +118,6 @@ impl Matrix {
     }
 
     /// How many results differ where WGSL leaves them open, which is no finding; `None` if none does.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// assert_eq!(matrix.open(), None); // there is nothing to differ from
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;
@@ -169,14 +142,6 @@ impl Matrix {
 
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
     /// stop.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let page = package.matrix().columns(["cpu".parse()?]).run()?.markdown();
-    /// assert!(page.contains("| half (function) | executed |"));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")
@@ -226,16 +191,6 @@ impl Matrix {
     }
 
     /// How many rows get at least that far on a column.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Status;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// assert_eq!(matrix.count(0, Status::Executed), 1); // of one row, on the first column
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());

@@ -9,21 +9,6 @@ use super::{Cell, Matrix, Row, Status, Stop};
 use crate::record::{FileRead, PathRecord, Record, Subject, Verdict};
 
 /// What tests of a function found on one path.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::record::Record;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// # let records: Vec<Record> = Vec::new();
-/// let mut matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// matrix.judge_by(&records);
-/// for cell in matrix.rows.iter().flat_map(|row| &row.cells) {
-///     if let Some(reference) = &cell.reference {
-///         assert!(reference.failed.is_empty(), "of {} checks", reference.checks);
-///     }
-/// }
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reference {
     /// Checks that ran there.
@@ -40,36 +25,6 @@ impl Matrix {
     /// say of each other stays in the cell. A verdict on files that have changed since says nothing.
     ///
     /// How many cells were judged.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Status;
-    ///
-    /// # let folder = tempfile::tempdir()?;
-    /// # let file = folder.path().join("tone.wgsl");
-    /// # std::fs::write(&file, "fn half(x: f32) -> f32 { return 0.5 * x; }")?;
-    /// # let shaders = Package::open(folder.path())?;
-    /// # let record = serde_json::json!({
-    /// #     "schema": karat::record::SCHEMA, "test": "halves", "verdict": "pass", "message": null,
-    /// #     "subject": {
-    /// #         "kind": "function", "package": "shaders", "function": "tone::half",
-    /// #         "check": "agrees_with", "assertion": "0 ulp", "location": "", "seed": 1,
-    /// #     },
-    /// #     "paths": [{
-    /// #         "adapter": { "path": "cpu", "name": "", "driver": "", "software": true },
-    /// #         "cases": 4096, "failures": 0, "worst": "0 ulp", "ratio": 0.0, "asserted": "0 ulp",
-    /// #         "known_issue": null,
-    /// #     }],
-    /// #     "read": [karat::record::FileRead::now(&file)],
-    /// # });
-    /// # let record_folder = folder.path();
-    /// # std::fs::write(record_folder.join("1.jsonl"), format!("{record}\n"))?;
-    /// let mut matrix = shaders.matrix().columns(["cpu".parse()?]).run()?;
-    /// let records = karat::record::read(record_folder)?; // of `karat test`, say
-    /// assert_eq!(matrix.judge_by(&records), 1);
-    /// assert_eq!(matrix.rows[0].cells[0].status, Some(Status::Agrees)); // with its reference
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn judge_by(&mut self, records: &[Record]) -> usize {
         let current: Vec<&Record> = records.iter().filter(|record| is_current(record)).collect();
         let mut judged = 0;

@@ -18,19 +18,6 @@ use crate::path::{self, PathError};
 use crate::settings::{self, SettingsError};
 
 /// Functions and entry points on every column.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-/// for row in &matrix.rows {
-///     for (head, cell) in matrix.columns.iter().zip(&row.cells) {
-///         println!("{} on {}: {}", row.name, head.name, cell.word());
-///     }
-/// }
-/// assert_eq!((matrix.columns.len(), matrix.rows.len()), (1, 1));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Matrix {
     /// The package.
@@ -51,16 +38,6 @@ pub struct Matrix {
 }
 
 /// The head of a column.
-///
-/// ```
-/// # use karat::Package;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let matrix = package.matrix().columns(["cpu".parse()?, "wgsl".parse()?]).run()?;
-/// let [cpu, wgsl] = &*matrix.columns else { panic!("two were asked for") };
-/// assert!(cpu.adapter.is_some() && cpu.unavailable.is_none());
-/// assert!(wgsl.adapter.is_none(), "it is a language, which no path runs");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Head {
     /// Its name.
@@ -328,14 +305,6 @@ fn list(rows: &[(String, String)]) -> String {
 impl Matrix {
     /// Wants a row, and a cell that something has judged: a validator, or another column.
     ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// assert!(matrix.try_expect_evidence().is_ok(), "naga finds it valid");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    ///
     /// # Errors
     /// If there is none.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
@@ -358,16 +327,6 @@ impl Matrix {
     /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
     /// judged.
     ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Status;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// matrix.expect("cpu", Status::Executed);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    ///
     /// # Panics
     /// If a row doesn't get that far, or there is no such column or no row.
     #[track_caller]
@@ -377,16 +336,6 @@ impl Matrix {
 
     /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
     /// not get that far: a declaration that isn't true any more is an error.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::matrix::Status;
-    ///
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// matrix.expect_but("cpu", Status::Agrees, &[("half", "nothing else runs it")]);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Panics
     /// As [`expect`](Self::expect); or if a declared row gets that far.
@@ -460,30 +409,12 @@ impl Row {
     }
 
     /// Whether there is anything to judge: not where no kernel can call the function.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// let text = "fn half(x: f32) -> f32 { return 0.5 * x; }
-    ///             fn forget(x: f32) { let y = x; }";
-    /// let matrix = Package::from_source("m", text).matrix().columns(["cpu".parse()?]).run()?;
-    /// let judged = matrix.rows.iter().filter(|row| row.is_judged()).map(|row| &*row.name);
-    /// assert!(judged.eq(["half"]), "nothing is seen of the other");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"
     }
 
     /// Why it gets no further on a column.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
-    /// assert_eq!(matrix.rows[0].why(0), "no other column ran it");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     #[must_use]
     pub fn why(&self, column: usize) -> String {
         let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());

@@ -36,12 +36,6 @@ impl Inputs {
     pub const ALL: [Self; 3] = [Self::Storage, Self::Uniform, Self::Constant];
 
     /// `storage`, `uniform`, `constant`.
-    ///
-    /// ```
-    /// use karat::Inputs;
-    ///
-    /// assert_eq!(Inputs::Uniform.name(), "uniform");
-    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -5,15 +5,6 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 /// Errors of some of a check's cases, each divided by its bound.
-///
-/// ```
-/// use karat::record::Errors;
-///
-/// let json = r#"{ "exact": 5, "powers": { "-3": 2 }, "not_finite": 0 }"#; // of a path in a record
-/// let errors: Errors = serde_json::from_str(json)?;
-/// assert_eq!(errors.powers[&-3], 2); // above a 16th of what is allowed, up to an 8th
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Errors {
     /// Cases without any error.
@@ -44,13 +35,6 @@ impl Errors {
     }
 
     /// Cases that were looked at.
-    ///
-    /// ```
-    /// use karat::record::Errors;
-    ///
-    /// let errors = Errors { exact: 5, powers: [(-3, 2)].into(), not_finite: 1 };
-    /// println!("{} cases", errors.cases());
-    /// ```
     #[must_use]
     pub fn cases(&self) -> u64 {
         self.exact + self.powers.values().sum::<u64>() + self.not_finite
@@ -58,16 +42,6 @@ impl Errors {
 }
 
 /// Some cases of a check that fails: its arguments, lane by lane, and its error divided by its bound.
-///
-/// ```
-/// use karat::record::Plot;
-///
-/// let json = r#"{ "arguments": ["x", "y"], "rows": [[0.5, 1.0, 2.5], [0.0, 0.0, null]] }"#;
-/// let plot: Plot = serde_json::from_str(json)?;
-/// let failing = plot.rows.iter().filter(|row| !(row[2] <= 1.0)).count();
-/// assert_eq!(failing, 2); // NaN is beyond each bound
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plot {
     /// Names of the lanes: `n_dot_v`, `f0.x`.
@@ -78,18 +52,6 @@ pub struct Plot {
 }
 
 /// How many samples each cell of a sampler's support got, and should have got.
-///
-/// ```
-/// use karat::record::Histogram;
-///
-/// let json = r#"{
-///     "axes": ["theta", "phi"], "rows": [2, 1],
-///     "observed": [98, 105, 211], "expected": [100.0, 100.0, 200.0]
-/// }"#;
-/// let histogram: Histogram = serde_json::from_str(json)?;
-/// assert_eq!(histogram.rows.iter().sum::<usize>(), histogram.observed.len());
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram {
     /// What rows and columns stand for: `theta` and `phi`; the second is empty on a line.

@@ -8,17 +8,6 @@ use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 
 /// A failure as data.
-///
-/// ```no_run
-/// for record in karat::record::read("target/karat/last".as_ref())? {
-///     let Some(fault) = &record.fault else { continue };
-///     println!("{}", fault.headline);
-///     for replay in fault.replays() {
-///         println!("  run it again: {replay}");
-///     }
-/// }
-/// # Ok::<(), karat::record::RecordError>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     /// It in one line.
@@ -32,15 +21,6 @@ pub struct Fault {
 }
 
 /// The fault of one path.
-///
-/// ```
-/// use karat::record::PathFault;
-///
-/// # let json = r#"{ "adapter": { "path": "gl", "name": "", "driver": "", "software": true } }"#;
-/// let fault: PathFault = serde_json::from_str(json)?; // of a record
-/// assert_eq!((&*fault.adapter.path, fault.worst), ("gl", None));
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathFault {
     /// Path, adapter and driver.
@@ -63,14 +43,6 @@ pub struct PathFault {
 }
 
 /// One failing case: of a function, an element of a buffer, or a configuration of a sampler.
-///
-/// ```
-/// use karat::record::CaseFault;
-///
-/// let case: CaseFault = serde_json::from_str(r#"{ "case": 7, "error": "2 ulp (1 allowed)" }"#)?;
-/// assert_eq!((case.case, &*case.error), (7, "2 ulp (1 allowed)"));
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaseFault {
@@ -106,15 +78,6 @@ pub struct CaseFault {
 }
 
 /// An expectation that fails.
-///
-/// ```
-/// use karat::record::ExpectationFault;
-///
-/// let json = r#"{ "place": "shaders/brdf_test.wgsl:4:5", "seen": "`expect(x)` saw false" }"#;
-/// let fault: ExpectationFault = serde_json::from_str(json)?; // of a case in a record
-/// println!("{}: {}", fault.place, fault.seen);
-/// # Ok::<(), serde_json::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExpectationFault {
     /// `file:line:column`; empty if the report is broken.
@@ -148,10 +111,6 @@ impl Fault {
 
     /// The commands that run failing cases again: for each path that of the worst case, then that of the
     /// simplest one.
-    ///
-    /// ```
-    /// assert_eq!(karat::record::Fault::default().replays().count(), 0);
-    /// ```
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
         self.paths.iter().flat_map(PathFault::replays)
     }
@@ -166,13 +125,6 @@ impl PathFault {
     }
 
     /// The commands that run its failing cases again: that of the simplest one comes last.
-    ///
-    /// ```
-    /// # let json = r#"{ "adapter": { "path": "gl", "name": "", "driver": "", "software": true } }"#;
-    /// # let fault: karat::record::PathFault = serde_json::from_str(json)?;
-    /// assert_eq!(fault.replays().count(), 0);
-    /// # Ok::<(), serde_json::Error>(())
-    /// ```
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
         [&self.worst, &self.simplest].into_iter().flatten().filter_map(|case| case.replay.as_ref())
     }

@@ -24,19 +24,6 @@ const PATIENCE: Duration = Duration::from_secs(30);
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// A run that hasn't ended. If it never ends, its folder is removed.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let records = folder.path();
-/// use karat::record::{Recorded, Run, Running};
-///
-/// let running = Running::begin(records)?;
-/// // Here tests run, with `KARAT_RECORD` set to `running.folder()`.
-/// Run::default().write(running.folder())?;
-/// running.end()?;
-/// assert!(Recorded::read(records)?.is_some_and(|recorded| recorded.run.is_some()));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug)]
 pub struct Running {
     records: PathBuf,
@@ -48,16 +35,6 @@ pub struct Running {
 
 impl Running {
     /// Makes the folder of a run in a folder of records, and removes the folders of killed runs.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let records = folder.path();
-    /// use karat::record::Running;
-    ///
-    /// let (one, other) = (Running::begin(records)?, Running::begin(records)?);
-    /// assert_ne!(one.folder(), other.folder()); // both may run at once
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     ///
     /// # Errors
     /// If the folder can't be made.
@@ -81,34 +58,12 @@ impl Running {
     }
 
     /// The folder that its processes write records into (`KARAT_RECORD`).
-    ///
-    /// ```
-    /// # let records = tempfile::tempdir()?;
-    /// use karat::record::Running;
-    ///
-    /// let running = Running::begin(records.path())?;
-    /// let mut tests = std::process::Command::new("cargo");
-    /// tests.arg("test").env("KARAT_RECORD", running.folder());
-    /// assert!(running.folder().is_dir());
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// Makes this the run that ended last, in one step, and removes the run before it.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let records = folder.path();
-    /// use karat::record::Running;
-    ///
-    /// let first = Running::begin(records)?.end()?;
-    /// let second = Running::begin(records)?.end()?;
-    /// assert!(second.is_dir() && !first.exists());
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     ///
     /// # Errors
     /// If that can't be written. Then the run before it stays the last one.

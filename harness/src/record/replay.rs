@@ -7,18 +7,6 @@ use serde::{Deserialize, Serialize};
 /// Runs a failing case again: variables of the environment, a program and its arguments.
 ///
 /// `Display` writes it as a shell reads it.
-///
-/// ```
-/// use karat::record::Replay;
-///
-/// let replay = Replay {
-///     variables: vec![("KARAT_CASE".to_owned(), "brdf::lambert/agrees_with/7".to_owned())],
-///     program: "cargo".to_owned(),
-///     arguments: vec!["test".to_owned(), "it's exact".to_owned()],
-/// };
-/// let line = r"KARAT_CASE=brdf::lambert/agrees_with/7 cargo test 'it'\''s exact'";
-/// assert_eq!(replay.to_string(), line);
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Replay {
     /// Variables, in the order in which they are shown.

@@ -5,16 +5,6 @@ use crate::diagnostic::Span;
 use crate::value::Shape;
 
 /// A resource variable.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::reflect::Program;
-/// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
-/// let package = Package::from_source("m", text);
-/// let louder = Program::of_function(&package, "louder")?.function("louder")?;
-/// assert_eq!((louder.bindings[0].group, louder.bindings[0].binding), (0, 1));
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Author's path: `environment::sky`.
@@ -37,16 +27,6 @@ impl Binding {
     pub const NOWHERE: u32 = u32::MAX;
 
     /// The variable's own name, without its module.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
-    /// let package = Package::from_source("m", text);
-    /// let louder = Program::of_function(&package, "louder")?.function("louder")?;
-    /// assert_eq!(louder.bindings[0].name(), "gain");
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn name(&self) -> &str {
         self.path.rsplit("::").next().unwrap_or_default()
@@ -55,19 +35,6 @@ impl Binding {
 
 impl Program {
     /// The resources of an entry point; `None` if there is no such entry point.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::reflect::{Program, Stage};
-    ///
-    /// let text = "@group(0) @binding(3) var<uniform> sky: vec4f;
-    ///             @fragment fn fragment() -> @location(0) vec4f { return sky; }";
-    /// let program = Program::of_module(&Package::from_source("m", text), "")?;
-    /// let bindings = program.entry_point_bindings(Stage::Fragment, "fragment").expect("it is there");
-    /// assert_eq!((bindings[0].name(), bindings[0].binding), ("sky", 3));
-    /// assert!(program.entry_point_bindings(Stage::Vertex, "fragment").is_none());
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
         let name = self.entry_point_name(name);

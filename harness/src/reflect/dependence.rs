@@ -21,19 +21,6 @@ use crate::settings;
 const ENDING: &str = "programs";
 
 /// A program that a test linked.
-///
-/// ```
-/// # let folder = tempfile::tempdir()?;
-/// # let record = folder.path();
-/// use karat::reflect::Dependence;
-///
-/// // `record` is the folder of a run; here nothing has run.
-/// let all = Dependence::all(record)?;
-/// let concerned: Vec<&str> =
-///     all.iter().filter(|one| !one.is_current()).map(|one| &*one.test).collect();
-/// assert!(concerned.is_empty());
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
     /// The thread that wanted it, which has the test's name. A thread of a test's own has another.
@@ -57,29 +44,11 @@ static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {
     /// Writes nothing down in this process: whoever watches knows what its tests are made of.
-    ///
-    /// ```
-    /// karat::reflect::Dependence::unwanted(); // before the first test
-    /// ```
     pub fn unwanted() {
         UNWANTED.store(true, Ordering::Relaxed);
     }
 
     /// All that the processes of a run wrote into its folder of records.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let record = folder.path();
-    /// # let line = serde_json::json!({
-    /// #     "test": "halves", "package": null, "wanted": { "Function": "half" }, "of": "Text", "essence": "",
-    /// # });
-    /// # std::fs::write(record.join("1.programs"), line.to_string())?;
-    /// use karat::reflect::Dependence;
-    ///
-    /// let all = Dependence::all(record)?;
-    /// assert_eq!(all[0].test, "halves");
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     ///
     /// # Errors
     /// If a file can't be read, or holds something else.
@@ -98,25 +67,6 @@ impl Dependence {
 
     /// The package as the test uses it, with its features and dependencies; `None` if only the test's
     /// own process can open it.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let record = folder.path();
-    /// # let line = serde_json::json!({
-    /// #     "test": "halves",
-    /// #     "package": {
-    /// #         "from": { "Memory": { "name": "tone", "modules": [["", "fn half() -> f32 { return 0.5; }"]] } },
-    /// #         "dependencies": [], "features": [],
-    /// #     },
-    /// #     "wanted": { "Function": "half" }, "of": "Text", "essence": "",
-    /// # });
-    /// # std::fs::write(record.join("1.programs"), line.to_string())?;
-    /// use karat::reflect::Dependence;
-    ///
-    /// let package = Dependence::all(record)?[0].package().expect("any process can open it");
-    /// assert_eq!(package.name(), "tone");
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn package(&self) -> Option<Package> {
         self.package.as_ref().map(Portable::package)
@@ -124,21 +74,6 @@ impl Dependence {
 
     /// The folder or file of the package that the program was linked from; `None` of a crate, and of text in
     /// memory.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let record = folder.path();
-    /// # let line = serde_json::json!({
-    /// #     "test": "halves",
-    /// #     "package": { "from": { "Folder": "/project/shaders" }, "dependencies": [], "features": [] },
-    /// #     "wanted": { "Function": "half" }, "of": "Text", "essence": "",
-    /// # });
-    /// # std::fs::write(record.join("1.programs"), line.to_string())?;
-    /// use karat::reflect::Dependence;
-    ///
-    /// assert_eq!(Dependence::all(record)?[0].place(), Some("/project/shaders".as_ref()));
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn place(&self) -> Option<&Path> {
         self.package.as_ref().and_then(Portable::place)
@@ -146,25 +81,6 @@ impl Dependence {
 
     /// Whether the program is still the same, but for comments and blanks. It is linked again if a file
     /// has changed.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let record = folder.path();
-    /// # let line = serde_json::json!({
-    /// #     "test": "halves",
-    /// #     "package": {
-    /// #         "from": { "Memory": { "name": "tone", "modules": [["", "fn half() -> f32 { return 0.5; }"]] } },
-    /// #         "dependencies": [], "features": [],
-    /// #     },
-    /// #     "wanted": { "Function": "half" }, "of": "Text", "essence": "of another text",
-    /// # });
-    /// # std::fs::write(record.join("1.programs"), line.to_string())?;
-    /// use karat::reflect::Dependence;
-    ///
-    /// let halves = &Dependence::all(record)?[0];
-    /// assert!(!halves.is_current(), "an edit concerns the test `{}`", halves.test);
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     #[must_use]
     pub fn is_current(&self) -> bool {
         let Some(package) = &self.package else { return false };

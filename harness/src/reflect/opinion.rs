@@ -10,14 +10,6 @@ use crate::package::{Compilers, Package, PackageError};
 use crate::tint::{Answer, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
 /// The opinion of others than naga.
-///
-/// ```
-/// # use karat::Package;
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let opinion = package.is_valid().opinion;
-/// assert!(opinion.refused.is_empty() && opinion.limits.is_empty());
-/// println!("{opinion}"); // `Tint accepts 1 module`, or `Tint wasn't asked: not here`
-/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Opinion {
@@ -42,14 +34,6 @@ pub struct Opinion {
 }
 
 /// A module that Tint rejects.
-///
-/// ```
-/// # use karat::Package;
-/// let text = "fn shift(x: u32) -> u32 { return x << x + 1u; }"; // naga takes it
-/// for refused in Package::from_source("m", text).is_valid().opinion.refused {
-///     assert_eq!(refused.reason, karat::tint::Reason::Precedence);
-/// }
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Refused {
@@ -89,13 +73,6 @@ impl std::fmt::Display for Opinion {
 impl Opinion {
     /// Objections to the package in a line: rejections, limits, and modules without a verdict. `None`: there are
     /// none.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// let text = "@compute @workgroup_size(512) fn main() {}";
-    /// let opinion = Package::from_source("m", text).is_valid().opinion;
-    /// assert!(opinion.remark().unwrap().contains("WebGPU's limits are exceeded in 1 module"));
-    /// ```
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -110,13 +87,6 @@ impl Opinion {
     }
 
     /// All remarks, each once: a module that others import is at fault in each of them.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// let package = Package::from_source("m", "@test fn is_one() { }\nfn one() -> f32 { return 1.0; }");
-    /// let opinion = package.is_valid().opinion;
-    /// assert!(opinion.remarks()[0].message.contains("an engine that loads this file"));
-    /// ```
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
         let refused = self.refused.iter().map(|refused| &refused.diagnostic);
@@ -132,12 +102,6 @@ impl Opinion {
 
     /// True if nothing stands against the package: no rejection, no limit exceeded, and a verdict on each module
     /// if `required`.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// let text = "@compute @workgroup_size(512) fn main() {}";
-    /// assert!(!Package::from_source("m", text).is_valid().opinion.is_good(false));
-    /// ```
     #[must_use]
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
@@ -145,13 +109,6 @@ impl Opinion {
     }
 
     /// [`remarks`](Self::remarks) without those that are errors of the package.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
-    /// let invalid = wrong.try_is_valid().unwrap_err();
-    /// assert!(invalid.opinion().unwrap().remarks_beside(&invalid).is_empty());
-    /// ```
     #[must_use]
     pub fn remarks_beside(&self, invalid: &Invalid) -> Vec<&Diagnostic> {
         let mut all = self.remarks();
@@ -185,15 +142,6 @@ impl Opinion {
     }
 
     /// Adds another package's.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Opinion;
-    /// let text = "@compute @workgroup_size(512) fn main() {}";
-    /// let mut all = Opinion::default();
-    /// all.add(&Package::from_source("m", text).is_valid().opinion);
-    /// assert_eq!(all.limits.len(), 2); // invocations, and the size in x
-    /// ```
     pub fn add(&mut self, other: &Self) {
         let other = other.clone();
         self.accepted += other.accepted;

@@ -57,18 +57,6 @@ impl Program {
     }
 
     /// The type of the override that its author, or its number, calls so; `None` if it has none.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// use karat::reflect::Program;
-    /// use karat::value::Scalar;
-    ///
-    /// let text = "@id(7) override steps: u32; fn twice() -> u32 { return 2u * steps; }";
-    /// let program = Program::of_function(&Package::from_source("m", text), "twice")?;
-    /// assert_eq!(program.override_type("steps"), Some(Scalar::U32));
-    /// assert_eq!(program.override_type("7"), Some(Scalar::U32));
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {
         let name = self.text_name(name).ok()?;

@@ -5,13 +5,6 @@ use std::fmt;
 use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
 
 /// How coordinates find texels.
-///
-/// ```
-/// use karat::reflect::{BindingKind, Dimension};
-///
-/// let BindingKind::Texture(kind) = BindingKind::TEXTURE_CUBE else { panic!("it is a texture") };
-/// assert_eq!(kind.dimension, Dimension::Cube);
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dimension {
     /// By one coordinate.
@@ -36,13 +29,6 @@ impl fmt::Display for Dimension {
 }
 
 /// What texels are made of.
-///
-/// ```
-/// use karat::reflect::{BindingKind, Texels};
-///
-/// let BindingKind::Texture(kind) = BindingKind::TEXTURE_2D else { panic!("it is a texture") };
-/// assert_eq!(kind.texels, Texels::Float); // texture_2d<f32>
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Texels {
     /// `f32`
@@ -56,18 +42,6 @@ pub enum Texels {
 }
 
 /// The type of a texture that is sampled or loaded from.
-///
-/// ```
-/// use karat::reflect::{Dimension, Texels, TextureKind};
-///
-/// let shadows = TextureKind {
-///     dimension: Dimension::D2,
-///     arrayed: true,
-///     texels: Texels::Depth,
-///     multisampled: false,
-/// };
-/// assert_eq!(shadows.to_string(), "texture_depth_2d_array");
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TextureKind {
     /// How coordinates find texels.
@@ -99,12 +73,6 @@ impl fmt::Display for TextureKind {
 }
 
 /// How a shader reaches a storage texture.
-///
-/// ```
-/// use karat::reflect::Access;
-///
-/// assert_eq!(Access { reads: false, writes: true }.to_string(), "write");
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
     /// `read`, `read_write`
@@ -124,37 +92,11 @@ impl fmt::Display for Access {
 }
 
 /// The format of a storage texture's texels.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::reflect::Program;
-/// use karat::reflect::BindingKind;
-///
-/// let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read>;
-///             fn first() -> f32 { return textureLoad(image, vec2u(0)).x; }";
-/// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
-/// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
-/// assert_eq!(format.name(), "r32float");
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Format(StorageFormat);
 
 impl Format {
     /// What its texels are made of.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// use karat::reflect::{BindingKind, Texels};
-    ///
-    /// let text = "@group(0) @binding(0) var ids: texture_storage_2d<r32uint, read>;
-    ///             fn first() -> u32 { return textureLoad(ids, vec2u(0)).x; }";
-    /// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
-    /// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
-    /// assert_eq!(format.texels(), Texels::Uint);
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn texels(self) -> Texels {
         match naga::Scalar::from(self.0).kind {
@@ -165,18 +107,6 @@ impl Format {
     }
 
     /// WGSL's name: `rgba8unorm`.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// # use karat::reflect::BindingKind;
-    /// let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba8unorm, read>;
-    ///             fn first() -> f32 { return textureLoad(image, vec2u(0)).x; }";
-    /// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
-    /// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
-    /// assert_eq!(format.name(), "rgba8unorm");
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn name(self) -> String {
         format!("{:?}", self.0).to_lowercase()
@@ -184,18 +114,6 @@ impl Format {
 }
 
 /// The kind of a resource variable.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::reflect::Program;
-/// use karat::reflect::BindingKind;
-///
-/// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
-/// let package = Package::from_source("m", text);
-/// let louder = Program::of_function(&package, "louder")?.function("louder")?;
-/// assert!(matches!(louder.bindings[0].kind, BindingKind::Uniform));
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
     /// `var<uniform>`
@@ -248,13 +166,6 @@ impl BindingKind {
     });
 
     /// Whether an invocation can change it.
-    ///
-    /// ```
-    /// use karat::reflect::BindingKind;
-    ///
-    /// assert!(BindingKind::Storage { writable: true }.is_written());
-    /// assert!(!BindingKind::Uniform.is_written());
-    /// ```
     #[must_use]
     pub fn is_written(self) -> bool {
         match self {

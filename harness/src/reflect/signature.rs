@@ -11,15 +11,6 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
 /// A function as a probe sees it.
-///
-/// ```
-/// # use karat::Package;
-/// # use karat::reflect::Program;
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let half = Program::of_function(&package, "half")?.function("half")?;
-/// assert_eq!((half.parameters[0].0.as_str(), half.result.to_string()), ("x", "f32".to_owned()));
-/// # Ok::<(), karat::reflect::ReflectError>(())
-/// ```
 #[derive(Clone, Debug)]
 pub struct Function {
     /// As its author calls it: `fresnel::schlick`.
@@ -130,15 +121,6 @@ impl fmt::Display for Function {
 
 impl Program {
     /// Reflects a function by its author's path.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// let program = Program::of_function(&package, "half")?;
-    /// assert!(program.function("half").is_ok());
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     ///
     /// # Errors
     /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
@@ -404,19 +386,6 @@ impl Program {
     }
 
     /// The signature of one of its functions, whose types have the names that their authors gave them.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let modules = [
-    ///     ("light", "struct Light { power: f32 }"),
-    ///     ("a", "import package::light::Light;\nfn power(light: Light) -> f32 { return light.power; }"),
-    /// ];
-    /// let program = Program::of_function(&Package::from_modules("m", modules), "a::power")?;
-    /// let function = program.function("a::power")?;
-    /// assert_eq!(program.signature(&function), "a::power(light: Light) -> f32");
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn signature(&self, function: &Function) -> String {
         let (mut shown, text) = (String::new(), function.to_string());
@@ -505,18 +474,6 @@ impl Program {
 
     /// The shape of what a buffer holds, where an array without a length, be it the whole or its last
     /// member, has so many elements, and atomics are their scalars. `None` if it isn't a buffer.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let text = "@group(0) @binding(0) var<storage> lights: array<vec4f>;
-    ///             fn count() -> u32 { return arrayLength(&lights); }";
-    /// let program = Program::of_function(&Package::from_source("m", text), "count")?;
-    /// let lights = &program.function("count")?.bindings[0];
-    /// let shape = program.buffer_of(lights, 8).expect("it is a buffer");
-    /// assert_eq!(shape.to_string(), "array<vec4<f32>, 8>");
-    /// # Ok::<(), karat::reflect::ReflectError>(())
-    /// ```
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -541,19 +498,6 @@ impl Program {
     }
 
     /// The bytes of a buffer, from the lanes of its value or of its elements.
-    ///
-    /// ```
-    /// # use karat::Package;
-    /// # use karat::reflect::Program;
-    /// let text = "struct Light { at: vec3f, power: f32, spot: vec3f }
-    ///             @group(0) @binding(0) var<uniform> light: Light;
-    ///             fn power() -> f32 { return light.power; }";
-    /// let program = Program::of_function(&Package::from_source("m", text), "power")?;
-    /// let light = &program.function("power")?.bindings[0];
-    /// let bytes = program.bytes(light, &[0, 0, 0, 1.0_f32.to_bits(), 0, 0, 0])?;
-    /// assert_eq!((bytes.len(), &bytes[12..16]), (32, &1.0_f32.to_le_bytes()[..]));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     ///
     /// # Errors
     /// If the lanes aren't as many as the type has.

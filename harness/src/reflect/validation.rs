@@ -11,13 +11,6 @@ use crate::output::counted;
 use crate::package::{self, Package, PackageError};
 
 /// What was found valid.
-///
-/// ```
-/// use karat::Package;
-///
-/// let validated = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
-/// assert_eq!((validated.modules, validated.functions), (1, 1));
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Validated {
     /// Modules.
@@ -87,13 +80,6 @@ pub enum Invalid {
 
 impl Invalid {
     /// The opinion on the modules, where there is one.
-    ///
-    /// ```
-    /// use karat::Package;
-    ///
-    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
-    /// assert!(wrong.try_is_valid().unwrap_err().opinion().is_some());
-    /// ```
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {

@@ -7,22 +7,6 @@ use std::sync::OnceLock;
 ///
 /// Cargo's test programs say it by what Cargo tells them. Any other program names each test by the name
 /// of the thread that runs it, and calls [`host`] before the first.
-///
-/// ```
-/// # use karat::prelude::*;
-/// use karat::run::{Host, host};
-///
-/// # let kept = tempfile::tempdir()?;
-/// # let (folder, output, target) = (kept.path().into(), kept.path().into(), "wgsl".to_owned());
-/// let command = ["my-tests", "--exact"].map(str::to_owned).to_vec();
-/// host(Host { command, folder, target, output });
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.4 * x; }");
-/// # let wrong = move || package.function("half").over(1.0..=2.0).unrecorded().try_stays_within(0.0, 0.5);
-/// let test = std::thread::Builder::new().name("is_small".to_owned()).spawn(wrong)?;
-/// let failure = test.join().expect("it doesn't panic").expect_err("half of 2 isn't");
-/// assert!(failure.to_string().contains("my-tests --exact is_small"));
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Clone, Debug)]
 pub struct Host {
     /// The words of the command that runs one test: its name follows. `karat test shaders --exact`
@@ -38,17 +22,6 @@ pub struct Host {
 static HOST: OnceLock<Host> = OnceLock::new();
 
 /// Says who runs the tests of this process. A second call changes nothing.
-///
-/// ```no_run
-/// use karat::run::{Host, host};
-///
-/// host(Host {
-///     command: ["karat", "test", "shaders", "--exact"].map(str::to_owned).to_vec(),
-///     folder: "shaders".into(),
-///     target: "wgsl".to_owned(),
-///     output: "target/karat".into(),
-/// });
-/// ```
 pub fn host(host: Host) {
     crate::golden::leave_in(host.output.clone());
     drop(HOST.set(host));

@@ -12,15 +12,6 @@ use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Fault, PathFault, PathRecord};
 
 /// A failure that was declared with `fails_on` or `refused_on`, and did occur.
-///
-/// ```
-/// # use karat::prelude::*;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let agreement = package.function("half").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
-/// for issue in &agreement.known_issues {
-///     println!("{} of {} fail on {}: {}", issue.failures, issue.cases, issue.adapter, issue.reason);
-/// }
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
     /// Path, adapter and driver.
@@ -34,18 +25,6 @@ pub struct KnownIssue {
 }
 
 /// The failures of several paths, where one failure alone doesn't say all.
-///
-/// ```no_run
-/// use karat::check::Failure;
-/// # use karat::prelude::*;
-/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let found = package.function("half").over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| x, Ulp(1.0));
-/// if let Err(Failure::Paths(paths)) = found {
-///     for (adapter, error) in &paths.stopped {
-///         println!("{adapter} has no verdict: {error}");
-///     }
-/// }
-/// ```
 #[derive(Debug)]
 pub struct PathFailures<E> {
     /// Failures of values, and of declarations.
@@ -97,17 +76,6 @@ impl<E: Display> Display for PathFailures<E> {
 }
 
 /// A declaration of a path that doesn't hold, or names no bug.
-///
-/// ```
-/// use karat::check::Failure;
-/// use karat::prelude::*;
-/// use karat::run::WrongDeclaration;
-///
-/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// let check = package.function("half").over(0.0..=1.0).fails_on(Path::CPU, " ").unrecorded();
-/// let failure = check.try_is_finite().expect_err("it names no bug");
-/// assert!(matches!(failure, Failure::Declaration(WrongDeclaration::Unexplained { .. })));
-/// ```
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
     /// A path that is declared to fail agrees.

@@ -12,16 +12,6 @@ use super::{Rectangle, Support};
 /// Many samples may coincide, such as those of a sampler that has lost a dimension. Then the cell
 /// about that place is narrower than the distance to its neighbours. A density expects fewer
 /// samples in such a cell, and some in the empty cells beside it, so the sampler is rejected.
-///
-/// ```
-/// use karat::Support;
-/// use karat::stats::Cells;
-///
-/// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-/// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-/// assert_eq!(cells.len(), 4);
-/// assert_eq!(cells.index([0.9, 0.0]), 3);
-/// ```
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -38,15 +28,6 @@ pub struct Cells {
 impl Cells {
     /// Lays at most `rows` rows of `columns` columns (one column on a line) by the coordinates of
     /// pilot samples. There are up to twice as many where samples coincide.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-    /// assert_eq!(cells.row_lengths(), [1; 4]);
-    /// ```
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -75,29 +56,12 @@ impl Cells {
     }
 
     /// The number of cells.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-    /// assert_eq!(cells.len(), 4);
-    /// ```
     #[must_use]
     pub fn len(&self) -> usize {
         self.occupied.len()
     }
 
     /// Always false: a partition has at least one cell.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// assert!(!Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1).is_empty());
-    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.occupied.is_empty()
@@ -105,15 +69,6 @@ impl Cells {
 
     /// The cell at these coordinates. If rounding has put them beyond an end, it is the last cell
     /// before that end.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-    /// assert_eq!((cells.index([0.1, 0.0]), cells.index([0.9, 0.0])), (0, 3));
-    /// ```
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -121,29 +76,12 @@ impl Cells {
     }
 
     /// How many cells each row has, from the first.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// assert_eq!(Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1).row_lengths(), [1; 4]);
-    /// ```
     #[must_use]
     pub fn row_lengths(&self) -> Vec<usize> {
         self.columns.iter().map(|row| row.len() + 1).collect()
     }
 
     /// The bounds of a cell.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-    /// assert_eq!((cells.rectangle(0).low[0], cells.rectangle(3).high[0]), (0.0, 1.0));
-    /// ```
     ///
     /// # Panics
     /// If there is no such cell.
@@ -160,17 +98,6 @@ impl Cells {
     /// one part where the pilot samples are, and others beside it in steps that double. A tail may
     /// fall off quickly next to the samples, and a rule over the whole of a wide cell would miss
     /// it.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Cells;
-    ///
-    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 1000.0, 0.0]).collect();
-    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
-    /// let parts = cells.parts(3); // its samples end at 0.099, and it ends at 1
-    /// assert!(parts.len() > 1);
-    /// assert_eq!(parts[parts.len() - 1].high[0], 1.0);
-    /// ```
     ///
     /// # Panics
     /// If there is no such cell.

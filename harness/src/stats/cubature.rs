@@ -14,14 +14,6 @@ const MOST: usize = 1 << 24;
 const BATCH: usize = 880; // times 74 nodes, within 65,536
 
 /// A rectangle of a support's coordinates.
-///
-/// ```
-/// use karat::stats::Rectangle;
-///
-/// let unit = Rectangle { low: [0.0; 2], high: [1.0; 2] };
-/// let next = Rectangle { low: [1.0, 0.0], high: [2.0, 1.0] };
-/// assert_eq!(unit.union(next).high, [2.0, 1.0]);
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
     /// The lower ends.
@@ -32,13 +24,6 @@ pub struct Rectangle {
 
 impl Rectangle {
     /// The smallest rectangle that contains both.
-    ///
-    /// ```
-    /// use karat::stats::Rectangle;
-    ///
-    /// let point = |x| Rectangle { low: [x; 2], high: [x; 2] };
-    /// assert_eq!(point(0.0).union(point(1.0)), Rectangle { low: [0.0; 2], high: [1.0; 2] });
-    /// ```
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         let low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];
@@ -59,20 +44,6 @@ impl Rectangle {
 }
 
 /// The integral over one cell.
-///
-/// ```
-/// use std::convert::Infallible;
-///
-/// use karat::Support;
-/// use karat::stats::{Cells, integrate};
-///
-/// let line = Support::Interval(0.0, 2.0);
-/// let one = Cells::new(line, &[[1.0, 0.0]], 1, 1);
-/// let of = |points: &[[f64; 3]]| Ok::<_, Infallible>(points.iter().map(|[x, ..]| 3.0 * x * x).collect());
-/// let cells = integrate(line, &one, 1, |_| 1e-9, of)?;
-/// assert!((cells[0].value[0] - 8.0).abs() < 1e-9 && cells[0].error < 1e-9);
-/// # Ok::<(), karat::stats::CubatureError<Infallible>>(())
-/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellIntegral {
     /// The integral of each component.
@@ -113,22 +84,6 @@ struct Part {
 /// up like independent ones, as they do along an edge of the density.
 ///
 /// `evaluate` gets points and returns the components of each.
-///
-/// ```
-/// use std::convert::Infallible;
-/// use std::f64::consts::PI;
-///
-/// use karat::Support;
-/// use karat::stats::{Cells, integrate};
-///
-/// let pilot = [[0.3, 1.0], [0.6, 2.0], [0.9, 5.0]]; // theta and phi
-/// let cells = Cells::new(Support::Hemisphere, &pilot, 2, 2);
-/// let cosine = |points: &[[f64; 3]]| Ok::<_, Infallible>(points.iter().map(|[.., z]| z / PI).collect());
-/// let integrals = integrate(Support::Hemisphere, &cells, 1, |_| 1e-6, cosine)?;
-/// let sum: f64 = integrals.iter().map(|cell| cell.value[0]).sum();
-/// assert!((sum - 1.0).abs() < 1e-5);
-/// # Ok::<(), karat::stats::CubatureError<Infallible>>(())
-/// ```
 ///
 /// # Errors
 /// If `evaluate` fails, or the rules never agree.

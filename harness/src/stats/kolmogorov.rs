@@ -7,14 +7,6 @@ use super::{NoVerdict, probability};
 const FEWEST: u64 = 40;
 
 /// How far the distribution function of samples is from what it should be.
-///
-/// ```
-/// use karat::stats::Kolmogorov;
-///
-/// let mut even: Vec<f64> = (0..2000).map(|i| (f64::from(i) + 0.5) / 2000.0).collect();
-/// assert!(Kolmogorov::of(&mut even, |x| x, 0.0)?.p > 0.99);
-/// # Ok::<(), karat::stats::NoVerdict>(())
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kolmogorov {
     /// The largest difference of the two functions.
@@ -29,14 +21,6 @@ impl Kolmogorov {
     /// Sorts the samples and compares them with a distribution function. A distance of up to
     /// `slack` isn't counted: it covers the errors of the samples and of the function. If the
     /// function has steps, the p-value may be too large, but not too small (Conover 1972).
-    ///
-    /// ```
-    /// use karat::stats::Kolmogorov;
-    ///
-    /// let mut squares: Vec<f64> = (0..2000).map(|i| (f64::from(i) / 2000.0).powi(2)).collect();
-    /// assert!(Kolmogorov::of(&mut squares, |x| x, 0.0)?.distance > 0.2);
-    /// # Ok::<(), karat::stats::NoVerdict>(())
-    /// ```
     ///
     /// # Errors
     /// If there are fewer than 40 samples, a sample or the function isn't a number in range, or the

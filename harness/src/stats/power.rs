@@ -9,16 +9,6 @@ use super::{NoVerdict, probability};
 /// Probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects
 /// at `significance` when their mass is `actual`. Both lists should sum to the same.
 ///
-/// ```
-/// use karat::stats::chi_square_power;
-///
-/// // A die whose six comes one time in five, thrown a thousand times.
-/// let loaded = [0.16, 0.16, 0.16, 0.16, 0.16, 0.2];
-/// let power = chi_square_power(&[1.0 / 6.0; 6], &loaded, 1000.0, 0.01)?;
-/// assert!(power > 0.2 && power < 0.9);
-/// # Ok::<(), karat::stats::NoVerdict>(())
-/// ```
-///
 /// # Errors
 /// If a mass isn't a number or negative, or fewer than two cells expect enough.
 pub fn chi_square_power(
@@ -69,14 +59,6 @@ pub fn chi_square_power(
 /// Probability that the test of a mean rejects at `significance` when the true mean differs from
 /// the expected one by `difference`, and the mean of the samples has the standard error `error`.
 ///
-/// ```
-/// use karat::stats::mean_power;
-///
-/// // A mean that is off by six of its standard errors.
-/// assert!(mean_power(0.06, 0.01, 0.0, 0.01)? > 0.99);
-/// # Ok::<(), karat::stats::NoVerdict>(())
-/// ```
-///
 /// # Errors
 /// If an argument isn't a number, the error or the slack is negative, or the significance isn't
 /// between 0 and 1.
@@ -105,15 +87,6 @@ pub fn mean_power(
 /// `significance` when their distribution function is another one. Each of `points` has two values
 /// at one place: that of the claimed function, and that of the other one. More points give a better
 /// bound. Massey 1950: at one place the number of samples below is binomial, here taken for normal.
-///
-/// ```
-/// use karat::stats::kolmogorov_power;
-///
-/// // The uniform distribution, were it the square: would 10,000 samples tell?
-/// let points: Vec<(f64, f64)> = (0..=100).map(|i| f64::from(i) / 100.0).map(|x| (x, x * x)).collect();
-/// assert!(kolmogorov_power(&points, 1e4, 0.0, 1e-3)? > 0.99);
-/// # Ok::<(), karat::stats::NoVerdict>(())
-/// ```
 ///
 /// # Errors
 /// If a value isn't a probability, there are no points, the slack is negative, or the significance
@@ -157,13 +130,6 @@ fn expect_significance(value: f64) -> Result<(), NoVerdict> {
 }
 
 /// How often a test rejected.
-///
-/// ```
-/// use karat::stats::Rate;
-///
-/// let rate = Rate::over(0..1000, |seed| seed % 100 == 0);
-/// assert_eq!((rate.rejected, rate.share()), (10, 0.01));
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
     /// Runs that rejected.
@@ -174,24 +140,12 @@ pub struct Rate {
 
 impl Rate {
     /// Runs a test with many seeds; `rejects` says whether it did.
-    ///
-    /// ```
-    /// use karat::stats::Rate;
-    ///
-    /// assert_eq!(Rate::over(0..10, |seed| seed < 3).rejected, 3);
-    /// ```
     pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
         let runs = seeds.end.saturating_sub(seeds.start);
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
     }
 
     /// The share of runs that rejected; NaN if there were no runs.
-    ///
-    /// ```
-    /// use karat::stats::Rate;
-    ///
-    /// assert_eq!(Rate::over(0..10, |seed| seed < 3).share(), 0.3);
-    /// ```
     #[must_use]
     pub fn share(&self) -> f64 {
         self.rejected as f64 / self.runs as f64
@@ -199,13 +153,6 @@ impl Rate {
 
     /// Whether rejections are no more frequent than `significance` allows: the probability of that
     /// many or more is at least one in a thousand. False if there were no runs.
-    ///
-    /// ```
-    /// use karat::stats::Rate;
-    ///
-    /// assert!(Rate::over(0..1000, |seed| seed % 100 == 0).is_within(0.01));
-    /// assert!(!Rate::over(0..1000, |seed| seed % 10 == 0).is_within(0.01));
-    /// ```
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;

@@ -29,13 +29,6 @@ pub enum Support {
 }
 
 /// Where a sample is.
-///
-/// ```
-/// use karat::Support;
-/// use karat::stats::Place;
-///
-/// assert_eq!(Support::Sphere.locate([0.0, 0.0, 0.5]), Place::NotUnit);
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// On the support, at these coordinates.
@@ -48,12 +41,6 @@ pub enum Place {
 
 impl Support {
     /// Components of a sample.
-    ///
-    /// ```
-    /// use karat::Support;
-    ///
-    /// assert_eq!(Support::Hemisphere.components(), 3);
-    /// ```
     #[must_use]
     pub fn components(self) -> usize {
         match self {
@@ -64,12 +51,6 @@ impl Support {
     }
 
     /// Whether there is only one coordinate.
-    ///
-    /// ```
-    /// use karat::Support;
-    ///
-    /// assert!(Support::Interval(0.0, 1.0).is_line());
-    /// ```
     #[must_use]
     pub fn is_line(self) -> bool {
         matches!(self, Self::Interval(..))
@@ -77,13 +58,6 @@ impl Support {
 
     /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second
     /// coordinate is a dummy.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use std::f64::consts::{PI, TAU};
-    ///
-    /// assert_eq!(Support::Sphere.extent(), [(0.0, PI), (0.0, TAU)]);
-    /// ```
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
         match self {
@@ -95,13 +69,6 @@ impl Support {
     }
 
     /// The coordinates of a sample, of which the first [`components`](Self::components) count.
-    ///
-    /// ```
-    /// use karat::Support;
-    /// use karat::stats::Place;
-    ///
-    /// assert_eq!(Support::Hemisphere.locate([0.0, 0.0, -1.0]), Place::Outside);
-    /// ```
     #[must_use]
     pub fn locate(self, point: [f64; 3]) -> Place {
         let [x, y, z] = point;
@@ -125,13 +92,6 @@ impl Support {
     }
 
     /// The point at these coordinates, and the measure per unit of both coordinates there.
-    ///
-    /// ```
-    /// use karat::Support;
-    ///
-    /// let (up, _) = Support::Sphere.point([0.0, 0.0]);
-    /// assert_eq!(up, [0.0, 0.0, 1.0]);
-    /// ```
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {
         let (sin_b, cos_b) = b.sin_cos();

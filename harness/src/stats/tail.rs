@@ -5,12 +5,6 @@ use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
 /// Probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if that isn't
 /// defined. Abramowitz and Stegun 26.4.19.
-///
-/// ```
-/// use karat::stats::chi_square_tail;
-///
-/// assert!((chi_square_tail(3.841, 1.0) - 0.05).abs() < 1e-4);
-/// ```
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -25,12 +19,6 @@ pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
 }
 
 /// The value that chi-square exceeds with probability `significance`.
-///
-/// ```
-/// use karat::stats::chi_square_critical;
-///
-/// assert!((chi_square_critical(1.0, 0.05) - 3.841).abs() < 1e-3);
-/// ```
 #[must_use]
 pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
     let (mut low, mut high) = (0.0, dof.max(1.0));
@@ -47,13 +35,6 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
 /// Probability that non-central chi-square is at least `x`: a mixture of central ones with
 /// `dof + 2 j` degrees of freedom, j from Poisson's distribution of mean `lambda / 2`.
 /// Abramowitz and Stegun 26.4.25.
-///
-/// ```
-/// use karat::stats::{chi_square_tail, noncentral_tail};
-///
-/// // A shift makes large values more likely.
-/// assert!(noncentral_tail(10.0, 5.0, 4.0) > chi_square_tail(10.0, 5.0));
-/// ```
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -79,12 +60,6 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
 }
 
 /// Probability that a standard normal number is at least as far from 0 as `z`, on either side.
-///
-/// ```
-/// use karat::stats::normal_tail;
-///
-/// assert!((normal_tail(1.96) - 0.05).abs() < 1e-4);
-/// ```
 #[must_use]
 pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
@@ -92,12 +67,6 @@ pub fn normal_tail(z: f64) -> f64 {
 
 /// The distance from 0 that a standard normal number reaches with probability `significance`, on
 /// either side.
-///
-/// ```
-/// use karat::stats::normal_critical;
-///
-/// assert!((normal_critical(0.05) - 1.96).abs() < 1e-3);
-/// ```
 #[must_use]
 pub fn normal_critical(significance: f64) -> f64 {
     // 40 deviations are beyond the smallest double.
@@ -122,12 +91,6 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
 
 /// Probability of a number of successes at least as extreme as `successes` of `trials`: twice the
 /// smaller tail, summed exactly.
-///
-/// ```
-/// use karat::stats::binomial_tail;
-///
-/// assert!(binomial_tail(70, 100, 0.5) < 1e-3); // no fair coin
-/// ```
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
@@ -159,12 +122,6 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
 
 /// Probability that Kolmogorov's distance of `samples` samples is at least `distance`. Stephens
 /// 1970, with Kolmogorov's series.
-///
-/// ```
-/// use karat::stats::kolmogorov_tail;
-///
-/// assert!(kolmogorov_tail(0.1, 1000.0) < 1e-6);
-/// ```
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
     let root = samples.sqrt();

@@ -110,10 +110,6 @@ fn is_dawn(folder: &Path) -> bool {
 }
 
 /// Where `cargo ci setup` installs what a project has no `node_modules` for: once for a user.
-///
-/// ```
-/// println!("{:?}", karat::tint::installed());
-/// ```
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());

@@ -1,14 +1,6 @@
 //! Kinds of reasons for which Tint rejects what naga accepts, and what to do about each.
 
 /// A kind of reason.
-///
-/// ```
-/// use karat::tint::Reason;
-///
-/// let reason = Reason::of("mixing '<<' and '+' requires parenthesis");
-/// assert_eq!(reason, Reason::Precedence);
-/// assert!(reason.remedy().contains("parentheses"));
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Reason {
@@ -76,12 +68,6 @@ const PARTS: [(&str, Reason); 32] = [
 
 impl Reason {
     /// The kind of one of Tint's messages.
-    ///
-    /// ```
-    /// use karat::tint::Reason;
-    ///
-    /// assert_eq!(Reason::of("'f16' type used without 'f16' extension enabled"), Reason::Enable);
-    /// ```
     #[must_use]
     pub fn of(message: &str) -> Self {
         let of = PARTS.iter().find(|(part, _)| message.contains(part));
@@ -89,10 +75,6 @@ impl Reason {
     }
 
     /// Its name in tables.
-    ///
-    /// ```
-    /// assert_eq!(karat::tint::Reason::Uniformity.name(), "uniformity");
-    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -112,10 +94,6 @@ impl Reason {
     }
 
     /// The remedy, in a line.
-    ///
-    /// ```
-    /// assert!(karat::tint::Reason::Range.remedy().contains("0x1.fffffep+127f"));
-    /// ```
     #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {
