@@ -26,6 +26,7 @@ mod packages;
 mod record;
 mod semver;
 mod setup;
+mod size;
 mod step;
 mod suite;
 #[path = "../../harness/cli/src/cli/loader/swiftshader.rs"]
@@ -121,6 +122,11 @@ enum Task {
         /// The revision [default: the one in ci/baseline.txt]
         revision: Option<String>,
     },
+    /// Measure the harness: lines, public items, and over how many files an idea is spread.
+    Size {
+        /// A revision whose numbers stand beside those of the working tree.
+        revision: Option<String>,
+    },
     /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
     ///
     /// The tests try a few of them in each run. What became of which is written to
@@ -151,6 +157,7 @@ fn main() -> ExitCode {
         Task::Package => packages::run(),
         Task::Nextest => step::verdict(nextest::run()),
         Task::Semver { revision } => step::verdict(semver::run(revision)),
+        Task::Size { revision } => step::verdict(size::run(revision.as_deref())),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
 }

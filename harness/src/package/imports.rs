@@ -315,7 +315,7 @@ pub(super) fn resolve_path(
                 let owner = library.shown(&owner);
                 let message = format!("module `{owner}` has no declaration `{name}`");
                 let diagnostic = Diagnostic::new(message).at(module.span(last), "");
-                Err(hinted(diagnostic, &name, nearest, condition))
+                Err(hinted(diagnostic, (&owner, &name), nearest, condition))
             }
         },
     }
@@ -335,7 +335,7 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
             let module = library.shown(&module);
             let message = format!("unresolved import: module `{module}` declares no `{item}`");
             let diagnostic = Diagnostic::new(message).at(span, "imported here");
-            hinted(diagnostic, item, nearest, condition)
+            hinted(diagnostic, (&module, item), nearest, condition)
         }
     }
 }
@@ -343,13 +343,12 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
 /// Adds why a name isn't there: a condition that doesn't hold, or a slip.
 fn hinted(
     diagnostic: Diagnostic,
-    name: &str,
+    (module, name): (&str, &str),
     nearest: Option<String>,
     condition: Option<String>,
 ) -> PackageError {
-    let of_constants = diagnostic.message.contains(&format!("`{CONSTANTS}`"));
     let diagnostic = match (condition, nearest) {
-        (None, _) if of_constants => diagnostic.note(format!(
+        (None, _) if module == CONSTANTS => diagnostic.note(format!(
             "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
         )),
         (Some(condition), _) => diagnostic

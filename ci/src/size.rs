@@ -1,0 +1,287 @@
+//! `cargo ci size`: how large the harness is, and how many files its ideas are spread over, as numbers that two
+//! revisions can be compared by. It reads text alone, so that it measures any revision.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::command;
+
+/// The sources that are measured: those of the packages, and none of their tests.
+const HARNESS: &str = "harness";
+
+/// A verb, a path and a subcommand that have no other word in them. Another one touches as many files.
+const SPREAD: [(&str, &str, &str); 3] = [
+    ("files of a verb", "harness", "is_unit"),
+    ("files of a path", "harness/src", "Api::Dx12"),
+    ("files of a subcommand", "harness/cli", "unreferenced::"),
+];
+
+/// Methods by which a text is read. Of naga, Tint, OpenEXR and TOML nothing but a message is known.
+const READS: [&str; 8] = [
+    "contains",
+    "starts_with",
+    "ends_with",
+    "strip_prefix",
+    "strip_suffix",
+    "split",
+    "split_once",
+    "find",
+];
+
+/// Prints each number of the working tree, beside that of a revision.
+pub(crate) fn run(revision: Option<&str>) -> Result<()> {
+    let now = measure(&command::root())?;
+    let before = revision.map(|revision| {
+        let folder = std::env::temp_dir().join(format!("karat-size-{}", std::process::id()));
+        let measured = extract(revision, &folder).and_then(|()| measure(&folder));
+        std::fs::remove_dir_all(&folder).context("can't remove the revision's sources")?;
+        measured
+    });
+    let before = before.transpose()?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{:<44}{:>9}{:>14}", "", "now", revision.unwrap_or_default())?;
+    for (at, (name, number)) in now.iter().enumerate() {
+        let other = before.as_ref().map_or_else(String::new, |before| before[at].1.to_string());
+        writeln!(out, "{name:<44}{number:>9}{other:>14}")?;
+    }
+    Ok(())
+}
+
+/// Writes the sources of a revision into a folder.
+fn extract(revision: &str, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).context("can't make a folder for the revision's sources")?;
+    let mut archive = Command::new("git")
+        .args(["archive", "--format=tar", revision, HARNESS])
+        .current_dir(command::root())
+        .stdout(Stdio::piped())
+        .spawn()
+        .context("can't run git")?;
+    let tar = archive.stdout.take().context("it is piped")?;
+    let unpacked =
+        Command::new("tar").arg("-xC").arg(folder).stderr(Stdio::null()).stdin(tar).status();
+    let found = archive.wait().context("git has no status")?.success();
+    ensure!(found, "git has no sources of `{revision}`: name a commit, a branch or a tag");
+    ensure!(unpacked.context("can't run tar")?.success(), "tar can't unpack what git wrote");
+    Ok(())
+}
+
+/// A source without its tests.
+struct Source {
+    /// Relative to the repository: `harness/src/check/plan.rs`.
+    path: String,
+    lines: Vec<String>,
+}
+
+fn measure(root: &Path) -> Result<Vec<(String, usize)>> {
+    let mut all = Vec::new();
+    sources(root, &root.join(HARNESS), &mut all)?;
+    ensure!(!all.is_empty(), "there is no source below `{}`", root.join(HARNESS).display());
+    let sum = |of: &dyn Fn(&Source) -> usize| all.iter().map(of).sum();
+    let lines = |of: fn(&str) -> bool| {
+        sum(&|source: &Source| source.lines.iter().filter(|line| of(line.trim())).count())
+    };
+    let mut numbers = vec![
+        ("files".to_owned(), all.len()),
+        ("lines of code".to_owned(), lines(is_code)),
+        ("lines of doc examples".to_owned(), sum(&|source| examples(&source.lines))),
+        ("public items of karat".to_owned(), {
+            let own = all.iter().filter(|source| source.path.starts_with("harness/src/"));
+            own.flat_map(|source| &source.lines).filter(|line| is_public(line.trim())).count()
+        }),
+        ("callers of Prepared::start".to_owned(), lines(|line| line.contains("prepared.start("))),
+        ("places that read a message".to_owned(), lines(reads_message)),
+        ("circles inside rooms of karat".to_owned(), circles(&all)),
+    ];
+    numbers.extend(SPREAD.map(|(name, below, word)| {
+        let has = |source: &&Source| {
+            source.path.starts_with(below) && source.lines.iter().any(|line| line.contains(word))
+        };
+        (format!("{name} ({word})"), all.iter().filter(has).count())
+    }));
+    Ok(numbers)
+}
+
+fn sources(root: &Path, folder: &Path, found: &mut Vec<Source>) -> Result<()> {
+    let unread = || format!("can't read `{}`", folder.display());
+    for entry in std::fs::read_dir(folder).with_context(unread)? {
+        let path = entry.with_context(unread)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if path.is_dir() && !matches!(&*name, "tests" | "examples" | "benches" | "target") {
+            sources(root, &path, found)?;
+        } else if name.ends_with(".rs") && name != "tests.rs" {
+            let text = std::fs::read_to_string(&path).with_context(unread)?;
+            let below = path.strip_prefix(root).unwrap_or(&path).display().to_string();
+            found.push(Source { path: below.replace('\\', "/"), lines: without_tests(&text) });
+        }
+    }
+    Ok(())
+}
+
+/// The lines before a file's module of tests, which is its last item.
+fn without_tests(text: &str) -> Vec<String> {
+    let lines: Vec<&str> = text.lines().collect();
+    let begins = |pair: &[&str]| {
+        let [attribute, module] = pair else { return false };
+        attribute.starts_with("#[cfg(")
+            && attribute.contains("test")
+            && module.contains("mod tests")
+    };
+    let end = lines.windows(2).position(begins).unwrap_or(lines.len());
+    lines[..end].iter().map(|line| (*line).to_owned()).collect()
+}
+
+fn is_code(line: &str) -> bool {
+    !line.is_empty() && !line.starts_with("//")
+}
+
+/// Lines of examples in comments, with their fences.
+fn examples(lines: &[String]) -> usize {
+    let mut inside = false;
+    let is_example = |line: &&String| {
+        let line = line.trim_start();
+        let Some(text) = line.strip_prefix("///").or_else(|| line.strip_prefix("//!")) else {
+            return false;
+        };
+        let is_fence = text.trim_start().starts_with("```");
+        inside ^= is_fence;
+        is_fence || inside
+    };
+    lines.iter().filter(is_example).count()
+}
+
+fn is_public(line: &str) -> bool {
+    let words = ["pub fn ", "pub struct ", "pub enum ", "pub trait ", "pub type ", "pub const "];
+    words.iter().any(|word| line.starts_with(word))
+}
+
+/// Whether a line reads the text of a message: `message.contains(..)`.
+fn reads_message(line: &str) -> bool {
+    line.match_indices("message").any(|(at, word)| {
+        let rest = &line[at + word.len()..];
+        let rest = rest.strip_prefix(".trim()").unwrap_or(rest);
+        let read = |method: &&str| rest.starts_with(&format!(".{method}("));
+        READS.iter().any(read)
+    })
+}
+
+/// Modules of a room that use one another in a circle: groups of them.
+fn circles(all: &[Source]) -> usize {
+    // `check/plan.rs` is `plan` of the room `check`.
+    let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
+    for source in all {
+        let Some(below) = source.path.strip_prefix("harness/src/") else { continue };
+        let Some((room, module)) = below.trim_end_matches(".rs").split_once('/') else { continue };
+        let module = module.split('/').next().unwrap_or(module);
+        let named = source.lines.iter().map(|line| line.trim()).filter(|line| is_code(line));
+        let uses = named.flat_map(|line| {
+            let paths = [format!("crate::{room}::"), "super::".to_owned()];
+            paths.into_iter().flat_map(move |path| {
+                let behind: Vec<String> = line.split(&*path).skip(1).map(str::to_owned).collect();
+                behind.into_iter().map(|rest| word(&rest))
+            })
+        });
+        rooms.entry(room).or_default().entry(module).or_default().extend(uses);
+    }
+    rooms
+        .values()
+        .map(|modules| {
+            let reaches = |from: &str, to: &str| {
+                let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
+                while let Some(module) = next.pop() {
+                    for used in modules.get(module).into_iter().flatten() {
+                        if used == to {
+                            return true;
+                        }
+                        if used != module && seen.insert(&**used) {
+                            next.push(used);
+                        }
+                    }
+                }
+                false
+            };
+            let in_circle: Vec<&str> = modules
+                .keys()
+                .copied()
+                .filter(|one| {
+                    let others = modules[one]
+                        .iter()
+                        .filter(|used| used != one && modules.contains_key(&***used));
+                    others.into_iter().any(|used| reaches(used, one))
+                })
+                .collect();
+            // Those that reach one another are one circle.
+            let mut groups: Vec<Vec<&str>> = Vec::new();
+            for one in in_circle {
+                match groups
+                    .iter_mut()
+                    .find(|group| reaches(one, group[0]) && reaches(group[0], one))
+                {
+                    Some(group) => group.push(one),
+                    None => groups.push(vec![one]),
+                }
+            }
+            groups.len()
+        })
+        .sum()
+}
+
+/// The name at the beginning of a text.
+fn word(text: &str) -> String {
+    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(path: &str, text: &str) -> Source {
+        Source { path: path.to_owned(), lines: without_tests(text) }
+    }
+
+    #[test]
+    fn lines_are_told_apart() {
+        let text = "//! What it is.\n/// ```\n/// shown();\n/// ```\npub fn shown() {} // behind\n\n\
+                    // aside\n#[cfg(test)]\nmod tests {\n    fn hidden() {}\n}\n";
+        let lines = without_tests(text);
+        assert_eq!(lines.iter().filter(|line| is_code(line.trim())).count(), 1);
+        assert_eq!((examples(&lines), is_public(&lines[4])), (3, true));
+        assert!(reads_message("if record.message.contains(\"x\") {"));
+        assert!(reads_message("message.trim().strip_prefix(\"x\")"));
+        assert!(!reads_message("let message = text.lines().next();"));
+    }
+
+    #[test]
+    fn circles_are_counted_by_room() {
+        let line =
+            [source("harness/src/a/b.rs", "use super::c::C;"), source("harness/src/a/c.rs", "")];
+        assert_eq!(circles(&line), 0);
+        let circle = [
+            source("harness/src/a/b.rs", "use super::c::C;"),
+            source("harness/src/a/c.rs", "use crate::a::d::D;"),
+            source("harness/src/a/d.rs", "use super::b::B;"),
+            source("harness/src/e/b.rs", "use super::c::C;"),
+        ];
+        assert_eq!(circles(&circle), 1);
+    }
+
+    #[test]
+    fn this_tree_is_measured() {
+        let numbers = measure(&command::root()).expect("it has sources");
+        let of =
+            |name: &str| numbers.iter().find(|(own, _)| own.starts_with(name)).map(|one| one.1);
+        assert!(
+            of("lines of code") > Some(10_000) && of("public items") > Some(100),
+            "{numbers:?}"
+        );
+        assert!(
+            numbers.iter().all(|(name, number)| *number > 0
+                || name.contains("circles")
+                || name.contains("message")),
+            "{numbers:?}"
+        );
+    }
+}
