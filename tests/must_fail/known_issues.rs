@@ -228,6 +228,22 @@ fn known_issues_are_recorded() {
     }
 }
 
+/// A verb that returns its failure records it, too, unless its author leaves it out.
+#[test]
+fn what_is_returned_is_recorded_unless_it_is_left_out() {
+    for (fault, expected) in [("recorded", 5), ("unrecorded", 0)] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder_name = folder.path().display().to_string();
+        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
+        assert!(output.status.success() && text.contains("5 failures"), "{text}");
+        let records = karat::record::read(folder.path()).unwrap_or_default();
+        let failed = records.iter().filter(|record| {
+            record.verdict == karat::record::Verdict::Fail && record.fault.is_some()
+        });
+        assert_eq!((records.len(), failed.count()), (expected, expected), "{records:?}");
+    }
+}
+
 /// Every verdict under an overlay says so in the record: of values, samples and frames.
 #[test]
 fn records_name_the_overlay() {

@@ -35,6 +35,8 @@ fn main() -> ExitCode {
         "one_path" => one_path(),
         "mirrored" => mirrored(),
         "records" => Ok(records()),
+        "recorded" => Ok(failures(true)),
+        "unrecorded" => Ok(failures(false)),
         "known_issue" => {
             Ok(declared("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"))
         }
@@ -139,6 +141,43 @@ fn records() -> String {
     let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 8 };
     frame.expect_mean(whole, [0.5, 0.5, 0.5], Abs(1e-3));
     "three verdicts".to_owned()
+}
+
+/// A failure of each kind that is returned: of values, integrals, samples, frames and passes.
+fn failures(recorded: bool) -> String {
+    let wgsl = "fn f(u: f32) -> f32 { return u; }
+                @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+                @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+    let package = Package::from_source("planted", wgsl);
+    let values = package.function("f").over(0.0..=1.0);
+    let integral = package.function("f").integral(0.1..=1.0, |c: &f32| vec![(*c, 1.0)]);
+    let samples = package.function("f").sampled_over(Just(()), |(), u: f32| u);
+    let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+    let passes = passes.after("data");
+    let pictures = Package::from_source("gradient", GRADIENT);
+    let frame = pictures.frame("", 4, 8).fullscreen("corners", "gradient");
+    let (values, integral, samples, passes, frame) = match recorded {
+        true => (values, integral, samples, passes, frame),
+        false => (
+            values.unrecorded(),
+            integral.unrecorded(),
+            samples.unrecorded(),
+            passes.unrecorded(),
+            frame.unrecorded(),
+        ),
+    };
+    let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 8 };
+    let failures = [
+        values.try_agrees_with(|x: f64| x + 1.0, Ulp(0.0)).err().map(|e| e.to_string()),
+        integral.try_agrees_with(|_: &f32| 2.0, Rel(1e-6)).err().map(|e| e.to_string()),
+        samples
+            .try_has_mean("u", |u: f32| f64::from(u), |()| 0.9, 1e-6)
+            .err()
+            .map(|e| e.to_string()),
+        passes.try_agrees_with([8_u32], Abs(0.0)).err().map(|e| e.to_string()),
+        frame.try_expect_mean(whole, [0.0; 3], Abs(1e-3)).err().map(|e| e.to_string()),
+    ];
+    format!("{} failures", failures.iter().flatten().count())
 }
 
 /// A check that is declared to fail on every path. Its verdict is recorded.
