@@ -38,7 +38,7 @@ pub(crate) fn run(revision: Option<&str>) -> Result<()> {
     let before = revision.map(|revision| {
         let folder = std::env::temp_dir().join(format!("karat-size-{}", std::process::id()));
         let measured = extract(revision, &folder).and_then(|()| measure(&folder));
-        std::fs::remove_dir_all(&folder).context("can't remove the revision's sources")?;
+        drop(std::fs::remove_dir_all(&folder));
         measured
     });
     let before = before.transpose()?;
@@ -61,8 +61,12 @@ fn extract(revision: &str, folder: &Path) -> Result<()> {
         .spawn()
         .context("can't run git")?;
     let tar = archive.stdout.take().context("it is piped")?;
-    let unpacked =
-        Command::new("tar").arg("-xC").arg(folder).stderr(Stdio::null()).stdin(tar).status();
+    let unpacked = Command::new("tar")
+        .args(["-xf", "-", "-C"])
+        .arg(folder)
+        .stderr(Stdio::null())
+        .stdin(tar)
+        .status();
     let found = archive.wait().context("git has no status")?.success();
     ensure!(found, "git has no sources of `{revision}`: name a commit, a branch or a tag");
     ensure!(unpacked.context("can't run tar")?.success(), "tar can't unpack what git wrote");

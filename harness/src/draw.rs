@@ -75,7 +75,7 @@ pub enum DrawError {
     /// No device can draw it as it is said.
     #[error("the frame can't be drawn: {reason}")]
     Unsound {
-        /// The setting that is wrong, as its author writes it: `samples`, `formats`, `target`, `depth`.
+        /// The setting that is wrong, as its author writes it: `samples`, `formats`, `target`, `depth`, `mesh`.
         setting: &'static str,
         /// Why not.
         reason: String,

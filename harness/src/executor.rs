@@ -162,6 +162,9 @@ pub(crate) fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
 ///
 /// # Errors
 /// If the path doesn't open, a fixture is missing, or the function gives no results there.
+///
+/// # Panics
+/// If a case hasn't as many words as the arguments together.
 pub fn call(
     probed: &Probed,
     path: Path,
@@ -171,6 +174,8 @@ pub fn call(
     fixture::check_used(&probed.function().bindings, fixtures)?;
     let calls = cases.len().min(BATCH);
     let caller = Caller::new(of(path)?, Cow::Borrowed(probed), fixtures, calls)?;
+    let whole = cases.iter().all(|case| case.len() == caller.words);
+    assert!(whole, "each case has all its arguments: {} words", caller.words);
     let results = caller.results(&cases.concat(), cases.len())?;
     let width = probed.function().result.lanes().len();
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())

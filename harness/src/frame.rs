@@ -152,8 +152,6 @@ pub enum FrameError {
     },
 }
 
-impl FrameError {}
-
 impl Fails for FrameError {
     fn is_verdict(&self) -> bool {
         match self {

@@ -366,8 +366,8 @@ fn an_unknown_function_and_a_missing_fixture() {
     let missing =
         message(radiance().over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)));
     for part in [
-        "`environment::environment` (texture_cube<f32>) has no fixture: bind it by \
-         `with`",
+        "`environment::environment` (texture_cube<f32>) has no fixture: bind \
+         `environment::environment` by `with`",
         "environment.wgsl:",
         "bound here",
     ] {

@@ -4,6 +4,7 @@ use karat::Goldens;
 use karat::check::Failure;
 use karat::image::Precision;
 use karat::prelude::*;
+use karat::run::WrongDeclaration;
 
 use crate::disagreement;
 use crate::processes::planted;
@@ -64,7 +65,7 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     let found = over().fails_on(path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Ulp(0.0));
     let text = found.expect_err("it passes").to_string();
     let expected = format!(
-        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+        "`f` is as it should be on {path}, where it is declared to fail: bug 1\n\
          the bug is gone, or hidden: remove its `fails_on`"
     );
     assert_eq!(text, expected);
@@ -72,12 +73,15 @@ fn an_issue_that_is_gone_or_has_no_reason() {
         let found =
             over().fails_on(path, reason).unrecorded().try_satisfies("is not", |_, _: f32| false);
         let text = found.expect_err("no reason").to_string();
-        let expected = format!("`f` is declared to fail on {path} without a reason: name the bug");
+        let expected = format!("the `fails_on` of `f` on {path} has no reason: name the bug");
         assert_eq!(text, expected);
     }
     let integral = package.function("f").integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)]);
     let found = integral.fails_on(path, "bug 1").unrecorded().try_is_at_most(|_| 1.0, 0.0);
-    assert!(matches!(found, Err(Failure::Declaration(_))), "{found:?}");
+    assert!(
+        matches!(found, Err(Failure::Declaration(WrongDeclaration::UnexpectedPass { .. }))),
+        "{found:?}"
+    );
 }
 
 /// A frame that is declared to differ from its golden must differ, and no declaration makes up for
@@ -98,7 +102,7 @@ fn a_frame_that_is_declared_to_fail() {
     let error = declared().unrecorded().try_matches(&goldens, "gradient").expect_err("it matches");
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
     let error = frame().fails_on(paths[0], "").unrecorded().try_matches(&goldens, "gradient");
-    assert!(error.expect_err("no reason").to_string().contains("without a reason"));
+    assert!(error.expect_err("no reason").to_string().contains("has no reason"));
 
     // A frame of another size has no values that could be compared.
     let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
@@ -179,7 +183,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     let failure = declared("same", "bug 1").expect_err("it passes").to_string();
     assert!(failure.contains("where it is declared to fail: bug 1"), "{failure}");
     let failure = declared("squared", " ").expect_err("no reason").to_string();
-    assert!(failure.contains("without a reason"), "{failure}");
+    assert!(failure.contains("has no reason"), "{failure}");
 
     let pictures = Package::from_source("gradient", include_str!("../planted/gradient.wgsl"));
     let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");

@@ -269,7 +269,7 @@ enum Command {
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
-                            nothing; `try_matches`,\nwhose verdict is its caller's, isn't recorded.\n\
+                            nothing; a comparison\nthat is `.unrecorded()` counts for nothing, too.\n\
                             Exit codes: 0 each golden was compared; 1 one wasn't, its facts \
                             (`.toml`) aren't those of its image,\nor a file is no golden's; 2 a file \
                             can't be read; 3 there is no golden, or no record of a \

@@ -44,11 +44,18 @@ impl Scene<'_> {
                 };
                 if output.kind != format.kind() {
                     let (has, wants) = match output.kind {
-                        Texels::Uint => ("unsigned integers", "one of these, such as `rgba32uint`"),
-                        Texels::Sint => ("signed integers", "one of these: `r32sint`"),
-                        Texels::Float | Texels::Depth => {
-                            ("floats", "one of floats, such as `float`")
-                        }
+                        Texels::Uint => (
+                            "unsigned integers",
+                            "one of these, such as `Format::Rgba32Uint`, in a test's file `rgba32uint`",
+                        ),
+                        Texels::Sint => (
+                            "signed integers",
+                            "one of these: `Format::R32Sint`, in a test's file `r32sint`",
+                        ),
+                        Texels::Float | Texels::Depth => (
+                            "floats",
+                            "one of floats, such as `Format::Float`, in a test's file `float`",
+                        ),
                     };
                     return unsound(
                         "formats",

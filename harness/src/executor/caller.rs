@@ -83,7 +83,11 @@ impl<'e> Caller<'e> {
     }
 
     /// The results of any number of calls, one after the other.
+    ///
+    /// # Panics
+    /// If `rows` hasn't the words of all arguments for so many calls.
     pub(crate) fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
+        assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);
         for first in (0..calls).step_by(self.capacity()) {
             let count = self.capacity().min(calls - first);

@@ -35,7 +35,8 @@ impl Frame<'_> {
         or_panic(self.try_matches(goldens, case))
     }
 
-    /// [`matches`](Self::matches) without the panic.
+    /// [`matches`](Self::matches) without the panic. With `KARAT_FRAMES=off` it draws nothing, either, unless
+    /// the frame is [unrecorded](Self::unrecorded).
     ///
     /// # Errors
     /// If it differs or there is nothing to compare with.

@@ -56,7 +56,8 @@ impl Frame<'_> {
         or_panic(self.try_expect_mean(rect, expected, tolerance))
     }
 
-    /// [`expect_mean`](Self::expect_mean) without the panic.
+    /// [`expect_mean`](Self::expect_mean) without the panic. With `KARAT_FRAMES=off` it draws nothing, either,
+    /// unless the frame is [unrecorded](Self::unrecorded).
     ///
     /// # Errors
     /// If a mean is off or can't be taken.

@@ -80,7 +80,7 @@ impl<E: Display> Display for PathFailures<E> {
 pub enum WrongDeclaration {
     /// A path that is declared to fail agrees.
     #[error(
-        "`{subject}` passes on {path}, where it is declared to fail: {reason}\n\
+        "`{subject}` is as it should be on {path}, where it is declared to fail: {reason}\n\
          the bug is gone, or hidden: remove its `fails_on`"
     )]
     UnexpectedPass {
@@ -93,7 +93,7 @@ pub enum WrongDeclaration {
     },
     /// A path runs what it is declared to refuse.
     #[error(
-        "`{subject}` runs on {path}, which is declared to refuse it: {reason}\n\
+        "{path} is declared to refuse `{subject}`, and runs it: {reason}\n\
          the bug is gone, or hidden: remove its `refused_on`"
     )]
     NotRefused {
@@ -104,9 +104,11 @@ pub enum WrongDeclaration {
         /// The declaration.
         reason: String,
     },
-    /// A path is declared to fail without a reason.
-    #[error("`{subject}` is declared to fail on {on} without a reason: name the bug")]
+    /// A declaration has no reason.
+    #[error("the `{setting}` of `{subject}` on {on} has no reason: name the bug")]
     Unexplained {
+        /// `fails_on` or `refused_on`.
+        setting: &'static str,
         /// The function, the golden or the variable.
         subject: String,
         /// The paths.
@@ -148,12 +150,13 @@ impl KnownIssues {
     {
         self.values.expect_sound()?;
         self.refusals.expect_sound()?;
-        let mut all = self.values.iter().chain(self.refusals.iter());
-        let unexplained = all.find(|(_, reason)| reason.is_empty());
-        unexplained.map_or(Ok(()), |(on, _)| {
-            let (subject, on) = (subject.to_owned(), on.clone());
-            Err(WrongDeclaration::Unexplained { subject, on }.into())
-        })
+        for (setting, declared) in [("fails_on", &self.values), ("refused_on", &self.refusals)] {
+            if let Some((on, _)) = declared.iter().find(|(_, reason)| reason.is_empty()) {
+                let (subject, on) = (subject.to_owned(), on.clone());
+                return Err(WrongDeclaration::Unexplained { setting, subject, on }.into());
+            }
+        }
+        Ok(())
     }
 
     pub(crate) fn is_empty(&self) -> bool {

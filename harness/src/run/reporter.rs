@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Display;
 
-use super::{KnownIssue, identity, replay};
+use super::{KnownIssue, host, identity, replay};
 use crate::diagnostic::FileRead;
 use crate::output::visible;
 use crate::record::{self, Fault, PathRecord, Record, Stopwatch, Subject, Verdict};
@@ -49,6 +49,10 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     let result = judge(&mut report);
     if recorded() {
         report.record(&stopwatch, &result);
+    }
+    // Where no Rust test is that could go on, the failure is the test's.
+    if result.is_err() && host::current().is_some() {
+        replay::done();
     }
     result
 }

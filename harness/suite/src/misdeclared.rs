@@ -72,11 +72,31 @@ pub(crate) fn has_place(failure: &Failure) -> bool {
             let stopped = paths.stopped.iter().map(|(_, failure)| failure);
             paths.failures.iter().chain(stopped).any(has_place)
         }
-        Failure::Probe(ProbeError::Reflect(error)) => {
-            error.diagnostic().is_some_and(|message| message.location().is_some())
+        other => diagnostic_of(other).is_some_and(|found| found.location().is_some()),
+    }
+}
+
+/// What is wrong with the shader, if that is what a check failed by.
+pub(crate) fn diagnostic_of(failure: &Failure) -> Option<&Diagnostic> {
+    match failure {
+        Failure::Probe(ProbeError::Reflect(error)) => error.diagnostic(),
+        Failure::Probe(ProbeError::Rounds { diagnostic, .. }) => Some(diagnostic),
+        Failure::Probe(ProbeError::Fixture(FixtureError::Declared { diagnostic, .. })) => {
+            Some(diagnostic)
         }
-        Failure::Probe(ProbeError::Fixture(FixtureError::Declared { .. })) => true,
-        _ => false,
+        _ => None,
+    }
+}
+
+/// The same of a frame.
+pub(crate) fn frame_diagnostic_of(error: &FrameError) -> Option<&Diagnostic> {
+    match error {
+        FrameError::Draw(DrawError::Reflect(error)) => error.diagnostic(),
+        FrameError::Draw(DrawError::Rounds(found)) => Some(found),
+        FrameError::Draw(DrawError::Fixture(FixtureError::Declared { diagnostic, .. })) => {
+            Some(diagnostic)
+        }
+        _ => None,
     }
 }
 
@@ -108,22 +128,15 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
 /// The key of a declaration that doesn't hold.
 fn of_declaration(wrong: &WrongDeclaration) -> &'static str {
     match wrong {
-        WrongDeclaration::UnexpectedPass { .. } | WrongDeclaration::Unexplained { .. } => {
-            "fails_on"
-        }
+        WrongDeclaration::UnexpectedPass { .. } => "fails_on",
         WrongDeclaration::NotRefused { .. } => "refused_on",
+        WrongDeclaration::Unexplained { setting, .. } => setting,
     }
 }
 
 /// True of a frame's error that has a place in the shader.
 pub(crate) fn frame_has_place(error: &FrameError) -> bool {
     match error {
-        FrameError::Draw(DrawError::Reflect(error)) => {
-            error.diagnostic().is_some_and(|message| message.location().is_some())
-        }
-        FrameError::Draw(
-            DrawError::Rounds(_) | DrawError::Fixture(FixtureError::Declared { .. }),
-        ) => true,
         FrameError::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             paths.failures.iter().chain(stopped).any(frame_has_place)

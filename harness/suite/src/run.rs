@@ -22,7 +22,10 @@ use crate::declared::{
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
-use crate::misdeclared::{Misdeclared, frame_has_place, frame_key_of, has_place, key_of};
+use crate::misdeclared::{
+    Misdeclared, diagnostic_of, frame_diagnostic_of, frame_has_place, frame_key_of, has_place,
+    key_of,
+};
 use crate::numbers::{self, Wanted};
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
@@ -57,8 +60,7 @@ impl Suite {
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
-            let text = text.unwrap_or_else(|| "it panics".to_owned());
-            Err(Wrong::new(&text, None, text.clone()))
+            Err(Wrong::of(text.unwrap_or_else(|| "it panics".to_owned())))
         })
     }
 
@@ -132,7 +134,7 @@ impl Suite {
                 let Err(failure) = judged else { return Ok(()) };
                 match unbound(&failure) {
                     Some(unbound) => at(unbound, whole.clone()),
-                    None => Err(of_check(failure.to_string())),
+                    None => Err(told(&failure, diagnostic_of(&failure))),
                 }
             }
             Kind::Function(assertion) => {
@@ -140,32 +142,43 @@ impl Suite {
                 let judged =
                     function(&self.package, assertion).map_err(|w| w.told(&place_of, whole))?;
                 let Err(failure) = judged else { return Ok(()) };
-                if has_place(&failure) {
-                    let row = row_of(&failure, assertion).unwrap_or_default();
-                    return Err(of_check(failure.to_string() + &row));
+                let found = diagnostic_of(&failure);
+                if has_place(&failure) || found.is_some_and(|found| found.location().is_some()) {
+                    let mut wrong = told(&failure, found);
+                    wrong.message += &row_of(&failure, assertion).unwrap_or_default();
+                    return Err(wrong);
                 }
                 let span = place_of(key_of(assertion, &failure)).unwrap_or_else(|| whole.clone());
-                at(failure.to_string(), span)
+                match found {
+                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
+                    None => at(failure.to_string(), span),
+                }
             }
             Kind::Frame(declared) => {
                 let place_of = |key: Option<&str>| declared.keys.place_of(key?).cloned();
                 let drawn = frame(&self.package, declared, whole);
                 let (unknown, drawn) = drawn.map_err(|w| w.told(&place_of, whole))?;
                 let Err(error) = drawn else { return Ok(()) };
-                if frame_has_place(&error) {
-                    return Err(of_check(error.to_string()));
+                let found = frame_diagnostic_of(&error);
+                if frame_has_place(&error) || found.is_some_and(|found| found.location().is_some())
+                {
+                    return Err(told(&error, found));
                 }
                 let span = place_of(frame_key_of(declared, unknown, &error));
-                at(error.to_string(), span.unwrap_or_else(|| whole.clone()))
+                let span = span.unwrap_or_else(|| whole.clone());
+                match found {
+                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
+                    None => at(error.to_string(), span),
+                }
             }
         }
     }
 }
 
-/// What a check found, whose record has it as data.
-fn of_check(message: String) -> Wrong {
-    let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-    Wrong::new(first.trim_start_matches("error: "), None, message.clone())
+/// A failure whose text has its place, as what a check disagrees about has; or its diagnostic does.
+fn told(failure: &dyn std::fmt::Display, found: Option<&Diagnostic>) -> Wrong {
+    let place = found.and_then(Diagnostic::location).map(ToString::to_string);
+    Wrong { place, ..Wrong::of(failure.to_string()) }
 }
 
 /// Where the row of a table stands that the worst case is.

@@ -8,7 +8,7 @@ use karat::reflect::ReflectError;
 use serde::{Deserialize, Serialize};
 
 /// Why a test fails, or can't run.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wrong {
     /// It in one line.
     pub headline: String,
@@ -25,7 +25,14 @@ impl fmt::Display for Wrong {
 }
 
 impl Wrong {
-    /// Something that has no place, or whose text has it; `headline` is it in one line.
+    /// A message without a place, or whose text has it. Its first line says what is wrong.
+    #[must_use]
+    pub fn of(message: String) -> Self {
+        let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+        let headline = first.trim_start_matches("error: ").to_owned();
+        Self { headline, place: None, message }
+    }
+
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
         Self { headline, place, message }
@@ -47,8 +54,7 @@ impl From<&Diagnostic> for Wrong {
 
 impl From<&ReflectError> for Wrong {
     fn from(error: &ReflectError) -> Self {
-        let text = error.to_string();
-        error.diagnostic().map_or_else(|| Self::new(&text, None, text.clone()), Self::from)
+        error.diagnostic().map_or_else(|| Self::of(error.to_string()), Self::from)
     }
 }
 

@@ -171,7 +171,7 @@ fn mistakes_are_told_before_anything_runs() {
             .after("data")
             .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
-        &["without a reason"],
+        &["has no reason"],
     );
 }
 

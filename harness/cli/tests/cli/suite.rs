@@ -332,7 +332,11 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
             "[[test]]\nfunction = \"is_odd\"\nin_range = [0, 1]\n",
             "`in_range` is for numbers",
         ),
-        ("brdf.test.toml", "[[test]]\nfunction = \"gain\"\nfinite = true\n", "bind it by `with`"),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"gain\"\nfinite = true\n",
+            "bind `brdf::params` by `with`",
+        ),
         (
             "t.wgsl",
             "import karat::expect_true;\n@group(0) @binding(0) var<uniform> u: vec4f;\n\

@@ -130,6 +130,7 @@ fn declared_tests_have_places_of_their_own() {
         let place = format!("wgsl/a.test.toml:{place}");
         assert!(ran.code == Some(1) && ran.out.contains(&place), "no {place}: {}", ran.out);
         assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
+        assert!(!ran.out.contains("error: error:"), "{}", ran.out);
     }
     let folder = folder(shader, &format!("{f}table = \"t.csv\"\ntolerance = \"2 ulp\"\n"));
     write(folder.path(), "wgsl/t.csv", "# squares\nx,result\n1,1\n\n2,4\n");

@@ -43,6 +43,22 @@ fn tests_without_rust_run_after_each_save() {
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
+/// A test that can't begin has no record, and is told where what is wrong stands.
+#[test]
+fn what_cannot_be_called_is_told_at_its_place() {
+    let folder = folder();
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, CALC);
+    let declared = "[[test]]\nfunction = \"calc::nothing\"\nfinite = true\n";
+    write(folder.path(), "shaders/more.test.toml", declared);
+    let lines = CALC.lines().count();
+    editor.save(FILE, &format!("{CALC}fn nothing() {{}}\n"));
+    let shown = editor.wait(FILE, |all| all.len() == 1);
+    let (line, _, message) = told(&shown[0]);
+    assert_eq!(line as usize, lines + 1, "{message}");
+    assert!(message.contains("nothing"), "{message}");
+}
+
 /// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
 #[test]
 fn what_looks_like_a_test_and_is_none_is_told() {

@@ -44,8 +44,7 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                     true => Reads::These(BTreeSet::new()),
                     false => Reads::Any,
                 };
-                let broken = error.map(|message| Wrong { message, ..Wrong::default() });
-                let broken = broken.into_iter().collect();
+                let broken = error.map(Wrong::of).into_iter().collect();
                 Said::Done { tests, broken, idle, invalid: None, remarks: None, reads }
             }
             Err(error) => {
@@ -241,7 +240,7 @@ impl Tests {
                 if message.is_some() {
                     failed.insert(test.to_owned());
                 }
-                let wrong = message.map(|message| Wrong { message, ..Wrong::default() });
+                let wrong = message.map(Wrong::of);
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
             let left_out = record::left_out(folder.path()).unwrap_or_default();

@@ -69,8 +69,7 @@ pub(in crate::cli) enum Said {
 impl Said {
     /// That no test can be found.
     pub(in crate::cli) fn failed(why: String) -> Self {
-        let wrong = Wrong { message: why, ..Wrong::default() };
-        let (tests, broken) = (BTreeSet::new(), vec![wrong]);
+        let (tests, broken) = (BTreeSet::new(), vec![Wrong::of(why)]);
         let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);
         Self::Done { tests, broken, idle, invalid, remarks, reads }
     }
