@@ -285,7 +285,7 @@ impl<C> std::fmt::Debug for Check<'_, C> {
 /// The way of a [`Check`] that calls a function with values of the type `V`, or with [words](Words).
 ///
 /// ```
-/// use karat::check::Calls;
+/// use karat::check::{Calls, Check};
 /// use karat::prelude::*;
 ///
 /// fn is_kept(half: Check<'_, Calls<f32>>) {

@@ -241,38 +241,3 @@ pub(crate) fn or_selected<'e>(
     debug_assert!(!cpu, "nothing runs it");
     Ok(executors.collect())
 }
-
-#[cfg(all(test, feature = "engine"))]
-mod tests {
-    use super::*;
-    use crate::package::Package;
-
-    /// A value that WGSL leaves open may stay unwritten; one that it bounds may not.
-    #[test]
-    fn a_driver_may_drop_what_may_be_anything() {
-        let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";
-        let package = Package::from_source("open", text);
-        let probed = Probed::new(&package, "open").expect("valid");
-        let (fixtures, rows) = (Fixtures::new(), [1.0_f32, 2.0, 1.0, 3.0].map(f32::to_bits));
-        let left = |unwritten: Vec<usize>| {
-            let (count, function) = (unwritten.len(), "open".to_owned());
-            let partial = Box::new(Partial { words: vec![7; 6], stride: 3, unwritten });
-            let (path, component) = (Path::VULKAN, ".y".to_owned());
-            let error = ProbeError::ResultNotWritten {
-                function,
-                path,
-                component,
-                first: 0,
-                count,
-                words: 4,
-                partial,
-            };
-            left_open((&probed, &fixtures), (2, &rows), error).map(|partial| partial.words.len())
-        };
-        assert_eq!(left(vec![1, 4]).expect("each may be anything"), 6);
-        for dropped in [vec![0], vec![3], vec![1, 3, 4]] {
-            let error = left(dropped).expect_err("the first component is bounded").to_string();
-            assert!(error.contains("the driver drops writes"), "{error}");
-        }
-    }
-}

@@ -277,6 +277,11 @@ fn a_tolerance_of_one_path() {
         .unrecorded()
         .try_agrees_with(|x: f64| x, Ulp(1.0))
         .expect("each path has its own");
+    let sampler = package.function("f").sampled_over(Just(()), |(), u: f32| u);
+    let sampler = sampler.tolerance_on(paths[0], Abs(0.26)).unrecorded();
+    let error = sampler.try_has_mean("u", |u: f32| f64::from(u), |()| 0.75, 1e-6);
+    let error = error.expect_err("a mean has no tolerance").to_string();
+    assert!(error.contains("has_mean, which takes no tolerance"), "{error}");
     let halves = loose.unrecorded().try_invariant_under(|x| 0.5 * x, Ulp(1.0));
     assert!(halves.is_err(), "the difference is up to 0.5");
     for path in &paths {

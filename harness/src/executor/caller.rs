@@ -151,3 +151,88 @@ impl Results {
         self.view().of(case)
     }
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+    use crate::path::Adapter;
+    use crate::probe::Partial;
+
+    /// A driver that writes 7 everywhere but in these words, of three to a case.
+    #[derive(Clone, Debug)]
+    struct Dropping(Vec<usize>);
+
+    impl Executor for Dropping {
+        fn path(&self) -> Path {
+            Path::VULKAN
+        }
+
+        fn adapter(&self) -> Adapter {
+            unreachable!("nobody asks")
+        }
+
+        fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+            Ok(Box::new(self.clone()))
+        }
+    }
+
+    impl Prepared for Dropping {
+        fn capacity(&self) -> usize {
+            2
+        }
+
+        fn start<'p>(&'p self, cases: usize, _: &[u32]) -> Result<Started<'p>, ProbeError> {
+            let partial =
+                Partial { words: vec![7; 3 * cases], stride: 3, unwritten: self.0.clone() };
+            Ok(Box::new(move |read| {
+                if partial.unwritten.is_empty() {
+                    read(&partial.words, 3);
+                    return Ok(());
+                }
+                let (count, words) = (partial.unwritten.len(), 2 * cases);
+                Err(ProbeError::ResultNotWritten {
+                    function: "open".to_owned(),
+                    path: Path::VULKAN,
+                    component: ".y".to_owned(),
+                    first: 0,
+                    count,
+                    words,
+                    partial: Box::new(partial),
+                })
+            }))
+        }
+    }
+
+    /// A value that WGSL leaves open may stay unwritten; one that it bounds may not.
+    #[test]
+    fn a_driver_may_drop_what_may_be_anything() {
+        let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";
+        let package = Package::from_source("open", text);
+        let probed = Probed::new(&package, "open").expect("valid");
+        let (fixtures, rows) = (Fixtures::new(), [1.0_f32, 2.0, 1.0, 3.0].map(f32::to_bits));
+        let results = |unwritten: Vec<usize>, rows: &[u32]| {
+            let driver = Dropping(unwritten);
+            let caller = Caller::new(&driver, Cow::Borrowed(&probed), &fixtures, 2)?;
+            caller.results(rows, rows.len() / 2)
+        };
+        // Three cases are two dispatches.
+        let three = [&rows[..], &rows[..2]].concat();
+        assert_eq!(results(vec![], &three).expect("all is written"), [7; 6]);
+        assert_eq!(results(vec![1, 4], &rows).expect("each may be anything"), [7; 4]);
+        for dropped in [vec![0], vec![3], vec![1, 3, 4]] {
+            let error = results(dropped, &rows).expect_err("the first component is bounded");
+            assert!(error.to_string().contains("the driver drops writes"), "{error}");
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "each call has all its arguments")]
+    fn rows_are_whole() {
+        let package = Package::from_source("m", "fn f(x: f32) -> vec2f { return vec2f(x); }");
+        let probed = Probed::new(&package, "f").expect("valid");
+        let (driver, fixtures) = (Dropping(vec![]), Fixtures::new());
+        let caller = Caller::new(&driver, Cow::Owned(probed), &fixtures, 2).expect("ready");
+        drop(caller.results(&[1, 2, 3], 2));
+    }
+}

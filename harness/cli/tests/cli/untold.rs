@@ -45,6 +45,15 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(unknown.contains("asks about the feature `fasd`"), "{unknown}");
 }
 
+/// What fails before the case that is to be replayed is told, and doesn't end the process.
+#[test]
+fn a_failure_is_told_where_another_case_is_to_be_replayed() {
+    let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);
+    let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
+    let ran = output(command.env("KARAT_CASE", "g/is_finite/3"));
+    assert!(ran.code == Some(1) && ran.out.contains("`a::f` fails stays_within"), "{ran:?}");
+}
+
 /// The first short name of a failure.
 fn replayed(out: &str) -> String {
     let line = out.lines().find_map(|line| line.strip_prefix("karat replay "));
