@@ -235,11 +235,16 @@ fn known_issues_are_recorded() {
 /// A verb that returns its failure records it, too, unless its author leaves it out.
 #[test]
 fn what_is_returned_is_recorded_unless_it_is_left_out() {
-    for (fault, expected) in [("recorded", 5), ("unrecorded", 0)] {
+    // Without frames, the one that is recorded isn't drawn.
+    let runs = [("recorded", "on", 5, 5), ("unrecorded", "on", 5, 0)];
+    let without = [("recorded", "off", 4, 4), ("unrecorded", "off", 5, 0)];
+    for (fault, frames, failures, expected) in runs.into_iter().chain(without) {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let folder_name = folder.path().display().to_string();
-        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
-        assert!(output.status.success() && text.contains("5 failures"), "{text}");
+        let environment = [("KARAT_RECORD", &*folder_name), ("KARAT_FRAMES", frames)];
+        let (output, text) = planted(&[fault], &environment);
+        assert!(output.status.success(), "{text}");
+        assert!(text.contains(&format!("{failures} failures")), "{fault}: {text}");
         let records = karat::record::read(folder.path()).unwrap_or_default();
         let failed = records.iter().filter(|record| {
             record.verdict == karat::record::Verdict::Fail && record.fault.is_some()

@@ -90,3 +90,24 @@ impl Resident {
         self.source.folder()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_asked_meanwhile_waits_together() {
+        let folder = PathBuf::from("shaders");
+        let mut tests = Resident::new("cpu", Source::Shaders(folder.clone()), folder);
+        tests.busy = true;
+        for (all, file) in [(true, "a.wgsl"), (false, "b.wgsl")] {
+            let request = Request { all, changed: vec![file.into()], ..Request::default() };
+            assert!(!tests.ask(request, |_| true).expect("it only waits"));
+        }
+        assert!(tests.waited().is_none(), "tests run");
+        tests.busy = false;
+        let waited = tests.waited().expect("both wait");
+        assert!(waited.all && waited.changed == [Path::new("a.wgsl"), Path::new("b.wgsl")]);
+        assert!(tests.waited().is_none(), "once");
+    }
+}
