@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
 use karat::Package;
 use karat::record::FileRead;
-use karat::reflect::{Dependence, Invalid};
+use karat::reflect::{Dependence, Invalid, Validated};
 use karat_suite::{Suite, Test, Wrong};
 
 use super::super::project::Project;
@@ -38,14 +39,21 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                 if !whole.is_judged(&suite) {
                     suite.broken.retain(|broken| broken.is_file);
                 }
-                let mut said =
-                    answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?;
-                if let Said::Done { broken, invalid, remarks, .. } = &mut said
-                    && request.validate
-                {
-                    (*invalid, *remarks) = whole.validity(&suite, broken);
-                }
-                said
+                let validates = request.validate && whole.is_judged(&suite);
+                // Beside the tests: another compiler is another process, for whose answer nobody has to wait.
+                std::thread::scope(|scope| {
+                    let package = &whole.found.package;
+                    let validity = validates.then(|| scope.spawn(|| package.try_is_valid()));
+                    let (known, latest) = (&mut known, &mut latest);
+                    let mut said = answer(&suite, folder, &request, &files, known, latest, out)?;
+                    if let (Some(validity), Said::Done { broken, invalid, remarks, .. }) =
+                        (validity, &mut said)
+                    {
+                        let found = validity.join().unwrap_or_else(|panic| resume_unwind(panic));
+                        (*invalid, *remarks) = whole.validity(found, broken);
+                    }
+                    Ok::<_, anyhow::Error>(said)
+                })?
             }
             Err(error) => {
                 known.clear();
@@ -153,9 +161,12 @@ impl Whole {
     }
 
     /// The modules that aren't valid, but for what has been told, and what others than naga say.
-    fn validity(&self, suite: &Suite, told: &[Wrong]) -> (Option<String>, Option<String>) {
-        match self.found.package.try_is_valid() {
-            _ if !self.is_judged(suite) => (None, None),
+    fn validity(
+        &self,
+        found: Result<Validated, Invalid>,
+        told: &[Wrong],
+    ) -> (Option<String>, Option<String>) {
+        match found {
             Ok(found) => (None, check::remarks(&found.opinion)),
             Err(invalid) => {
                 let remarks = invalid.opinion().and_then(check::remarks);
