@@ -283,7 +283,8 @@ impl CaseFailure {
                     // A few operations away from where subnormals begin, 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
-                        "; so near to 0 a driver may flush to 0: allow that: `Spec.or(Abs(1e-37))`, in a test's file `spec or abs 1e-37`"
+                        "; so near to 0 a driver may flush to 0: allow that by `Spec.or(Abs(1e-37))`, \
+                         in a test's file by `spec or abs 1e-37`"
                     } else {
                         ""
                     };

@@ -285,10 +285,9 @@ impl Plan<'_> {
                 let taken: Vec<u32>;
                 let words = match &kept {
                     Some(kept) => {
-                        let kept = |row| {
-                            kept.iter().map(move |lane: &usize| -> u32 {
-                                <[u32]>::get(row, *lane).copied().unwrap_or_default()
-                            })
+                        // Lanes of the arguments that are drawn, as the reference has fewer.
+                        let kept = |row: &'_ [u32]| -> Vec<u32> {
+                            kept.iter().map(|lane| row[*lane]).collect()
                         };
                         taken = rows.iter().flat_map(kept).collect();
                         &*taken

@@ -329,7 +329,9 @@ impl<'a> Session<'a> {
             if expected != found {
                 return self.called.vacuous(Vacuous::Words { expected, found });
             }
-            let batch = self.batch(self.case.unwrap_or_default(), words.to_vec(), 1);
+            // An input may be given without the case that it was found in.
+            let case = self.case.unwrap_or(0);
+            let batch = self.batch(case, words.to_vec(), 1);
             let running = self.dispatch(&batch)?;
             return judge(&batch, running);
         }

@@ -100,12 +100,13 @@ impl Table {
         self.len() == 0
     }
 
-    /// The first cell that is no finite number: its row and column.
-    pub(super) fn non_finite(&self) -> Option<(usize, &Column)> {
+    /// The first cell that is no finite number: its row, its column, and what it holds.
+    pub(super) fn non_finite(&self) -> Option<(usize, usize, f64)> {
         self.rows().enumerate().find_map(|(at, row)| {
-            let mut cells = self.columns.iter().zip(row);
-            let broken = cells.find(|(column, word)| !column.scalar.decode(**word).is_finite());
-            broken.map(|(column, _)| (at, column))
+            let cells = self.columns.iter().zip(row).enumerate();
+            let mut values =
+                cells.map(|(index, (column, word))| (index, column.scalar.decode(*word)));
+            values.find(|(_, value)| !value.is_finite()).map(|(index, value)| (at, index, value))
         })
     }
 

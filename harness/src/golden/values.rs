@@ -178,17 +178,15 @@ impl Goldens {
         against: Option<(&Table, &str)>,
     ) -> Result<Pending, ValuesError> {
         let Made { table, adapter, shader, modules, tolerance } = made;
-        if let Some((row, column)) = table.non_finite() {
-            let at = table.columns.iter().position(|other| other == column).unwrap_or_default();
-            let word = table.rows().nth(row).map_or(0, |row| row[at]);
+        if let Some((row, at, value)) = table.non_finite() {
             let advice = match at < table.arguments {
                 true => "restrict the domain",
                 false => "mend the shader, or restrict what it is given",
             };
             return Err(ValuesError::NonFinite {
                 case: case.to_owned(),
-                column: format!("`{}`", column.name),
-                value: column.scalar.decode(word),
+                column: format!("`{}`", table.columns[at].name),
+                value,
                 row: row + 1,
                 advice,
             });

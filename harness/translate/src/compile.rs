@@ -170,14 +170,14 @@ pub(crate) fn run(
     /// As many as are judged together, before they run.
     const KEPT: usize = 128;
     static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
-    let text = translation.code.text().unwrap_or_default();
+    let text = translation.code.text().expect("what a compiler reads is a text");
     let last = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
     let same = |(made_by, of, _): &&Known| made_by == arguments && of == text;
     if let Some((.., compiled)) = last().iter().find(same) {
         return Ok(Arc::clone(compiled));
     }
     let folder = tempfile::tempdir()?;
-    let file = arguments.last().map(String::as_str).unwrap_or_default();
+    let file = arguments.last().expect("the file is the last argument");
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
     let written = std::fs::read(folder.path().join(OUTPUT)).unwrap_or_default();
@@ -239,7 +239,7 @@ fn counts_words(words: &[u32]) -> bool {
 /// for is made that of the bytes.
 fn with_bytes(translation: &Translation) -> Translation {
     const ASKED: &str = "buffer.GetDimensions(ret);";
-    let text = translation.code.text().unwrap_or_default();
+    let text = translation.code.text().expect("what a compiler reads is a text");
     let code = Code::Text(text.replace(ASKED, &format!("{ASKED} ret *= 4;")));
     Translation { code, ..translation.clone() }
 }
