@@ -32,10 +32,9 @@ use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::Fault;
 use crate::reflect::Overrides;
 use crate::run::{
-    Fails, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, PathFailures, Stop,
-    WrongDeclaration, or_panic,
+    Fails, KnownIssue, KnownIssues, NotBegun, Passed, PathFailures, Stop, WrongDeclaration,
+    or_panic,
 };
-use crate::settings::SettingsError;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Mirror, Shape, Shareable};
 
@@ -119,12 +118,9 @@ pub enum ComputeError {
     /// Nothing could be dispatched.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// The environment has a setting that can't be used.
+    /// A setting of the environment can't be used, or names a case of another check.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// Another check is to be replayed.
-    #[error(transparent)]
-    NotReplayed(#[from] NotReplayed),
+    NotBegun(#[from] NotBegun),
     /// The reference has other elements than the resource.
     #[error("`{variable}` holds {declared} after `{entry_point}`, {who} {supplied}")]
     Type {
@@ -215,15 +211,6 @@ pub use judge::Difference;
 impl From<PathError> for ComputeError {
     fn from(error: PathError) -> Self {
         Self::Dispatch(error.into())
-    }
-}
-
-impl From<NotBegun> for ComputeError {
-    fn from(error: NotBegun) -> Self {
-        match error {
-            NotBegun::Settings(error) => Self::Settings(error),
-            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
-        }
     }
 }
 

@@ -21,10 +21,8 @@ use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Fault, PathFault};
 use crate::run::{
-    Fails, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, PathFailures, Stop,
-    WrongDeclaration,
+    Fails, KnownIssue, KnownIssues, NotBegun, Passed, PathFailures, Stop, WrongDeclaration,
 };
-use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
 use crate::value::Shareable;
 
@@ -95,12 +93,9 @@ pub enum FrameError {
     /// Nothing could be drawn.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// The environment has a setting that can't be used.
+    /// A setting of the environment can't be used, or names a case of another check.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and this one runs in a thread whose test isn't known.
-    #[error(transparent)]
-    NotReplayed(#[from] NotReplayed),
+    NotBegun(#[from] NotBegun),
     /// A bound that bounds nothing.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
@@ -203,15 +198,6 @@ impl Stop for FrameError {
 impl From<PathError> for FrameError {
     fn from(error: PathError) -> Self {
         Self::Draw(error.into())
-    }
-}
-
-impl From<NotBegun> for FrameError {
-    fn from(error: NotBegun) -> Self {
-        match error {
-            NotBegun::Settings(error) => Self::Settings(error),
-            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
-        }
     }
 }
 

@@ -9,7 +9,8 @@ pub(crate) mod replay;
 mod reporter;
 
 pub use host::{Host, host};
-pub(crate) use identity::{Identity, NotBegun, Replayed, leave_frame_out, with_inputs};
+pub use identity::NotBegun;
+pub(crate) use identity::{Identity, Replayed, leave_frame_out, with_inputs};
 pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop};
 pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};

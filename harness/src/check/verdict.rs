@@ -9,10 +9,7 @@ use crate::output::counted;
 use crate::path::{Adapter, PathError};
 use crate::probe::ProbeError;
 use crate::record::Fault;
-use crate::run::{
-    Fails, KnownIssue, NotBegun, NotReplayed, Passed, PathFailures, Stop, WrongDeclaration,
-};
-use crate::settings::SettingsError;
+use crate::run::{Fails, KnownIssue, NotBegun, Passed, PathFailures, Stop, WrongDeclaration};
 use crate::tolerance::LaneError;
 
 /// What a check compared, and how close it came.
@@ -83,12 +80,9 @@ pub enum Failure {
         /// Its value.
         configuration: String,
     },
-    /// The environment has a setting that can't be used.
+    /// A setting of the environment can't be used, or names a case of another check.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and this one runs in a thread whose test isn't known.
-    #[error(transparent)]
-    NotReplayed(#[from] NotReplayed),
+    NotBegun(#[from] NotBegun),
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),
@@ -194,15 +188,6 @@ impl Stop for Failure {
 impl From<PathError> for Failure {
     fn from(error: PathError) -> Self {
         Self::Probe(ProbeError::Path(error))
-    }
-}
-
-impl From<NotBegun> for Failure {
-    fn from(error: NotBegun) -> Self {
-        match error {
-            NotBegun::Settings(error) => Self::Settings(error),
-            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
-        }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::settings::{self, SelectedCase, Settings, SettingsError};
 
 /// Why a check can't begin.
 #[derive(Clone, Debug, thiserror::Error)]
-pub(crate) enum NotBegun {
+pub enum NotBegun {
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
