@@ -45,7 +45,7 @@ pub fn fixture(
     folder: &Path,
 ) -> Result<Fixture, String> {
     let name = binding.name();
-    let wrong = |reason: String| format!("with `{name}`: {reason}");
+    let wrong = |reason: String| format!("`{name}`: {reason}");
     let made = match binding.kind {
         BindingKind::Sampler { comparison } => sampler(value, comparison).map(Fixture::from),
         BindingKind::Texture(kind) => texture(kind, value, folder),

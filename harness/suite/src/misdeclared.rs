@@ -121,6 +121,11 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
         Failure::Probe(ProbeError::Path(_)) => {
             of_paths.into_iter().find(|(_, paths)| wrong(paths)).map(|(key, _)| key)
         }
+        Failure::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, failure)| failure);
+            let mut all = paths.failures.iter().chain(stopped);
+            all.find_map(|failure| key_of(assertion, failure))
+        }
         _ => None,
     }
 }

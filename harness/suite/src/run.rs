@@ -134,7 +134,8 @@ impl Suite {
                 let Err(failure) = judged else { return Ok(()) };
                 match unbound(&failure) {
                     Some(unbound) => at(unbound, whole.clone()),
-                    None => Err(told(&failure, diagnostic_of(&failure))),
+                    None if has_place(&failure) => Err(told(&failure, diagnostic_of(&failure))),
+                    None => at(failure.to_string(), whole.clone()),
                 }
             }
             Kind::Function(assertion) => {
@@ -369,8 +370,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         What::SymmetricIn([first, second]) => {
             let [first, second] = [first, second].map(|name| place(&parameters, name));
             let (first, second) = (first?, second?);
-            if parameters[first.0].1 != parameters[second.0].1 || first.0 == second.0 {
-                return Err("symmetric_in names two parameters of one type".into());
+            if first.0 == second.0 {
+                return Err("it swaps a parameter with itself, which changes nothing".into());
+            }
+            if parameters[first.0].1 != parameters[second.0].1 {
+                return Err("the two parameters have different types".into());
             }
             let width = shapes[first.0].lanes().len();
             let swap = |words: &[u32], out: &mut Vec<u32>| {
@@ -522,13 +526,15 @@ fn bound(
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
-        let Some(binding) = bindings.iter().find(|binding| binding.name() == name) else {
+        // As its module names it, or as messages do.
+        let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
+        let Some(binding) = bindings.iter().find(is_it) else {
             return Err(match bindings {
                 [] => format!("it reads no variable, so `{name}` binds nothing"),
                 _ => no_such("variable", name, known()),
             });
         };
-        all.push((name.clone(), fixture(program, binding, value, folder)?));
+        all.push((binding.name().to_owned(), fixture(program, binding, value, folder)?));
     }
     Ok(all)
 }

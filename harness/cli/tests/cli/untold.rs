@@ -107,6 +107,11 @@ fn declared_tests_have_places_of_their_own() {
             "did you mean `vulkan`?",
         ),
         (format!("{f}finite = true\noverride = {{ GAIM = 2 }}\n"), "4:1", "did you mean `GAIN`?"),
+        (
+            format!("{f}symmetric_in = [\"x\", \"x\"]\ntolerance = \"exact\"\n"),
+            "3:1",
+            "swaps a parameter with itself",
+        ),
         (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
         (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
         (
@@ -141,6 +146,25 @@ fn declared_tests_have_places_of_their_own() {
         assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
         assert!(!ran.out.contains("error: error:"), "{}", ran.out);
     }
+    // On two paths, too; a resource by the name that messages have; a test that expects nothing.
+    let declared = format!("{f}finite = true\nfails_on = {{ cpu = \"no\", vulkan = \"no\" }}\n");
+    let both = folder(shader, &declared);
+    let ran = karat(both.path(), &["test", "wgsl", "--paths", "cpu,vulkan"]);
+    assert!(ran.out.contains("wgsl/a.test.toml:4:1"), "{}", ran.out);
+    let reads =
+        "@group(0) @binding(0) var<uniform> gain: f32;\nfn f(x: f32) -> f32 { return x * gain; }\n";
+    let bound = folder(reads, &format!("{f}finite = true\nwith = {{ \"a::gain\" = 2 }}\n"));
+    test(bound.path(), &[]).good();
+    write(
+        bound.path(),
+        "wgsl/a.test.toml",
+        &format!("{f}finite = true\nwith = {{ gain = [1, 2] }}\n"),
+    );
+    let ran = test(bound.path(), &[]);
+    assert!(ran.out.contains("error: with: `gain`: ") && ran.code == Some(1), "{}", ran.out);
+    write(bound.path(), "wgsl/b_test.wgsl", "@test fn nothing() {}\n");
+    let ran = test(bound.path(), &[]);
+    assert!(ran.out.contains("wgsl/b_test.wgsl:1:1"), "{}", ran.out);
     let folder = folder(shader, &format!("{f}table = \"t.csv\"\ntolerance = \"2 ulp\"\n"));
     write(folder.path(), "wgsl/t.csv", "# squares\nx,result\n1,1\n\n2,4\n");
     let row = "row of the worst case: wgsl/t.csv:5:1";

@@ -57,6 +57,14 @@ fn what_cannot_be_called_is_told_at_its_place() {
     let (line, _, message) = told(&shown[0]);
     assert_eq!(line as usize, lines + 1, "{message}");
     assert!(message.contains("nothing"), "{message}");
+    // A record without a place says less than the test's own words.
+    let declared =
+        "[[test]]\nfunction = \"calc::half\"\nfinite = true\nfails_on = { vulcan = \"no\" }\n";
+    write(folder.path(), "shaders/more.test.toml", declared);
+    let shown = editor.wait("shaders/more.test.toml", |all| all.len() == 1);
+    let (line, column, message) = told(&shown[0]);
+    assert_eq!((line, column), (4, 1), "{message}");
+    assert!(message.contains("did you mean `vulkan`?"), "{message}");
 }
 
 /// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.

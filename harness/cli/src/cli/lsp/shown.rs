@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::super::report::Place;
 use super::super::report::merge::side_by_side;
-use super::super::report::short::Finding;
+use super::super::report::short::{self, Finding};
 use super::documents::Now;
 use super::findings::{self, Findings};
 use super::place::{self, resolved};
@@ -66,8 +66,13 @@ impl Server {
             if self.documents.is_unsaved_below(&lane.package) || lane.resident.busy {
                 continue;
             }
-            let recorded = |test: &str| lane.verdicts.iter().any(|record| record.test == test);
-            let failing = lane.resident.failing.iter().filter(|(test, _)| !recorded(test));
+            let shows = |record: &Record| {
+                short::of(record, folder).iter().any(|finding| finding.place.is_some())
+            };
+            let shown = |test: &str| {
+                lane.verdicts.iter().any(|record| record.test == test && shows(record))
+            };
+            let failing = lane.resident.failing.iter().filter(|(test, _)| !shown(test));
             for wrong in failing.map(|(_, wrong)| wrong).chain(&lane.broken) {
                 // A module that isn't valid has been told, as it is in the editor.
                 if let Some(place) = wrong.place.as_deref().and_then(Place::of)
