@@ -14,5 +14,5 @@ pub(crate) use identity::{Identity, Replayed, leave_frame_out, with_inputs};
 pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop};
 pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};
-pub use replay::NotReplayed;
+pub use replay::{NotReplayed, not_replayed};
 pub(crate) use reporter::{Fails, Passed, Report, or_panic, reported};

@@ -8,7 +8,7 @@
 use std::cell::RefCell;
 use std::io::Write;
 
-use super::NotBegun;
+use super::{NotBegun, host};
 use crate::diagnostic::nearest;
 use crate::settings::{self, Settings};
 
@@ -77,27 +77,48 @@ fn plain(check: &str) -> &str {
     check.split_once('@').map_or(check, |(plain, _)| plain)
 }
 
+/// That the running test has replayed nothing, where it should have replayed a case. A program that runs tests in
+/// place of Cargo asks at the end of each; otherwise the process ends with the test.
+#[must_use]
+pub fn not_replayed() -> Option<String> {
+    REPLAY.with_borrow_mut(|replay| {
+        let none = !replay.done && !replay.checks.is_empty();
+        replay.done = true;
+        none.then(|| replay.message())
+    })
+}
+
+impl Replay {
+    fn message(&self) -> String {
+        let selected = settings::case_as_typed();
+        let test = std::thread::current().name().unwrap_or("main").to_owned();
+        let alone = match host::current() {
+            Some(host) => host.command.join(" ") + " NAME",
+            None => "cargo test ... -- --exact NAME".to_owned(),
+        };
+        message(&test, &selected, &self.checks, &alone)
+    }
+}
+
 impl Drop for Replay {
     fn drop(&mut self) {
         if self.done || self.checks.is_empty() {
             return;
         }
-        let selected = settings::case_as_typed();
-        let test = std::thread::current().name().unwrap_or("main").to_owned();
         // Past the test runner's capture, which dies with the process.
-        drop(std::io::stderr().write_all(message(&test, &selected, &self.checks).as_bytes()));
+        drop(std::io::stderr().write_all(format!("\n{}\n", self.message()).as_bytes()));
         std::process::abort();
     }
 }
 
-fn message(test: &str, selected: &str, checks: &[String]) -> String {
+fn message(test: &str, selected: &str, checks: &[String], alone: &str) -> String {
     let named = selected.rsplit_once('/').map_or("", |(check, _)| plain(check));
     let near = nearest(named, checks.iter().map(String::as_str));
     let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
     let checks: Vec<String> = checks.iter().map(|check| format!("`{check}`")).collect();
     format!(
-        "\nerror: test `{test}` replays nothing: KARAT_CASE={selected} is none of its checks, {}{near}\n  \
-         run the test alone that has the check (`cargo test ... -- --exact name`), or unset KARAT_CASE\n",
+        "error: test `{test}` replays nothing: KARAT_CASE={selected} is none of its checks, {}{near}\n  \
+         run the test alone that has the check (`{alone}`), or unset KARAT_CASE",
         checks.join(", ")
     )
 }
@@ -109,13 +130,15 @@ mod tests {
     #[test]
     fn the_message_names_the_nearest_check() {
         let checks = ["fresnel::schlick/agrees_with", "fresnel::schlick/satisfies"];
-        let text = message("schlick", "fresnel::schlik/agrees_with/7", &checks.map(str::to_owned));
+        let alone = "cargo test ... -- --exact NAME";
+        let selected = "fresnel::schlik/agrees_with/7";
+        let text = message("schlick", selected, &checks.map(str::to_owned), alone);
         assert_eq!(
             text,
-            "\nerror: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 is \
+            "error: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 is \
              none of its checks, `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
              you mean `fresnel::schlick/agrees_with`?\n  run the test alone that has the check \
-             (`cargo test ... -- --exact name`), or unset KARAT_CASE\n"
+             (`cargo test ... -- --exact NAME`), or unset KARAT_CASE"
         );
     }
 }

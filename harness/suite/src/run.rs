@@ -53,7 +53,10 @@ impl Suite {
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
         let verdict = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(test.name.clone());
-            let run = || self.verdict(test, groups);
+            let run = || {
+                let verdict = self.verdict(test, groups);
+                karat::run::not_replayed().map_or(verdict, |text| Err(Wrong::of(text)))
+            };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });
         // What panics is a fault of Karat's, or of a driver.

@@ -49,9 +49,26 @@ fn features_reach_the_tests_of_a_folder() {
 #[test]
 fn a_failure_is_told_where_another_case_is_to_be_replayed() {
     let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);
-    let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
-    let ran = output(command.env("KARAT_CASE", "g/is_finite/3"));
+    let replay = |case: &str| {
+        let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
+        output(command.env("KARAT_CASE", case))
+    };
+    let ran = replay("g/is_finite/3");
     assert!(ran.code == Some(1) && ran.out.contains("`a::f` fails stays_within"), "{ran:?}");
+    // A test that passes, and replays nothing, fails alone.
+    let two =
+        format!("{IN_RANGE}[[test]]\nfunction = \"f\"\nover = {{ x = \"0..1\" }}\nfinite = true\n");
+    write(folder.path(), "wgsl/a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
+    write(folder.path(), "wgsl/a.test.toml", &two);
+    let ran = replay("a::f/is_finite/3");
+    assert!(ran.code == Some(1), "{ran:?}");
+    for part in [
+        "test a::f finite ... ok",
+        "`a::f in_range` replays nothing",
+        "karat test wgsl --exact NAME",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
+    }
 }
 
 /// The first short name of a failure.
