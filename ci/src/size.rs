@@ -162,7 +162,7 @@ fn is_public(line: &str) -> bool {
     words.iter().any(|word| line.starts_with(word))
 }
 
-/// Whether a line reads the text of a message: `message.contains(..)`.
+/// True of a line that reads the text of a message: `message.contains(..)`.
 fn reads_message(line: &str) -> bool {
     line.match_indices("message").any(|(at, word)| {
         let rest = &line[at + word.len()..];
@@ -172,65 +172,41 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Modules of a room that use one another in a circle: groups of them.
+/// Groups of modules of a room that use one another in a circle.
 fn circles(all: &[Source]) -> usize {
-    // `check/plan.rs` is `plan` of the room `check`.
+    // `check/integral/sum.rs` is of the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
     for source in all {
         let Some(below) = source.path.strip_prefix("harness/src/") else { continue };
-        let Some((room, module)) = below.trim_end_matches(".rs").split_once('/') else { continue };
-        let module = module.split('/').next().unwrap_or(module);
-        let named = source.lines.iter().map(|line| line.trim()).filter(|line| is_code(line));
-        let uses = named.flat_map(|line| {
-            let paths = [format!("crate::{room}::"), "super::".to_owned()];
-            paths.into_iter().flat_map(move |path| {
-                let behind: Vec<String> = line.split(&*path).skip(1).map(str::to_owned).collect();
-                behind.into_iter().map(|rest| word(&rest))
-            })
-        });
-        rooms.entry(room).or_default().entry(module).or_default().extend(uses);
+        let parts: Vec<&str> = below.trim_end_matches(".rs").split('/').collect();
+        let [room, module, ..] = *parts else { continue };
+        let paths = [format!("crate::{room}::"), "super::".repeat(parts.len() - 1)];
+        let code = source.lines.iter().filter(|line| is_code(line.trim()));
+        let named = |line: &String| {
+            let behind = |path: &String| line.split(&**path).skip(1).map(word).collect::<Vec<_>>();
+            paths.iter().flat_map(behind).collect::<Vec<_>>()
+        };
+        rooms.entry(room).or_default().entry(module).or_default().extend(code.flat_map(named));
     }
-    rooms
-        .values()
-        .map(|modules| {
-            let reaches = |from: &str, to: &str| {
-                let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
-                while let Some(module) = next.pop() {
-                    for used in modules.get(module).into_iter().flatten() {
-                        if used == to {
-                            return true;
-                        }
-                        if used != module && seen.insert(&**used) {
-                            next.push(used);
-                        }
-                    }
-                }
-                false
-            };
-            let in_circle: Vec<&str> = modules
-                .keys()
-                .copied()
-                .filter(|one| {
-                    let others = modules[one]
-                        .iter()
-                        .filter(|used| used != one && modules.contains_key(&***used));
-                    others.into_iter().any(|used| reaches(used, one))
-                })
-                .collect();
-            // Those that reach one another are one circle.
-            let mut groups: Vec<Vec<&str>> = Vec::new();
-            for one in in_circle {
-                match groups
-                    .iter_mut()
-                    .find(|group| reaches(one, group[0]) && reaches(group[0], one))
-                {
-                    Some(group) => group.push(one),
-                    None => groups.push(vec![one]),
-                }
+    let of_room = |modules: &BTreeMap<&str, BTreeSet<String>>| {
+        let reached = |from: &str| {
+            let (mut seen, mut next) = (BTreeSet::new(), vec![from.to_owned()]);
+            while let Some(module) = next.pop() {
+                let used = modules.get(&*module).into_iter().flatten();
+                next.extend(used.filter(|used| seen.insert((*used).clone())).cloned());
             }
-            groups.len()
-        })
-        .sum()
+            seen
+        };
+        let all: BTreeMap<&str, BTreeSet<String>> =
+            modules.keys().map(|module| (*module, reached(module))).collect();
+        let circle = |one: &&str| -> Vec<&str> {
+            let back = |other: &&&str| all[one].contains(**other) && all[**other].contains(*one);
+            all.keys().filter(back).copied().collect()
+        };
+        let circles: BTreeSet<Vec<&str>> = all.keys().map(circle).collect();
+        circles.iter().filter(|circle| circle.len() > 1).count()
+    };
+    rooms.values().map(of_room).sum()
 }
 
 /// The name at the beginning of a text.
@@ -248,7 +224,7 @@ mod tests {
 
     #[test]
     fn lines_are_told_apart() {
-        let text = "//! What it is.\n/// ```\n/// shown();\n/// ```\npub fn shown() {} // behind\n\n\
+        let text = "//! Its purpose.\n/// ```\n/// shown();\n/// ```\npub fn shown() {} // behind\n\n\
                     // aside\n#[cfg(test)]\nmod tests {\n    fn hidden() {}\n}\n";
         let lines = without_tests(text);
         assert_eq!(lines.iter().filter(|line| is_code(line.trim())).count(), 1);

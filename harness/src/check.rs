@@ -253,8 +253,7 @@ impl<'a> Probe<'a> {
     where
         D::Value: Arguments,
     {
-        let calls =
-            Calls { shapes: D::Value::shapes(), who: "the domain draws", values: PhantomData };
+        let calls = Calls { shapes: D::Value::shapes(), values: PhantomData };
         Check::new(self, Typed::arguments(domain), calls)
     }
 }
@@ -297,8 +296,6 @@ impl<C> std::fmt::Debug for Check<'_, C> {
 #[derive(Clone, Debug)]
 pub struct Calls<V> {
     shapes: Vec<Shape>,
-    /// Who supplies the arguments: `the domain draws`.
-    who: &'static str,
     values: PhantomData<fn(V)>,
 }
 
@@ -420,11 +417,11 @@ impl<'a, C> Check<'a, C> {
 }
 
 impl<V> Check<'_, Calls<V>> {
-    /// What a verb asks for that calls the function once for each case.
+    /// The demand of a verb that calls the function once for each case.
     fn demand(&self) -> Demand {
         Demand {
             arguments: self.of.shapes.clone(),
-            who: self.of.who,
+            who: "the domain draws",
             draws_arguments: true,
             cases: CASES,
             enumerated: ENUMERATED,

@@ -84,7 +84,7 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// Whether the verdict goes into the record of the run.
+    /// True if the verdict goes into the record of the run.
     recorded: bool,
 }
 

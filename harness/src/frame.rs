@@ -55,7 +55,7 @@ pub struct Frame<'a> {
     known_issues: KnownIssues,
     /// Where it is written, if that isn't where it is compared.
     declared_at: Option<String>,
-    /// Whether verdicts go into the record of the run.
+    /// True if verdicts go into the record of the run.
     recorded: bool,
 }
 

@@ -45,7 +45,7 @@ impl<'a> Probe<'a> {
     /// ```
     pub fn over_dynamic(self, domain: Dynamic) -> Check<'a, Calls<Words>> {
         let shapes = domain.shapes().to_vec();
-        Check::new(self, domain, Calls { shapes, who: "the test draws", values: PhantomData })
+        Check::new(self, domain, Calls { shapes, values: PhantomData })
     }
 }
 

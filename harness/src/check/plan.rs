@@ -14,7 +14,7 @@ pub(super) struct Plan<'a> {
     pub(super) seed: Option<u64>,
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
-    /// Whether the verdict goes into the record of the run.
+    /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
 }
 

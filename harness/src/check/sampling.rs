@@ -266,7 +266,7 @@ struct Configuration<'s> {
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
-    /// Whether the verdict goes into the record of the run.
+    /// True if the verdict goes into the record of the run.
     recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,

@@ -44,18 +44,18 @@ pub(super) struct Asserted {
     pub(super) expectation: Expectation,
     /// Whether arguments on which it fails are tried again in later runs.
     pub(super) remembers: bool,
-    /// What is said below a case that fails.
+    /// How a case that fails is explained.
     pub(super) explained: Explained,
 }
 
-/// What is said below a case that fails.
+/// How a case that fails is explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Explained {
-    /// Nothing: something is expected of several calls, or of other arguments.
+    /// Not at all: the verb expects something of several calls, or of other arguments.
     Nothing,
-    /// What WGSL allows for its arguments.
+    /// By the interval that WGSL allows for its arguments.
     ByBounds,
-    /// What goes wrong inside.
+    /// By the operations that go wrong inside.
     #[cfg(feature = "engine")]
     ByHazards,
 }
@@ -87,7 +87,7 @@ pub(super) struct Session<'a> {
     pub(super) fixtures: &'a Fixtures,
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
     pub(super) memory: Option<&'a Memory>,
-    /// Whether the verdict goes into the record of the run.
+    /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
 }
 

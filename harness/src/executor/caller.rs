@@ -10,7 +10,7 @@ use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
 /// A function on one executor.
 pub(crate) struct Caller<'e> {
     pub(crate) probed: Cow<'e, Probed>,
-    /// What it reads.
+    /// The resources that it reads.
     pub(crate) fixtures: &'e Fixtures,
     pub(crate) path: Path,
     /// Words of all arguments.
@@ -71,7 +71,7 @@ impl<'e> Caller<'e> {
         self.prepared.capacity()
     }
 
-    /// Whether the path stores what it reads of textures as half floats.
+    /// True if the path stores texels as half floats.
     pub(crate) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
     }
@@ -169,7 +169,7 @@ mod tests {
         }
 
         fn adapter(&self) -> Adapter {
-            unreachable!("nobody asks")
+            unreachable!("no record is made")
         }
 
         fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {

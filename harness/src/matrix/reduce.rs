@@ -84,7 +84,7 @@ mod tests {
         }
 
         fn adapter(&self) -> Adapter {
-            unreachable!("nobody asks")
+            unreachable!("no record is made")
         }
 
         fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {

@@ -30,7 +30,7 @@ pub(crate) trait Passed {
     fn known_issues(&self) -> &[KnownIssue];
 }
 
-/// What is recorded of a check that runs.
+/// The record of a check, as it grows.
 pub(crate) struct Report {
     pub(crate) subject: Subject,
     pub(crate) paths: Vec<PathRecord>,

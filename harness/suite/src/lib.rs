@@ -113,7 +113,7 @@ impl Test {
 pub struct Broken {
     /// What it would have been called: a test, a module or a file.
     pub name: String,
-    /// What is wrong.
+    /// The error, with its place.
     pub wrong: Wrong,
     /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
     /// uses its package; a module may be for others to complete.

@@ -76,7 +76,7 @@ pub(crate) fn has_place(failure: &Failure) -> bool {
     }
 }
 
-/// What is wrong with the shader, if that is what a check failed by.
+/// The message about the shader, if a check failed by one.
 pub(crate) fn diagnostic_of(failure: &Failure) -> Option<&Diagnostic> {
     match failure {
         Failure::Probe(ProbeError::Reflect(error)) => error.diagnostic(),
@@ -146,7 +146,7 @@ pub(crate) fn frame_has_place(error: &FrameError) -> bool {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             paths.failures.iter().chain(stopped).any(frame_has_place)
         }
-        _ => false,
+        other => frame_diagnostic_of(other).is_some_and(|found| found.location().is_some()),
     }
 }
 

@@ -59,7 +59,7 @@ impl Suite {
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });
-        // What panics is a fault of Karat's, or of a driver.
+        // A panic is a fault of Karat's, or of a driver.
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
@@ -128,7 +128,7 @@ impl Suite {
             Kind::Wgsl(test) => {
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,
-                    // What isn't valid WGSL has its own place.
+                    // Invalid WGSL has its own place.
                     None => test.probe().map_err(|error| Wrong::from(&*error))?,
                 };
                 let nowhere = |_: Option<&str>| None;
@@ -147,7 +147,7 @@ impl Suite {
                     function(&self.package, assertion).map_err(|w| w.told(&place_of, whole))?;
                 let Err(failure) = judged else { return Ok(()) };
                 let found = diagnostic_of(&failure);
-                if has_place(&failure) || found.is_some_and(|found| found.location().is_some()) {
+                if has_place(&failure) {
                     let mut wrong = told(&failure, found);
                     wrong.message += &row_of(&failure, assertion).unwrap_or_default();
                     return Err(wrong);
@@ -164,8 +164,7 @@ impl Suite {
                 let (unknown, drawn) = drawn.map_err(|w| w.told(&place_of, whole))?;
                 let Err(error) = drawn else { return Ok(()) };
                 let found = frame_diagnostic_of(&error);
-                if frame_has_place(&error) || found.is_some_and(|found| found.location().is_some())
-                {
+                if frame_has_place(&error) {
                     return Err(told(&error, found));
                 }
                 let span = place_of(frame_key_of(declared, unknown, &error));
@@ -259,7 +258,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let overrides: BTreeMap<String, f64> = overrides.collect();
     let probed = match Probed::with_overrides(package, function, &overrides) {
         Ok(probed) => probed,
-        // What isn't valid WGSL has its own place.
+        // Invalid WGSL has its own place.
         Err(ProbeError::Reflect(error)) if error.diagnostic().is_some() => {
             return Ok(Err(ProbeError::Reflect(error).into()));
         }
@@ -542,7 +541,7 @@ fn bound(
     Ok(all)
 }
 
-/// What became of a frame, and the key of a function that isn't there.
+/// The verdict of a frame, and the key of a function that isn't there.
 type Drawn = (Option<&'static str>, Result<FrameAgreement, FrameError>);
 
 fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdeclared> {
@@ -550,7 +549,7 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     let [width, height] = declared.size.0;
     let program = match Program::of_module(package, module) {
         Ok(program) => program,
-        // What isn't valid WGSL has its own place.
+        // Invalid WGSL has its own place.
         Err(error) if error.diagnostic().is_some() => {
             return Ok((None, Err(DrawError::from(error).into())));
         }

@@ -1,4 +1,4 @@
-//! What is wrong with a test: a text for people, and the same as data.
+//! Errors of tests: a text for people, and the same as data.
 
 use std::fmt;
 

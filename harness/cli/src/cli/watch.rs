@@ -285,7 +285,7 @@ impl Watch {
 
     /// Whether there are tests that no path judges.
     fn is_unjudged(&self) -> bool {
-        let of = |lane: &Lane| lane.resident.folder().to_owned();
+        let of = |lane: &Lane| lane.resident.source.folder().to_owned();
         self.lanes.iter().any(|lane| {
             let mut same = self.lanes.iter().filter(|other| of(other) == of(lane));
             same.all(|other| other.verdicts.idle > 0)

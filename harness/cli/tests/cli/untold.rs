@@ -45,7 +45,7 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(unknown.contains("asks about the feature `fasd`"), "{unknown}");
 }
 
-/// What fails before the case that is to be replayed is told, and doesn't end the process.
+/// A test that fails before the case that is to be replayed has its message, and the others their verdicts.
 #[test]
 fn a_failure_is_told_where_another_case_is_to_be_replayed() {
     let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);

@@ -43,7 +43,7 @@ fn tests_without_rust_run_after_each_save() {
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
-/// A test that can't begin has no record, and is told where what is wrong stands.
+/// A test that can't begin has no record. Its error stands at its place all the same.
 #[test]
 fn what_cannot_be_called_is_told_at_its_place() {
     let folder = folder();

@@ -40,7 +40,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                     suite.broken.retain(|broken| broken.is_file);
                 }
                 let validates = request.validate && whole.is_judged(&suite);
-                // Beside the tests: another compiler is another process, for whose answer nobody has to wait.
+                // Beside the tests: another compiler is another process, and its answer takes as long as theirs.
                 std::thread::scope(|scope| {
                     let package = &whole.found.package;
                     let validity = validates.then(|| scope.spawn(|| package.try_is_valid()));

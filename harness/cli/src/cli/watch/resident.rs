@@ -1,7 +1,7 @@
 //! Tests of one source on one path, in a process that stays: `karat watch` and editors ask it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use karat_suite::Wrong;
 
@@ -17,7 +17,7 @@ pub(in crate::cli) struct Resident {
     pub(in crate::cli) tests: BTreeSet<String>,
     /// Tests that fail.
     pub(in crate::cli) failing: BTreeMap<String, Wrong>,
-    /// Whether tests run.
+    /// True while tests run.
     pub(in crate::cli) busy: bool,
     /// The request that waits until they have run.
     waiting: Option<Request>,
@@ -85,14 +85,12 @@ impl Resident {
     pub(in crate::cli) fn report(&self) -> PathBuf {
         self.records.with_extension("jsonl")
     }
-
-    pub(in crate::cli) fn folder(&self) -> &Path {
-        self.source.folder()
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
