@@ -621,7 +621,7 @@ impl After<'_> {
     }
 }
 
-/// The words of a resource after passes.
+/// The lanes of a resource after passes.
 fn words(
     executor: &dyn Executor,
     passes: &Passes,
@@ -629,7 +629,8 @@ fn words(
 ) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor.dispatch(passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == number);
-    found.map(|(_, words)| words).ok_or(DispatchError::Unable { path: executor.path() })
+    let lanes = found.and_then(|(_, words)| passes.lanes(number, &words));
+    lanes.ok_or(DispatchError::Unable { path: executor.path() })
 }
 
 fn lanes<T: Mirror>(reference: impl IntoIterator<Item = T>) -> Vec<f64> {

@@ -107,7 +107,7 @@ impl DispatchError {
 }
 
 /// The most workgroups in a direction, on every device.
-const MOST_WORKGROUPS: u32 = 65_535;
+pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
 /// One dispatch, as its author says it.
 #[derive(Clone, Debug)]
@@ -279,6 +279,12 @@ impl Passes {
         Ok((number, shape))
     }
 
+    /// The lanes of what a resource that is written holds, by its words.
+    pub(crate) fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
+        let (pass, binding) = self.writer(resource)?;
+        Some(pass.program.lanes_of_words(binding, words))
+    }
+
     /// The lanes of what a buffer that is written holds before all passes.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
@@ -310,7 +316,8 @@ impl Passes {
     }
 }
 
-/// What a resource that is written holds after all passes: its number, and its lanes.
+/// What a resource that is written holds after all passes: its number, and the words of a buffer, or four words a
+/// texel of a texture.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
 /// An entry point that isn't there has the nearest name of its module.

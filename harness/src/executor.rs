@@ -7,6 +7,9 @@ mod caller;
 mod cpu;
 #[cfg(feature = "engine")]
 mod endless;
+mod jobs;
+mod process;
+mod serve;
 #[cfg(all(test, feature = "engine"))]
 mod share;
 #[cfg(all(test, feature = "engine"))]
@@ -18,13 +21,15 @@ use std::fmt::Debug;
 #[cfg(feature = "engine")]
 pub(crate) use accuracy::measured;
 pub(crate) use caller::{Caller, Results, Running, View};
+pub use serve::serve;
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::fixture::{self, Fixtures};
 use crate::image::Image;
 use crate::interpret::Interpreted;
-use crate::path::{self, Adapter, Device, Path, PathError};
+use crate::job::{self, Job, Reply};
+use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
@@ -82,29 +87,53 @@ pub trait Executor: Debug + Sync {
     /// Its description in records.
     fn adapter(&self) -> Adapter;
 
+    /// Whether it has what not every executor has. Unless it says more, it draws no frames.
+    fn can(&self, ability: Ability) -> bool {
+        ability != Ability::Frames
+    }
+
+    /// Runs a job. What follows is made of jobs, unless an executor has a shorter way.
+    ///
+    /// # Errors
+    /// If it can't be asked. The default implementation runs nothing, and returns an error.
+    fn run(&self, job: &Job) -> Result<Reply, PathError> {
+        let _ = job;
+        Err(PathError::Route { path: self.path(), message: "it runs no jobs".to_owned() })
+    }
+
     /// Prepares a function to be called.
     ///
     /// # Errors
     /// If the function can't be called here, or a fixture doesn't fit its variable.
-    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError>;
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        jobs::prepare(self.path(), Box::new(|job| self.run(job)), call)
+    }
 
     /// Draws a frame: linear colour, as large as the drawing, with its top row first.
     ///
     /// # Errors
-    /// If it can't be drawn here. The default implementation draws nothing and returns an error.
+    /// If it can't be drawn here.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-        let _ = drawing;
-        Err(DrawError::Unable { path: self.path() })
+        if !self.can(Ability::Frames) {
+            return Err(DrawError::Unable { path: self.path() });
+        }
+        jobs::draw(self.path(), &|job| self.run(job), drawing)
     }
 
-    /// Dispatches compute passes: for each resource that they write, its number and its lanes.
+    /// Dispatches compute passes: for each resource that they write, its number and its words.
     ///
     /// # Errors
-    /// If they can't be dispatched here. The default implementation returns an error.
+    /// If they can't be dispatched here.
     fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
-        let _ = passes;
-        Err(DispatchError::Unable { path: self.path() })
+        jobs::dispatch(self.path(), &|job| self.run(job), passes)
     }
+}
+
+/// Runs a job on an executor that has shorter ways than jobs.
+fn raised(executor: &dyn Executor, job: &Job) -> Reply {
+    let dispatch = &|passes: &Passes| executor.dispatch(passes);
+    let draw = &|drawing: &Drawing<'_>| executor.draw(drawing);
+    job::run(job, &job::By { dispatch, draw })
 }
 
 /// A driver keeps the contract that each word is written once, by its case, by poison and canaries.
@@ -115,6 +144,14 @@ impl Executor for Device {
 
     fn adapter(&self) -> Adapter {
         Self::adapter(self).clone()
+    }
+
+    fn can(&self, ability: Ability) -> bool {
+        ability != Ability::F16 || self.has_f16()
+    }
+
+    fn run(&self, job: &Job) -> Result<Reply, PathError> {
+        Ok(raised(self, job))
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
@@ -134,16 +171,29 @@ impl Executor for Device {
     }
 }
 
-/// What runs a path.
+/// What runs a path. Each opens once in a process.
+///
+/// ```
+/// use karat::Path;
+///
+/// let engine = karat::executor::of(Path::CPU)?;
+/// assert_eq!(engine.path(), Path::CPU);
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
 ///
 /// # Errors
 /// If it doesn't open.
-pub(crate) fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
-    #[cfg(feature = "engine")]
-    if path == Path::CPU {
-        return Ok(&cpu::Cpu);
+pub fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
+    path::open(path).map(opened)
+}
+
+fn opened(opened: Opened) -> &'static dyn Executor {
+    match opened {
+        Opened::Device(device) => device,
+        Opened::Process(process) => process,
+        #[cfg(feature = "engine")]
+        Opened::Cpu => &cpu::Cpu,
     }
-    path::open(path).map(|device| device as &dyn Executor)
 }
 
 /// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
@@ -233,11 +283,5 @@ pub(crate) fn or_selected<'e>(
         path::expect_own(own.iter().map(|executor| executor.path()))?;
         return Ok(own.to_vec());
     }
-    let path::Chosen { devices, cpu } = path::chosen()?;
-    let executors = devices.into_iter().map(|device| device as &dyn Executor);
-    #[cfg(feature = "engine")]
-    let executors = executors.chain(cpu.then_some(&cpu::Cpu as &dyn Executor));
-    #[cfg(not(feature = "engine"))]
-    debug_assert!(!cpu, "nothing runs it");
-    Ok(executors.collect())
+    Ok(path::chosen()?.into_iter().map(|one| opened(one) as &'e dyn Executor).collect())
 }

@@ -115,6 +115,23 @@ impl Fixture {
         }
     }
 
+    /// The same as a texture of any kind, if it has texels.
+    pub(crate) fn to_texture(&self) -> Option<Texture> {
+        let View { dimension, arrayed, texels, samples, levels, .. } = self.view()?;
+        let (levels, read) = (levels.to_vec(), Vec::new());
+        Some(Texture { dimension, arrayed, texels, samples, levels, read })
+    }
+
+    /// Refuses to be bound to a variable that it doesn't fit.
+    pub(crate) fn expect(&self, binding: &Binding) -> Result<(), FixtureError> {
+        let (variable, kind) = (binding.path.clone(), binding.kind);
+        match self.mistake(binding) {
+            _ if !self.fits(kind) => Err(FixtureError::Kind { variable, kind, fixture: self.kind() }),
+            Some(mistake) => Err(mistake),
+            None => Ok(()),
+        }
+    }
+
     fn fits(&self, kind: BindingKind) -> bool {
         match (self, kind) {
             (_, BindingKind::Texture(kind)) => self.view().is_some_and(|view| {
@@ -232,13 +249,7 @@ pub(crate) fn resolve<'a>(
         let (variable, kind) = (binding.path.clone(), binding.kind);
         match fixtures.iter().rev().find(|(name, _)| named(binding, name)) {
             None => Err(FixtureError::Missing { variable, kind }),
-            Some((_, fixture)) if !fixture.fits(kind) => {
-                Err(FixtureError::Kind { variable, kind, fixture: fixture.kind() })
-            }
-            Some((_, fixture)) => match fixture.mistake(binding) {
-                Some(mistake) => Err(mistake),
-                None => Ok((binding, fixture)),
-            },
+            Some((_, fixture)) => fixture.expect(binding).map(|()| (binding, fixture)),
         }
     };
     bindings.iter().map(|binding| one(binding).map_err(|error| error.at(binding))).collect()

@@ -69,6 +69,8 @@ mod interpret;
 #[cfg(not(feature = "engine"))]
 #[path = "interpret/none.rs"]
 mod interpret;
+pub mod job;
+mod lines;
 #[cfg(any(feature = "engine", feature = "routes"))]
 pub mod made_up;
 #[cfg(feature = "routes")]

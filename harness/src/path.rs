@@ -8,17 +8,21 @@
 //!   that opens; where none does, Karat's own engine, `cpu`. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
 //!   names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
+//! - `KARAT_EXECUTORS`: programs that run jobs, `dawn=node dawn.mjs`; each is a path, `process@dawn`. See
+//!   [`job`](crate::job).
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
 //! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
 //!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
 
+mod ability;
 #[cfg(feature = "engine")]
 pub(crate) mod cpu;
 mod deadline;
 mod device;
 mod driver;
 mod name;
+mod process;
 #[cfg(feature = "routes")]
 mod route;
 #[cfg(not(feature = "routes"))]
@@ -29,12 +33,15 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
+pub use ability::Ability;
 pub(crate) use deadline::{Guard, guard, guard_opening};
 #[cfg(feature = "routes")]
 pub(crate) use deadline::{Moment, watched};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};
+pub use process::Greeting;
+pub(crate) use process::{JOBS, Process};
 pub(crate) use selector::Selected;
 pub use selector::Selector;
 
@@ -168,16 +175,63 @@ fn guess(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
+/// A path that is open.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Opened {
+    Device(&'static Device),
+    Process(&'static Process),
+    /// The engine, which is always there.
+    #[cfg(feature = "engine")]
+    Cpu,
+}
+
+impl Opened {
+    pub(crate) fn path(self) -> Path {
+        match self {
+            Self::Device(device) => device.path(),
+            Self::Process(process) => process.path(),
+            #[cfg(feature = "engine")]
+            Self::Cpu => Path::CPU,
+        }
+    }
+
+    pub(crate) fn adapter(self) -> Adapter {
+        match self {
+            Self::Device(device) => device.adapter().clone(),
+            Self::Process(process) => process.adapter(),
+            #[cfg(feature = "engine")]
+            Self::Cpu => cpu::adapter(),
+        }
+    }
+
+    /// The device, if it is one.
+    pub(crate) fn device(self) -> Option<&'static Device> {
+        match self {
+            Self::Device(device) => Some(device),
+            _ => None,
+        }
+    }
+}
+
 /// Opens a path, once a process. Others may be opened meanwhile.
-pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
-    type Opened = OnceLock<Result<Device, PathError>>;
-    static DEVICES: Mutex<BTreeMap<Path, &'static Opened>> = Mutex::new(BTreeMap::new());
+pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
+    type Once = OnceLock<Result<Opened, PathError>>;
+    static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
     settings::current()?;
-    let opened: &'static Opened = {
-        let mut devices = DEVICES.lock().expect("no thread panics while it holds the lock");
-        devices.entry(path).or_insert_with(|| Box::leak(Box::default()))
+    #[cfg(feature = "engine")]
+    if path == Path::CPU {
+        return Ok(Opened::Cpu);
+    }
+    let once: &'static Once = {
+        let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
+        opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
     };
-    opened.get_or_init(|| Device::open(path)).as_ref().map_err(Clone::clone)
+    // What is open stays open as long as the process.
+    let open = || match path.api() {
+        Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
+        _ => Ok(Opened::Device(Box::leak(Box::new(Device::open(path)?)))),
+    };
+    once.get_or_init(open).clone()
 }
 
 /// The adapter of a path.
@@ -193,11 +247,7 @@ pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
 /// # Errors
 /// If the path doesn't open.
 pub fn adapter(path: Path) -> Result<Adapter, PathError> {
-    #[cfg(feature = "engine")]
-    if path == Path::CPU {
-        return Ok(cpu::adapter());
-    }
-    open(path).map(|device| device.adapter().clone())
+    open(path).map(Opened::adapter)
 }
 
 /// A path that was asked for by name.
@@ -213,14 +263,10 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// # Errors
 /// If it doesn't open; the message says that it is required.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
-    #[cfg(feature = "engine")]
-    if path == Path::CPU {
-        return Ok(cpu::adapter());
-    }
-    must_open(path).map(|device| device.adapter().clone())
+    must_open(path).map(Opened::adapter)
 }
 
-fn must_open(path: Path) -> Result<&'static Device, PathError> {
+fn must_open(path: Path) -> Result<Opened, PathError> {
     open(path).map_err(|error| match error {
         PathError::Unavailable { path, reason } => PathError::Required { path, reason },
         other => other,
@@ -239,78 +285,38 @@ fn must_open(path: Path) -> Result<&'static Device, PathError> {
 /// # Errors
 /// If a setting is wrong, a required path doesn't open, or none does.
 pub fn selected() -> Result<Vec<Path>, PathError> {
-    let Chosen { devices, cpu } = chosen()?;
-    let cpu = cpu.then_some(Path::CPU);
-    Ok(devices.into_iter().map(Device::path).chain(cpu).collect())
+    Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
 
 /// What the [`selected`] paths are run by.
-pub(crate) struct Chosen {
-    pub(crate) devices: Vec<&'static Device>,
-    /// Whether the engine runs, too.
-    pub(crate) cpu: bool,
-}
-
-pub(crate) fn chosen() -> Result<Chosen, PathError> {
+pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let settings = settings::current()?;
     let Settings { paths, require, adapter, .. } = settings;
-    choose(paths.as_deref(), require.as_deref(), adapter.as_deref())
-}
-
-/// Takes the engine, which is no device, out of the lists.
-fn choose(
-    paths: Option<&str>,
-    required: Option<&str>,
-    adapter: Option<&str>,
-) -> Result<Chosen, PathError> {
-    let mut cpu = false;
-    let mut without = |names: &str| {
-        let named = |name: &&str| name.trim() == Path::CPU.name();
-        cpu |= cfg!(feature = "engine") && names.split(',').any(|name| named(&name));
-        let drivers = |name: &&str| !cfg!(feature = "engine") || !named(name);
-        names.split(',').filter(drivers).collect::<Vec<_>>().join(",")
-    };
-    for (variable, names) in [("KARAT_PATHS", paths), ("KARAT_REQUIRE", required)] {
-        names.map_or(Ok(Vec::new()), |names| list(variable, names))?;
-    }
-    let drivers = [paths.map(&mut without), required.map(without)];
-    let only_cpu = cpu && drivers.iter().flatten().all(String::is_empty);
-    if only_cpu {
-        return Ok(Chosen { devices: Vec::new(), cpu });
-    }
-    let unasked = paths.is_none() && required.is_none() && adapter.is_none();
-    let [named, required] = drivers.map(|names| names.filter(|names| !names.is_empty()));
-    match select(named.as_deref(), required.as_deref()) {
-        // Nobody has asked for a driver, and there is none.
-        Err(PathError::None { .. }) if cfg!(feature = "engine") && unasked => {
-            Ok(Chosen { devices: Vec::new(), cpu: true })
+    match select(paths.as_deref(), require.as_deref()) {
+        // No driver was asked for, and there is none.
+        #[cfg(feature = "engine")]
+        Err(PathError::None { .. }) if [paths, require, adapter].iter().all(|o| o.is_none()) => {
+            Ok(vec![Opened::Cpu])
         }
-        devices => Ok(Chosen { devices: devices?, cpu }),
+        chosen => chosen,
     }
 }
 
-fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static Device>, PathError> {
+fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, PathError> {
     let required = required.map_or_else(|| Ok(Vec::new()), |names| list("KARAT_REQUIRE", names))?;
-    let mut devices =
-        required.iter().map(|path| must_open(*path)).collect::<Result<Vec<_>, _>>()?;
-    match paths {
-        Some(names) => {
-            if names.split(',').any(|name| name.trim() == ALL) {
-                devices.extend(Path::ALL.iter().filter_map(|path| open(*path).ok()));
-            }
-            for path in list("KARAT_PATHS", names)? {
-                devices.push(must_open(path)?);
-            }
-        }
-        None if devices.is_empty() => {
-            devices.extend(Path::ALL.iter().find_map(|path| open(*path).ok()));
-        }
-        None => {}
-    }
-    devices.sort_by_key(|device| device.path());
-    devices.dedup_by_key(|device| device.path());
-    let devices = distinct(&devices);
-    if devices.is_empty() {
+    let named = paths.map_or_else(|| Ok(Vec::new()), |names| list("KARAT_PATHS", names))?;
+    let drivers = || Path::ALL.into_iter().filter_map(|path| open(path).ok());
+    let mut chosen: Vec<Opened> =
+        required.into_iter().chain(named).map(must_open).collect::<Result<_, _>>()?;
+    let is_all = paths.is_some_and(|names| names.split(',').any(|name| name.trim() == ALL));
+    let usual: Vec<Opened> = match paths {
+        _ if is_all => drivers().collect(),
+        None if chosen.is_empty() => drivers().take(1).collect(),
+        _ => Vec::new(),
+    };
+    // `all` drivers are some, even beside other paths.
+    let none = usual.is_empty() && !chosen.iter().any(|opened| opened.device().is_some());
+    if none && (is_all || chosen.is_empty()) {
         let reasons = Path::ALL
             .iter()
             .filter(|path| device::exists(**path))
@@ -318,24 +324,25 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
             .collect();
         return Err(PathError::None { reasons });
     }
-    Ok(devices)
+    chosen.extend(usual);
+    chosen.sort_by_key(|opened| opened.path());
+    chosen.dedup_by_key(|opened| opened.path());
+    Ok(distinct(&chosen))
 }
 
 /// Each adapter of an API once: `vulkan` is dropped beside `vulkan@llvmpipe`, if that is what it
 /// is.
-fn distinct(devices: &[&'static Device]) -> Vec<&'static Device> {
-    let same = |one: &Device, other: &Device| {
-        let route = |device: &Device| (device.path().api(), device.path().via());
-        let named =
-            |device: &Device| (device.adapter().name.clone(), device.adapter().driver.clone());
-        route(one) == route(other) && named(one) == named(other)
+fn distinct(all: &[Opened]) -> Vec<Opened> {
+    let what = |opened: &Opened| {
+        let (path, adapter) = (opened.path(), opened.adapter());
+        (path.api(), path.via(), adapter.name, adapter.driver)
     };
-    let named_by_driver = |device: &Device| {
-        let mut others = devices.iter().filter(|other| other.path().driver().is_some());
-        others.any(|other| same(device, other))
+    let named: Vec<_> =
+        all.iter().filter(|opened| opened.path().driver().is_some()).map(what).collect();
+    let stays = |opened: &Opened| {
+        opened.path().driver().is_some() || !named.contains(&what(opened))
     };
-    let kept = devices.iter().copied();
-    kept.filter(|device| device.path().driver().is_some() || !named_by_driver(device)).collect()
+    all.iter().copied().filter(stays).collect()
 }
 
 /// Wants names for executors that aren't wgpu's: none that a driver has, and each once. What the
@@ -422,8 +429,8 @@ mod tests {
         for (paths, required) in
             [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
         {
-            let chosen = choose(paths, required, None).expect("it is always there");
-            assert!(chosen.cpu && chosen.devices.is_empty());
+            let chosen = select(paths, required).expect("it is always there");
+            assert!(matches!(&*chosen, [Opened::Cpu]), "{chosen:?}");
         }
         for names in ["all,vulcan", "vulkan,opengl"] {
             assert!(matches!(select(Some(names), None), Err(PathError::Unknown { .. })));
@@ -436,8 +443,8 @@ mod tests {
         let here: Vec<Path> = Path::ALL.into_iter().filter(|path| open(*path).is_ok()).collect();
         let named = |paths: &[Path]| -> Vec<Path> {
             let names: Vec<&str> = paths.iter().map(|path| path.name()).collect();
-            let devices = select(Some(&names.join(",")), None).expect("they open");
-            devices.into_iter().map(|device| device.path()).collect()
+            let opened = select(Some(&names.join(",")), None).expect("they open");
+            opened.into_iter().map(Opened::path).collect()
         };
         let backwards: Vec<Path> = here.iter().rev().copied().collect();
         assert_eq!((named(&here), named(&backwards)), (here.clone(), here.clone()));
@@ -477,7 +484,8 @@ mod tests {
             let error = open(nobody).expect_err("no such driver").to_string();
             assert!(error.contains("no adapter of the family `nobody`"), "{error}");
         }
-        let error = open(Path::CPU).expect_err("there is no engine").to_string();
-        assert!(error.contains("`cpu` is unavailable"), "{error}");
+        let engine: Path = "cpu:hlsl".parse().expect("a name");
+        let error = open(engine).expect_err("there is no such engine").to_string();
+        assert!(error.contains("`cpu:hlsl` is unavailable"), "{error}");
     }
 }

@@ -10,6 +10,7 @@ mod bound;
 #[cfg(feature = "routes")]
 mod compute;
 mod dispatcher;
+pub(crate) mod evidence;
 mod inputs;
 mod kept;
 mod kernel;
@@ -27,7 +28,7 @@ mod upload;
 pub(crate) use compute::{Data, run_entry_point};
 pub use inputs::Inputs;
 pub(crate) use kept::{Kept, count};
-pub(crate) use kernel::{CONSTANTS, Kernel};
+pub(crate) use kernel::{CONSTANTS, Kernel, UNIFORM_WORDS, WORKGROUP};
 #[cfg(feature = "routes")]
 pub(crate) use lets::Let;
 pub(crate) use lets::lets;
@@ -44,8 +45,8 @@ use std::sync::Arc;
 use crate::diagnostic::Diagnostic;
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
-use crate::path::{Path, PathError};
-use crate::reflect::{Function, Overrides, Program, ReflectError};
+use crate::path::{Ability, Path, PathError};
+use crate::reflect::{BindingKind, Function, Overrides, Program, ReflectError};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
@@ -165,6 +166,22 @@ impl Probed {
         self.with_quads(&varying)
     }
 
+    /// What it needs of an executor beyond compute passes over buffers.
+    pub(crate) fn needs(&self) -> Vec<Ability> {
+        let mut shapes = self.function.parameters.iter().map(|(_, shape)| shape);
+        let f16 = shapes.any(Shape::needs_f16) || self.function.result.needs_f16();
+        let kinds = || self.function.bindings.iter().map(|binding| binding.kind);
+        let textures = kinds().any(|kind| {
+            use BindingKind as K;
+            matches!(kind, K::Texture(_) | K::StorageTexture { .. } | K::Sampler { .. })
+        });
+        let immediates = kinds().any(|kind| kind == BindingKind::Immediate);
+        [(Ability::F16, f16), (Ability::Textures, textures), (Ability::Immediates, immediates)]
+            .into_iter()
+            .filter_map(|(ability, needed)| needed.then_some(ability))
+            .collect()
+    }
+
     /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {
@@ -198,7 +215,7 @@ impl ProbeError {
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         match self {
-            Self::F16 { .. } | Self::Compile { .. } => true,
+            Self::Lacks { .. } | Self::Compile { .. } => true,
             Self::Fixture(error) => error.is_unsupported(),
             _ => false,
         }
@@ -208,7 +225,7 @@ impl ProbeError {
     /// it, or the path lacks what it needs.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
-            Self::F16 { .. } => true,
+            Self::Lacks { .. } => true,
             Self::Fixture(error) => error.is_unsupported(),
             Self::Path(error) | Self::Compile { error, .. } => error.is_refusal(),
             _ => false,
@@ -237,13 +254,15 @@ pub enum ProbeError {
         /// What the driver says.
         error: PathError,
     },
-    /// The path has no 16-bit floats.
-    #[error("`{function}` needs f16, which path `{path}` doesn't have")]
-    F16 {
+    /// The path hasn't all that the function needs.
+    #[error("`{function}` needs {ability}, which path `{path}` doesn't have")]
+    Lacks {
         /// The function.
         function: String,
         /// The path.
         path: Path,
+        /// What it lacks.
+        ability: Ability,
     },
     /// The arguments can't come from this source.
     #[error("the arguments of `{function}` can't come from {inputs} inputs: {reason}")]

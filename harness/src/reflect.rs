@@ -282,6 +282,22 @@ impl Program {
         self.linked.spliced.resolve(range)
     }
 
+    /// The stretches of [`text`](Self::text) that authors wrote.
+    pub(crate) fn sources(&self) -> Vec<(Range<usize>, Span)> {
+        self.linked.spliced.stretches()
+    }
+
+    /// The lanes of what a resource holds, by the words of its memory: of a texture four a texel.
+    pub(crate) fn lanes_of_words(&self, binding: &Binding, words: &[u32]) -> Vec<u32> {
+        match binding.kind {
+            BindingKind::StorageTexture { .. } => words.to_vec(),
+            _ => {
+                let bytes = bytemuck::cast_slice(words);
+                lanes_of(self.module(), binding.ty, bytes).unwrap_or_default()
+            }
+        }
+    }
+
     /// What naga's validator knows of the module.
     #[cfg(feature = "engine")]
     pub(crate) fn info(&self) -> &ModuleInfo {

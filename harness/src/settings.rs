@@ -17,12 +17,16 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 14] = [
+const VARIABLES: [(&str, &str); 15] = [
     (
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
     ),
     (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
+    (
+        EXECUTORS,
+        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between several. Each is a path, `process@NAME` (none)",
+    ),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
     (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
@@ -53,6 +57,7 @@ const NAMES: [&str; VARIABLES.len()] = {
 
 const PATHS: &str = "KARAT_PATHS";
 const REQUIRE: &str = "KARAT_REQUIRE";
+const EXECUTORS: &str = "KARAT_EXECUTORS";
 const ADAPTER: &str = "KARAT_ADAPTER";
 const DEADLINE: &str = "KARAT_DEADLINE";
 const FUEL: &str = "KARAT_FUEL";
@@ -79,6 +84,8 @@ pub(crate) struct Settings {
     pub(crate) paths: Option<String>,
     /// Names of paths that must open.
     pub(crate) require: Option<String>,
+    /// Programs that run jobs: the name of each, then the program and its arguments.
+    pub(crate) executors: Vec<(String, Vec<String>)>,
     /// Part of the adapter's name.
     pub(crate) adapter: Option<String>,
     /// How long a shader may take.
@@ -259,9 +266,13 @@ impl Settings {
         let rounds = "a number of rounds above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
+        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once and of small letters \
+                        and digits";
+        let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;
         Ok(Self {
             paths: text(PATHS)?,
             require: text(REQUIRE)?,
+            executors: executors.unwrap_or_default(),
             adapter: text(ADAPTER)?,
             deadline: deadline.unwrap_or(Duration::from_secs_f64(DEADLINE_SECONDS)),
             fuel: fuel.unwrap_or(FUEL_ROUNDS),
@@ -327,6 +338,23 @@ pub(crate) fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
 }
 
+/// Programs by their names: `dawn=node dawn.mjs; mine=target/debug/mine`.
+fn read_programs(text: &str) -> Option<Vec<(String, Vec<String>)>> {
+    let mut programs: Vec<(String, Vec<String>)> = Vec::new();
+    for one in text.split(';').filter(|one| !one.trim().is_empty()) {
+        let (name, command) = one.split_once('=')?;
+        let name = name.trim();
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit();
+        let command: Vec<String> = command.split_whitespace().map(str::to_owned).collect();
+        let is_new = programs.iter().all(|(known, _)| known != name);
+        if name.is_empty() || !name.chars().all(plain) || command.is_empty() || !is_new {
+            return None;
+        }
+        programs.push((name.to_owned(), command));
+    }
+    Some(programs)
+}
+
 fn integer(text: &str) -> Option<u64> {
     let digits = text.trim().replace('_', "").to_lowercase();
     match digits.strip_prefix("0x") {
@@ -375,6 +403,7 @@ mod tests {
             ("KARAT_DEADLINE", "1.5"),
             ("KARAT_FAILURES", "off"),
             ("KARAT_OVERLAY", "faults"),
+            ("KARAT_EXECUTORS", "dawn=node dawn.mjs; mine = ./mine;"),
         ]);
         let read = read.expect("each of them is right");
         assert_eq!((read.paths.as_deref(), read.seed), (Some("vulkan,gl"), Some(255)));
@@ -386,6 +415,9 @@ mod tests {
             input: Some(vec![0x3f80_0000, 0]),
         };
         assert_eq!(read.case, Some(case));
+        let command = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
+        let dawn = ("dawn".to_owned(), command(&["node", "dawn.mjs"]));
+        assert_eq!(read.executors, [dawn, ("mine".to_owned(), command(&["./mine"]))]);
     }
 
     #[test]
@@ -418,6 +450,10 @@ mod tests {
             ("KARAT_CASE", "f/agrees_with/", "KARAT_CASE=f/agrees_with/ isn't a case"),
             ("KARAT_CASE", "f/agrees_with/7:x", "KARAT_CASE=f/agrees_with/7:x isn't a case"),
             ("KARAT_INPUT", "3f800000", "KARAT_INPUT needs KARAT_CASE"),
+            ("KARAT_EXECUTORS", "node", "KARAT_EXECUTORS=node isn't a list of NAME=PROGRAM"),
+            ("KARAT_EXECUTORS", "a=", "KARAT_EXECUTORS=a= isn't a list of NAME=PROGRAM"),
+            ("KARAT_EXECUTORS", "A=b", "KARAT_EXECUTORS=A=b isn't a list of NAME=PROGRAM"),
+            ("KARAT_EXECUTORS", "a=b;a=c", "KARAT_EXECUTORS=a=b;a=c isn't a list of NAME=PROGRAM"),
             ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal words"),
         ] {
             let error = read(&[(name, value)]).expect_err(value);
@@ -426,7 +462,7 @@ mod tests {
         let error = read(&[("KARAT_BANANA_SPLIT", "1")]).expect_err("unknown");
         assert!(
             error.ends_with(
-                "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_ADAPTER, \
+                "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
              KARAT_DEADLINE, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_BROWSER"
             ),

@@ -10,7 +10,6 @@
 mod answer;
 mod browser;
 mod find;
-mod line;
 mod program;
 mod reason;
 mod resident;
@@ -24,6 +23,11 @@ use find::Kind;
 pub use find::installed;
 pub use reason::Reason;
 use resident::Resident;
+
+use crate::lines::Broken;
+
+/// The longest answer that is read: more than any is.
+const LONGEST: u64 = 16 << 20;
 
 /// How to get it, in a line.
 const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 20 or newer), or KARAT_TINT=PATH \
@@ -81,12 +85,8 @@ pub(crate) struct Attribute {
 /// Why there is no verdict on a text: a fault of the program that was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum NoVerdict {
-    #[error("it can't be run: {0}")]
-    Start(String),
-    #[error("it ended ({status}){said}")]
-    Ended { status: String, said: String },
-    #[error("it didn't answer within {0} s")]
-    Hung(u64),
+    #[error(transparent)]
+    Process(#[from] Broken),
     #[error("its answer can't be read: {0}")]
     Garbage(String),
     #[error("it answered about another text")]

@@ -27,7 +27,8 @@ pub use shareable::{Arguments, Shareable};
 /// assert_eq!(Scalar::named("u32"), Some(Scalar::U32));
 /// assert_eq!(Scalar::F32.decode(0x3f00_0000), 0.5);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Scalar {
     /// `f32`
     F32,

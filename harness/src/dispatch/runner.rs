@@ -129,8 +129,8 @@ impl Device {
         })?;
         let mut afterwards = Afterwards::new();
         for (number, kept) in &kept {
-            let lanes = kept.lanes(self, 1)?.pop().unwrap_or_default();
-            afterwards.push((*number, lanes));
+            let words = kept.words(self, 1)?.pop().expect("one run has the words of one");
+            afterwards.push((*number, words));
         }
         let mut counts = Vec::new();
         for staged in &staged {

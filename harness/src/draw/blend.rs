@@ -9,7 +9,8 @@
 /// let glass = Draw::fullscreen("vertex", "fragment").blend(Blend::Premultiplied);
 /// # let _ = glass;
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Blend {
     /// The new value replaces the old one.
     #[default]
@@ -42,7 +43,7 @@ pub enum Blend {
 /// let blend = Blend::Custom { color: larger, alpha: larger };
 /// # let _ = blend;
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Component {
     /// What the new value is multiplied by.
     pub source: Factor,
@@ -62,29 +63,39 @@ pub struct Component {
 /// let alpha = Component { source, target, operation: Operation::Add };
 /// # let _ = alpha;
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Factor {
     /// 0
     Zero,
     /// 1
     One,
     /// new
+    #[serde(rename = "src")]
     New,
     /// 1 - new
+    #[serde(rename = "one-minus-src")]
     OneMinusNew,
     /// new.a
+    #[serde(rename = "src-alpha")]
     NewAlpha,
     /// 1 - new.a
+    #[serde(rename = "one-minus-src-alpha")]
     OneMinusNewAlpha,
     /// old
+    #[serde(rename = "dst")]
     Old,
     /// 1 - old
+    #[serde(rename = "one-minus-dst")]
     OneMinusOld,
     /// old.a
+    #[serde(rename = "dst-alpha")]
     OldAlpha,
     /// 1 - old.a
+    #[serde(rename = "one-minus-dst-alpha")]
     OneMinusOldAlpha,
     /// min(new.a, 1 - old.a), and 1 of alpha.
+    #[serde(rename = "src-alpha-saturated")]
     NewAlphaSaturated,
     /// The constant of the draw.
     Constant,
@@ -100,7 +111,8 @@ pub enum Factor {
 /// let darker = Component { source: Factor::One, target: Factor::One, operation: Operation::Min };
 /// # let _ = darker;
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Operation {
     /// new + old
     #[default]

@@ -57,8 +57,9 @@ impl Scene<'_> {
 }
 
 /// What a frame's image is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Source {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Source {
     /// A colour target, by its location.
     Target(usize),
     /// Depth, in red.
@@ -88,9 +89,16 @@ struct Read {
 
 /// What a draw's two pipelines read.
 #[derive(Debug)]
-pub(super) struct Bindings {
+pub(crate) struct Bindings {
     pub(super) depth: Vec<Binding>,
     pub(super) color: Vec<Binding>,
+}
+
+impl Bindings {
+    /// Those of both.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Binding> {
+        self.depth.iter().chain(&self.color)
+    }
 }
 
 impl<'a> Scene<'a> {
@@ -183,7 +191,7 @@ impl Scene<'_> {
     }
 
     /// What each draw of a program reads.
-    pub(super) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
+    pub(crate) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
         let of = |stage: Stage, name: &Option<String>| {
             let Some(name) = name else { return Ok(Vec::new()) };
             program.entry_point_bindings(stage, name).ok_or_else(|| DrawError::EntryPoint {
@@ -222,8 +230,7 @@ impl<'s> Drawing<'s> {
         let program = linked.overridden(&scene.overrides)?;
         scene.expect_targets(&program)?;
         let bindings = scene.bindings(&program)?;
-        let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();
-        let all: Vec<Binding> = bindings.iter().flat_map(of).collect();
+        let all: Vec<Binding> = bindings.iter().flat_map(Bindings::all).cloned().collect();
         let members = scene.members.iter().map(|(path, shape, lanes)| (&**path, shape, &**lanes));
         let fixtures = fixture::with_members(&program, &all, &scene.fixtures, members)?;
         let drawing = Self { scene, program, bindings, fixtures, read: Read::default() };
@@ -265,9 +272,18 @@ impl Drawing<'_> {
     }
 
     /// What all draws read.
-    pub(super) fn all_bindings(&self) -> Vec<Binding> {
-        let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();
-        self.bindings.iter().flat_map(of).collect()
+    pub(crate) fn all_bindings(&self) -> Vec<Binding> {
+        self.bindings.iter().flat_map(Bindings::all).cloned().collect()
+    }
+
+    /// What is drawn, as its author says it.
+    pub(crate) fn scene(&self) -> &Scene<'_> {
+        &self.scene
+    }
+
+    /// What each draw reads.
+    pub(crate) fn bindings(&self) -> &[Bindings] {
+        &self.bindings
     }
 
     /// The hash of the WGSL that is run.

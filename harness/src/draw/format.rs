@@ -15,7 +15,8 @@ const ROUNDING: f64 = 0.6;
 ///
 /// assert_eq!(Format::named("rgba8unorm-srgb"), Some(Format::Rgba8UnormSrgb));
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Format {
     /// The most exact floats that the path draws into: of 32 bits, or of 16 where it has to blend, where
@@ -29,10 +30,12 @@ pub enum Format {
     /// 8 bits a channel, from 0 to 1.
     Rgba8Unorm,
     /// 8 bits a channel, in sRGB's transfer function.
+    #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
     /// 8 bits a channel, from 0 to 1, blue first: what surfaces are on many systems.
     Bgra8Unorm,
     /// The same in sRGB's transfer function.
+    #[serde(rename = "bgra8unorm-srgb")]
     Bgra8UnormSrgb,
     /// Three channels of 10 bits and one of 2, from 0 to 1.
     Rgb10a2Unorm,

@@ -15,7 +15,7 @@ use crate::value::Scalar;
 ///     .attribute(1, &[Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]); // @location(1) uv: vec2f
 /// # let _ = square;
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Mesh {
     pub(super) indices: Vec<u32>,
     /// The first one is the positions, at location 0.
@@ -23,7 +23,7 @@ pub struct Mesh {
 }
 
 /// The values of one attribute.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(super) struct Column {
     pub(super) location: u32,
     pub(super) scalar: Scalar,

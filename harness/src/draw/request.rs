@@ -3,6 +3,7 @@
 use super::state::State;
 use super::{Blend, Cull, DepthBias, Mesh, Stencil, Winding};
 use crate::fixture::Compare;
+use crate::reflect::Program;
 
 /// A draw of a frame: its entry points, what is drawn, and how.
 ///
@@ -18,7 +19,7 @@ use crate::fixture::Compare;
 ///     .depth_write(false);
 /// # let _ = leaves;
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[must_use = "a draw draws nothing until it is given to `Frame::draw`"]
 pub struct Draw {
     /// `None`: Karat's own, which covers the frame.
@@ -38,7 +39,8 @@ pub struct Draw {
 }
 
 /// What is drawn.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Geometry {
     Mesh(Mesh),
     /// Vertices without attributes: `@builtin(vertex_index)` makes them.
@@ -403,6 +405,19 @@ impl Draw {
     }
 
     /// True if it is a triangle of Karat's own, which covers the frame.
+    /// The name of its fragment function, if it has Karat's vertex function, which covers the frame.
+    pub(crate) fn covering(&self) -> Option<&str> {
+        self.fragment.as_deref().filter(|_| self.covers())
+    }
+
+    /// The same with the names that its functions have in a program's text.
+    pub(crate) fn named_as_in(mut self, program: &Program) -> Self {
+        for name in [&mut self.vertex, &mut self.fragment, &mut self.depth_fragment] {
+            *name = name.as_ref().map(|name| program.entry_point_name(name).to_owned());
+        }
+        self
+    }
+
     pub(super) fn covers(&self) -> bool {
         self.vertex.is_none()
     }

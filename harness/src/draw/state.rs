@@ -12,7 +12,8 @@ use crate::probe::compare;
 /// let inside = Draw::vertices("vertex", "fragment", 36).cull(Cull::Front); // of a room, seen from within
 /// # let _ = inside;
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Cull {
     /// Both faces are drawn.
     None,
@@ -30,12 +31,14 @@ pub enum Cull {
 /// let mirrored = Draw::vertices("vertex", "fragment", 36).front_face(Winding::Clockwise);
 /// # let _ = mirrored;
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Winding {
     /// Counter-clockwise.
     #[default]
+    #[serde(rename = "ccw")]
     CounterClockwise,
     /// Clockwise.
+    #[serde(rename = "cw")]
     Clockwise,
 }
 
@@ -47,7 +50,7 @@ pub enum Winding {
 /// let against_acne = DepthBias { constant: 2, slope: 1.5, clamp: 0.0 };
 /// # let _ = against_acne;
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DepthBias {
     /// In the least steps of the depth format, of which the driver decides what they are.
     pub constant: i32,
@@ -66,7 +69,7 @@ pub struct DepthBias {
 /// let mark = Stencil { reference: 1, pass: StencilOperation::Replace, ..Stencil::default() };
 /// # let _ = mark;
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Stencil {
     /// How the reference compares with what the stencil holds: `reference < stencil`.
     pub compare: Compare,
@@ -93,7 +96,8 @@ pub struct Stencil {
 /// let count = Stencil { pass: StencilOperation::Increment, ..Stencil::default() };
 /// # let _ = count;
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum StencilOperation {
     /// It stays.
     #[default]
@@ -105,8 +109,10 @@ pub enum StencilOperation {
     /// Its bits are inverted.
     Invert,
     /// One more, at most 255.
+    #[serde(rename = "increment-clamp")]
     Increment,
     /// One less, at least 0.
+    #[serde(rename = "decrement-clamp")]
     Decrement,
     /// One more; behind 255 comes 0.
     IncrementWrap,
@@ -157,7 +163,7 @@ impl Stencil {
 }
 
 /// What a draw is drawn with; `None`: what is usual for its geometry.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct State {
     pub(super) cull: Option<Cull>,
     pub(super) winding: Winding,

@@ -55,6 +55,10 @@ impl<'e> Caller<'e> {
         calls: usize,
     ) -> Result<Self, ProbeError> {
         let path = executor.path();
+        if let Some(ability) = probed.needs().into_iter().find(|need| !executor.can(*need)) {
+            let function = probed.function.name.clone();
+            return Err(ProbeError::Lacks { function, path, ability });
+        }
         let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
         if prepared.capacity() == 0 {
             let function = probed.function.name.clone();

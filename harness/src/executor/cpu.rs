@@ -3,7 +3,8 @@
 use super::Executor;
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::interpret::{Alone, Interpreted};
-use crate::path::{Adapter, Path, cpu};
+use crate::job::{Job, Reply};
+use crate::path::{Adapter, Path, PathError, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
 /// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, and
@@ -18,6 +19,10 @@ impl Executor for Cpu {
 
     fn adapter(&self) -> Adapter {
         cpu::adapter()
+    }
+
+    fn run(&self, job: &Job) -> Result<Reply, PathError> {
+        Ok(super::raised(self, job))
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {

@@ -8,7 +8,7 @@ use super::{refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{Binding, BindingKind, Program, lanes_of};
+use crate::reflect::{Binding, BindingKind, Program};
 use crate::settings;
 
 /// A kernel in the engine, with what it reads.
@@ -39,7 +39,8 @@ impl Alone {
         for (binding, fixture) in resolve(&function.bindings, fixtures)? {
             supply::supply(&mut resources, program, binding, fixture)?;
         }
-        let (first, words_in, words_out) = probed.kernel.buffers();
+        let (words_in, words_out) = probed.kernel.words();
+        let first = probed.kernel.first_binding();
         let (program, name) = (Arc::clone(program), function.name.clone());
         let written = function.written().cloned().collect();
         let fuel = settings::fuel();
@@ -99,19 +100,18 @@ impl Alone {
         let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
         words.truncate(self.words_out);
         self.written.iter().for_each(|binding| {
-            words.extend(after(&self.program, &resources, binding));
+            words.extend(self.program.lanes_of_words(binding, &after(&resources, binding)));
         });
         Ok(words)
     }
 }
 
-/// The lanes of what a resource holds.
-pub(super) fn after(program: &Program, resources: &Resources, binding: &Binding) -> Vec<u32> {
+/// The words of what a resource holds: of a texture four a texel.
+pub(super) fn after(resources: &Resources, binding: &Binding) -> Vec<u32> {
     let (group, number) = (binding.group, binding.binding);
     if let BindingKind::StorageTexture { .. } = binding.kind {
         let texture = resources.texture(group, number);
         return texture.and_then(|t| t.texels().first()).map_or_else(Vec::new, supply::words);
     }
-    let bytes = resources.buffer(group, number).unwrap_or_default();
-    lanes_of(program.module(), binding.ty, bytes).unwrap_or_default()
+    bytemuck::pod_collect_to_vec(resources.buffer(group, number).unwrap_or_default())
 }

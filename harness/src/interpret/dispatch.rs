@@ -47,10 +47,10 @@ pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
         }
     }
     for number in 0..passes.resources.len() {
-        if let Some((pass, binding)) = passes.writer(number) {
+        if let Some((_, binding)) = passes.writer(number) {
             let mut binding = binding.clone();
             (binding.group, binding.binding) = (0, number as u32);
-            afterwards.push((number, after(&pass.program, &held, &binding)));
+            afterwards.push((number, after(&held, &binding)));
         }
     }
     Ok(afterwards)

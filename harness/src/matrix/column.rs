@@ -64,6 +64,7 @@ impl Column {
             (Via::Wgsl, _) => Target::Wgsl,
             // The engine runs naga's IR of the author's own text.
             (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,
+            (Via::Direct, Api::Process) => Target::Wgsl,
             (Via::Direct, Api::Cpu) => return None,
         };
         Some(Self { target, path: Some(path), by_tint: false })
@@ -78,7 +79,7 @@ impl Column {
     /// The text that runs or is judged.
     pub(super) fn written(self) -> Written {
         match self.path.map(Path::api) {
-            Some(Api::Cpu) => Written::ByAuthor,
+            Some(Api::Cpu | Api::Process) => Written::ByAuthor,
             None if self.by_tint => Written::ForTint,
             _ => Written::ByNaga(self.target),
         }

@@ -120,8 +120,12 @@ fn written(
         let run = crate::interpret::run_entry_point(program, name, *workgroups, data);
         return run.map_err(Unwritten::Error);
     }
-    let device = crate::path::open(path)
+    let opened = crate::path::open(path)
         .map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
+    let Some(device) = opened.device() else {
+        let why = "a program of KARAT_EXECUTORS takes the author's own WGSL alone".to_owned();
+        return Err(Unwritten::Stop(Stop::NotRun(why)));
+    };
     if is_slow(device, program) {
         return Err(Unwritten::Stop(Stop::NotRun(format!(
             "{} takes minutes to compile the {} barriers of its module",

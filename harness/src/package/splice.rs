@@ -78,6 +78,15 @@ impl Spliced {
         self.text.push_str(text);
     }
 
+    /// What was copied: where it is in the text, and where it is in its file.
+    pub(crate) fn stretches(&self) -> Vec<(Range<usize>, Span)> {
+        let of = |piece: &Piece| {
+            let span = Span { file: Arc::clone(&piece.file), range: piece.from.clone() };
+            (piece.at.clone(), span)
+        };
+        self.pieces.iter().map(of).collect()
+    }
+
     /// The author's span for a range of the text; `None` outside of all that was copied.
     pub(crate) fn resolve(&self, range: Range<usize>) -> Option<Span> {
         let index = self.pieces.partition_point(|piece| piece.at.end <= range.start);

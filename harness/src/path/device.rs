@@ -424,7 +424,7 @@ fn backends(path: Path) -> wgpu::Backends {
         Api::Metal => wgpu::Backends::METAL,
         Api::Dx12 => wgpu::Backends::DX12,
         Api::Gl => wgpu::Backends::GL,
-        Api::Cpu => wgpu::Backends::empty(),
+        Api::Cpu | Api::Process => wgpu::Backends::empty(),
     }
 }
 

@@ -29,10 +29,13 @@ pub enum Api {
     Gl,
     /// No driver at all: the host's processor.
     Cpu,
+    /// A program that runs jobs, which KARAT_EXECUTORS names.
+    Process,
 }
 
 impl Api {
-    const ALL: [Self; 5] = [Self::Vulkan, Self::Metal, Self::Dx12, Self::Gl, Self::Cpu];
+    const ALL: [Self; 6] =
+        [Self::Vulkan, Self::Metal, Self::Dx12, Self::Gl, Self::Cpu, Self::Process];
 
     /// The name used on the command line and in the environment.
     ///
@@ -49,6 +52,7 @@ impl Api {
             Self::Dx12 => "dx12",
             Self::Gl => "gl",
             Self::Cpu => "cpu",
+            Self::Process => "process",
         }
     }
 }
@@ -274,7 +278,8 @@ impl Parts {
             Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
             // Families of drivers that nobody here knows are as good, but a slip isn't.
             Some(driver)
-                if !driver::families().any(|known| known == driver)
+                if api != Some(Api::Process)
+                    && !driver::families().any(|known| known == driver)
                     && nearest(driver, driver::families()).is_some() =>
             {
                 Err(unknown_driver(name, driver))

@@ -5,11 +5,12 @@
 use std::cell::Cell;
 
 use super::bound::{Bound, Compiled, Resources, bind, compile};
+use super::evidence::{self, Evidence};
 use super::kept::Kept;
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
-use super::poison::{self, Poison};
+use super::poison::Poison;
 use super::quads::Target;
-use super::{Inputs, Partial, ProbeError, Probed, Resource, borders, upload};
+use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
 use crate::diagnostic::Span;
 use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
@@ -36,10 +37,7 @@ pub(super) struct Dispatcher<'d> {
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
-    stride_out: usize,
-    /// What the words of a result are called: `""` of a scalar, `.x`.
-    lane_names: Vec<String>,
-    function: String,
+    evidence: Evidence,
     /// Where it stands.
     place: Span,
     /// The turn in which the fields above are released.
@@ -114,7 +112,7 @@ impl<'d> Dispatcher<'d> {
                 arguments.map(|(words, usage)| buffer("arguments", words, usage | Usage::COPY_DST));
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
             let results = buffer("results", words, usage);
-            let poison = Poison::new(device, poison::WORD, words);
+            let poison = Poison::new(device, evidence::WORD, words);
             let batch = buffer("batch", 4, Usage::UNIFORM | Usage::COPY_DST);
             let staging = buffer("staging", words, Usage::MAP_READ | Usage::COPY_DST);
             (arguments, results, poison, batch, staging)
@@ -159,9 +157,7 @@ impl<'d> Dispatcher<'d> {
             alone,
             capacity,
             words_in: kernel.words_in,
-            stride_out,
-            lane_names: function.result.lane_names(),
-            function: function.name.clone(),
+            evidence: Evidence::of(function, device.path(), kernel.words_out),
             place: function.span.clone(),
             last: None,
         })
@@ -179,10 +175,10 @@ impl<'d> Dispatcher<'d> {
     /// The kernel that holds these arguments as constants.
     fn of_constants(&self, arguments: &[u32]) -> Result<Bound, ProbeError> {
         let text = self.kernel.of_constants(arguments).map_err(|reason| {
-            let (function, inputs) = (self.function.clone(), self.kernel.inputs);
+            let (function, inputs) = (self.evidence.function.clone(), self.kernel.inputs);
             ProbeError::Inputs { function, inputs, reason }
         })?;
-        let pipeline = compile(self.device, &self.function, &text, &self.kernel)?;
+        let pipeline = compile(self.device, &self.evidence.function, &text, &self.kernel)?;
         let own = [None, Some(&self.results), Some(&self.batch)];
         bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
@@ -204,7 +200,7 @@ impl<'d> Dispatcher<'d> {
 
     /// Words between one case's results and the next one's.
     pub(crate) fn stride_out(&self) -> usize {
-        self.stride_out
+        self.evidence.stride
     }
 
     /// Starts a dispatch over `cases` cases with these arguments, with so many invocations a case,
@@ -219,7 +215,7 @@ impl<'d> Dispatcher<'d> {
     ) -> Result<Dispatch<'d>, ProbeError> {
         assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
         assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
-        let (path, function) = (self.device.path(), self.function.clone());
+        let (path, function) = (self.device.path(), self.evidence.function.clone());
         let place = self.place.clone();
         let _turn = self.device.turn();
         let deadline = guard(path, move || {
@@ -233,8 +229,7 @@ impl<'d> Dispatcher<'d> {
         };
         let count = u32::try_from(cases).expect("a batch fits in 32 bits");
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
-        let groups = (count * invocations).div_ceil(WORKGROUP);
-        let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
+        let [columns, rows] = Kernel::workgroups(count * invocations, limit);
         let batch = match &self.target {
             Some(Target { grid: [columns, rows], .. }) => [count, canary, *columns, *rows],
             None => [count, canary, columns * WORKGROUP, invocations],
@@ -303,7 +298,7 @@ impl<'d> Dispatcher<'d> {
     }
 
     fn bytes(&self, cases: usize) -> u64 {
-        (cases * self.stride_out * 4) as u64
+        (cases * self.stride_out() * 4) as u64
     }
 
     /// Waits for a dispatch and hands its results to `read`: for each case, the words of its
@@ -313,7 +308,7 @@ impl<'d> Dispatcher<'d> {
         dispatch: Dispatch<'_>,
         read: impl FnOnce(&[u32]) -> T,
     ) -> Result<T, ProbeError> {
-        let read = |words: &[u32]| match self.poisoned(words) {
+        let read = |words: &[u32]| match self.evidence.poisoned(words) {
             places if places.is_empty() => Ok(read(words)),
             places => Err((places, words.to_vec(), read)),
         };
@@ -323,23 +318,13 @@ impl<'d> Dispatcher<'d> {
         };
         // Words that a function returns are returned over another poison as well.
         let _turn = self.device.turn();
-        let words_of_all = dispatch.cases * self.stride_out;
+        let words_of_all = dispatch.cases * self.stride_out();
         let poison =
-            self.device.checked(|| Poison::new(self.device, poison::OTHER, words_of_all))?;
+            self.device.checked(|| Poison::new(self.device, evidence::OTHER, words_of_all))?;
         self.submit(&dispatch, &poison)?;
-        let again = self.read_checked(&dispatch, |words| self.poisoned(words))?;
-        let unwritten: Vec<usize> =
-            places.into_iter().filter(|place| again.binary_search(place).is_err()).collect();
-        let Some(first) = unwritten.first().copied() else { return Ok(read(&words)) };
-        Err(ProbeError::ResultNotWritten {
-            function: self.function.clone(),
-            path: self.device.path(),
-            component: self.lane_names.get(first % self.stride_out).cloned().unwrap_or_default(),
-            first: u32::try_from(first / self.stride_out).expect("a batch fits in 32 bits"),
-            count: unwritten.len(),
-            words: dispatch.cases * (self.stride_out - 1),
-            partial: Box::new(Partial { words, stride: self.stride_out, unwritten }),
-        })
+        let again = self.read_checked(&dispatch, |words| self.evidence.poisoned(words))?;
+        self.evidence.expect_written(&words, places, &again)?;
+        Ok(read(&words))
     }
 
     /// Whether each case runs alone.
@@ -350,31 +335,18 @@ impl<'d> Dispatcher<'d> {
     /// Waits for a dispatch whose cases run alone. For each case the words of what the function returns,
     /// of what its pointers point to and of the resources that it writes; and how many they are.
     pub(super) fn rows(&self, dispatch: Dispatch<'_>) -> Result<(Vec<u32>, usize), ProbeError> {
-        let (cases, width) = (dispatch.cases, self.stride_out - 1);
+        let (cases, width) = (dispatch.cases, self.stride_out() - 1);
         let words = self.read(dispatch, <[u32]>::to_vec)?;
         let kept = self.alone.iter().flat_map(|(_, kept)| kept);
         let written =
             kept.map(|kept| kept.lanes(self.device, cases)).collect::<Result<Vec<_>, _>>()?;
         let mut rows = Vec::new();
-        for (case, words) in words.chunks_exact(self.stride_out).enumerate() {
+        for (case, words) in words.chunks_exact(self.stride_out()).enumerate() {
             rows.extend_from_slice(&words[..width]);
             written.iter().for_each(|lanes| rows.extend_from_slice(&lanes[case]));
         }
         let stride = rows.len() / cases.max(1);
         Ok((rows, stride))
-    }
-
-    /// The places of result words that are poison.
-    fn poisoned(&self, words: &[u32]) -> Vec<usize> {
-        // Nearly always there are none, which this sees at the speed of memory: a loop that ends
-        // at the first one isn't made of vector instructions.
-        let is_in = |part: &[u32]| part.iter().fold(false, |is, word| is | (*word == poison::WORD));
-        if !words.chunks(1024).any(is_in) {
-            return Vec::new();
-        }
-        let canary = |place: &usize| place % self.stride_out == self.stride_out - 1;
-        let places = words.iter().enumerate().filter(|(_, word)| **word == poison::WORD);
-        places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
     /// Waits for a dispatch and hands its results to `read`, after each case's canary has been
@@ -388,26 +360,8 @@ impl<'d> Dispatcher<'d> {
         dispatch.waited.set(true);
         let value = self.device.read_back(&self.staging, self.bytes(cases), |bytes| {
             let words: &[u32] = bytemuck::cast_slice(bytes);
-            let expected = cases * self.stride_out;
-            if words.len() != expected {
-                let (path, found) = (self.device.path(), words.len());
-                return Err(ProbeError::Length { path, expected, found });
-            }
-            let unwritten = || {
-                (0_u32..).zip(words.chunks_exact(self.stride_out)).filter(|(case, result)| {
-                    result.last().is_none_or(|word| *word != canary ^ *case)
-                })
-            };
-            match unwritten().next() {
-                None => Ok(read(words)),
-                Some((first, _)) => Err(ProbeError::NotWritten {
-                    function: self.function.clone(),
-                    path: self.device.path(),
-                    first,
-                    count: unwritten().count(),
-                    cases,
-                }),
-            }
+            self.evidence.expect_canaries(words, cases, canary)?;
+            Ok(read(words))
         });
         value?
     }

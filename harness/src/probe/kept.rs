@@ -6,7 +6,7 @@ use super::texels::Codec;
 use super::{ProbeError, Resource, upload};
 use crate::fixture::Fixture;
 use crate::path::Device;
-use crate::reflect::{Binding, BindingKind, Program, lanes_of};
+use crate::reflect::{Binding, BindingKind, Program};
 
 /// A resource that is written, with a copy of what it holds before.
 pub(crate) struct Kept {
@@ -133,6 +133,13 @@ impl Kept {
 
     /// The lanes of what it held after each of the first runs.
     pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
+        let words = self.words(device, runs)?;
+        let lanes = |words: &Vec<u32>| self.program.lanes_of_words(&self.binding, words);
+        Ok(words.iter().map(lanes).collect())
+    }
+
+    /// The words of its memory after each of the first runs: of a texture four a texel.
+    pub(crate) fn words(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let size = self.stride * runs as u64;
         let of = |bytes: &[u8]| {
             let runs = bytes.chunks_exact(self.stride as usize);
@@ -143,10 +150,7 @@ impl Kept {
 
     fn decode(&self, bytes: &[u8]) -> Vec<u32> {
         match &self.live {
-            Memory::Buffer(_) => {
-                let lanes = lanes_of(self.program.module(), self.binding.ty, bytes);
-                lanes.unwrap_or_default()
-            }
+            Memory::Buffer(_) => bytemuck::pod_collect_to_vec(bytes),
             Memory::Texture(texture, codec) => {
                 let row = row(texture, *codec) as usize;
                 let width = texture.width() as usize * codec.size();

@@ -8,10 +8,10 @@ use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// Invocations of a workgroup: what every device supports, and a multiple of every vector width.
-pub(super) const WORKGROUP: u32 = 64;
+pub(crate) const WORKGROUP: u32 = 64;
 
 /// Words of the uniform buffer that arguments may come from: 16 KiB, which every device has.
-pub(super) const UNIFORM_WORDS: usize = 4096;
+pub(crate) const UNIFORM_WORDS: usize = 4096;
 
 /// Cases whose arguments are constants: each is a call of its own, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
@@ -104,15 +104,29 @@ impl Kernel {
         }
     }
 
-    /// The first of three bindings in group 0 (arguments, results, batch), and the words of one case's
-    /// arguments and results.
-    #[cfg(feature = "engine")]
-    pub(crate) fn buffers(&self) -> (u32, usize, usize) {
-        (self.first_binding, self.words_in, self.words_out)
+    /// The first of three bindings in group 0: arguments, results, batch.
+    pub(crate) fn first_binding(&self) -> u32 {
+        self.first_binding
+    }
+
+    /// The words of one case's arguments, and of its results without the canary.
+    pub(crate) fn words(&self) -> (usize, usize) {
+        (self.words_in, self.words_out)
+    }
+
+    /// Values of overrides, by their names in the text.
+    pub(crate) fn overrides(&self) -> &Overrides {
+        &self.overrides
+    }
+
+    /// Workgroups in a row, of which there are so many at most, and rows, for so many invocations.
+    pub(crate) fn workgroups(invocations: u32, limit: u32) -> [u32; 2] {
+        let groups = invocations.div_ceil(WORKGROUP);
+        [groups.min(limit), groups.div_ceil(limit)]
     }
 
     /// Where the arguments come from.
-    pub(super) fn inputs(&self) -> Inputs {
+    pub(crate) fn inputs(&self) -> Inputs {
         self.inputs
     }
 
@@ -127,7 +141,7 @@ impl Kernel {
     }
 
     /// The text for cases whose arguments are constants; or why they can't be.
-    pub(super) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
+    pub(crate) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
         let scalars: Vec<Scalar> =
             self.function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
         for case in arguments.chunks_exact(self.words_in.max(1)) {

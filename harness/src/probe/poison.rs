@@ -1,14 +1,6 @@
-//! What results are set to before a dispatch, so that a word that nobody writes is seen.
+//! Sets results to poison on a device.
 
 use crate::path::Device;
-
-/// A quiet NaN that hardly a function returns. A result that still is this word is computed again
-/// over the [`OTHER`] one: it is the function's if it is the same again, and was never written if
-/// not.
-pub(super) const WORD: u32 = 0x7fc0_dead;
-
-/// What results are set to before they are computed again.
-pub(super) const OTHER: u32 = 0x7fc1_beef;
 
 /// Words that are copied at once. A small buffer stays in the caches, where one for all results
 /// would be written, uploaded and read from memory.

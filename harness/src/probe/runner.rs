@@ -61,12 +61,6 @@ impl<'d> Runner<'d> {
         cases: usize,
     ) -> Result<Self, ProbeError> {
         let Probed { function, kernel, .. } = probed;
-        let needs_f16 = function.result.needs_f16()
-            || function.parameters.iter().any(|(_, shape)| shape.needs_f16());
-        if needs_f16 && !device.has_f16() {
-            let (function, path) = (function.name.clone(), device.path());
-            return Err(ProbeError::F16 { function, path });
-        }
         let path = device.path();
         let (name, place) = (function.name.clone(), function.span.clone());
         let _turn = device.turn();

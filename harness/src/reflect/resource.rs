@@ -5,15 +5,19 @@ use std::fmt;
 use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
 
 /// How coordinates find texels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Dimension {
     /// By one coordinate.
+    #[serde(rename = "1d")]
     D1,
     /// By two.
+    #[serde(rename = "2d")]
     D2,
     /// By three.
+    #[serde(rename = "3d")]
     D3,
     /// By a direction.
+    #[serde(rename = "cube")]
     Cube,
 }
 
@@ -29,7 +33,8 @@ impl fmt::Display for Dimension {
 }
 
 /// What texels are made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Texels {
     /// `f32`
     Float,

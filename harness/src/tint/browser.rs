@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::NoVerdict;
-use super::line::{Answers, Lines};
+use crate::lines::{Answers, Broken, Lines};
 use super::resident::JUDGE;
 
 /// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its
@@ -43,9 +43,8 @@ impl Page {
     /// Starts a browser, and loads what asks Tint. Its first message is a greeting.
     pub(super) fn open(program: &Path, patience: Duration) -> Result<Self, NoVerdict> {
         if cfg!(windows) {
-            return Err(NoVerdict::Start(
-                "on Windows a browser has no pipe to be asked by".to_owned(),
-            ));
+            let reason = "on Windows a browser has no pipe to be asked by".to_owned();
+            return Err(Broken::Start(reason).into());
         }
         let mut command = Command::new("sh");
         command.args(["-c", SHELL]).arg(program).args([
@@ -66,14 +65,14 @@ impl Page {
         if is_root() {
             command.arg("--no-sandbox");
         }
-        let lines = Lines::start(&mut command, Answers::Stdout, 0)?;
+        let lines = Lines::start(&mut command, Answers::Stdout, 0, super::LONGEST)?;
         let mut page = Self { lines, session: String::new(), calls: 0 };
         page.call("Target.getTargets", &json!({}))?;
         let found = page.answer(patience)?;
         let targets = found["targetInfos"].as_array().into_iter().flatten();
         let mut pages = targets.filter(|target| target["type"] == "page");
         let target = pages.next().map(|page| page["targetId"].clone());
-        let target = target.ok_or_else(|| NoVerdict::Start("it opens no page".to_owned()))?;
+        let target = target.ok_or_else(|| Broken::Start("it opens no page".to_owned()))?;
         page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
         let attached = page.answer(patience)?;
         page.session = attached["sessionId"].as_str().unwrap_or_default().to_owned();
@@ -122,7 +121,7 @@ impl Page {
         if !self.session.is_empty() {
             message["sessionId"] = self.session.clone().into();
         }
-        self.lines.send(&message.to_string())
+        Ok(self.lines.send(&message.to_string())?)
     }
 
     /// The answer to the next call. Events aren't answers.

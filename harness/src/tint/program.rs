@@ -11,6 +11,7 @@ use serde::Deserialize;
 
 use super::answer::{Answer, Message, Severity};
 use super::{NoVerdict, Question};
+use crate::lines::Broken;
 
 /// How long it may take for one text. It takes some 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -87,7 +88,7 @@ impl Drop for Folder {
 }
 
 fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
-    let start = |error: std::io::Error| NoVerdict::Start(error.to_string());
+    let start = |error: std::io::Error| Broken::Start(error.to_string());
     let folder = Folder::new().map_err(start)?;
     std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
     let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
@@ -107,7 +108,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
             None if Instant::now() > until => {
                 drop(child.kill());
                 drop(child.wait());
-                return Err(NoVerdict::Hung(PATIENCE.as_secs()));
+                return Err(Broken::Hung(PATIENCE.as_secs()).into());
             }
             None => std::thread::sleep(POLL),
         }
@@ -118,7 +119,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     let written: Vec<Written> = match (said, status.success()) {
         ("", true) => Vec::new(),
         ("", false) => {
-            return Err(NoVerdict::Ended { status: status.to_string(), said: String::new() });
+            return Err(Broken::Ended { status: status.to_string(), said: String::new() }.into());
         }
         (said, _) => serde_json::from_str(said)
             .map_err(|_| NoVerdict::Garbage(crate::diagnostic::one_line(said)))?,

@@ -8,8 +8,8 @@ use serde::Deserialize;
 use super::answer::{self, Answer};
 use super::browser::Page;
 use super::find::Kind;
-use super::line::{Answers, Lines};
-use super::{NoVerdict, Question};
+use super::{LONGEST, NoVerdict, Question};
+use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
 /// How long it may take to start: a Chromium on a busy machine takes some seconds.
@@ -45,23 +45,23 @@ impl Asked {
                 let script = format!("{JUDGE}{NODE}");
                 let mut command = Command::new(node);
                 command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
-                Self::Node(Lines::start(command.arg(package), Answers::Stderr, b'\n')?)
+                Self::Node(Lines::start(command.arg(package), Answers::Stderr, b'\n', LONGEST)?)
             }
             Kind::Browser(program) => Self::Browser(Page::open(program, START)?),
-            Kind::Program(_) => return Err(NoVerdict::Start("it doesn't stay".to_owned())),
+            Kind::Program(_) => return Err(Broken::Start("it doesn't stay".to_owned()).into()),
         })
     }
 
     fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
         match self {
-            Self::Node(lines) => lines.send(question),
+            Self::Node(lines) => Ok(lines.send(question)?),
             Self::Browser(page) => page.send(question),
         }
     }
 
     fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
         match self {
-            Self::Node(lines) => lines.receive(patience),
+            Self::Node(lines) => Ok(lines.receive(patience)?),
             Self::Browser(page) => page.receive(patience),
         }
     }
@@ -81,7 +81,7 @@ impl Resident {
         let first = asked.receive(START.min(settings::deadline()))?;
         match serde_json::from_str(&first) {
             Ok(Greeting::Version(version)) => Ok(Self { asked, version, id: 1 }),
-            Ok(Greeting::Error(error)) => Err(NoVerdict::Start(error)),
+            Ok(Greeting::Error(error)) => Err(Broken::Start(error).into()),
             Err(_) => Err(NoVerdict::Garbage(crate::diagnostic::one_line(&first))),
         }
     }
@@ -144,7 +144,7 @@ pub(super) fn ask(
                 starts += 1;
                 Resident::start(kind)
             }
-            None => Err(NoVerdict::Start(format!("it was started {MOST_STARTS} times"))),
+            None => Err(Broken::Start(format!("it was started {MOST_STARTS} times")).into()),
         };
         match running {
             Ok(mut running) => {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::package::Package;
-use crate::probe::poison;
+use crate::probe::evidence;
 
 fn probed(change: impl Fn(String) -> String) -> Probed {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x + 1.0; }");
@@ -10,7 +10,7 @@ fn probed(change: impl Fn(String) -> String) -> Probed {
 }
 
 fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
-    let devices = crate::path::chosen().expect("a path opens").devices;
+    let devices = crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device);
     let run = |device| {
         let runner = Runner::new(device, probed, &Vec::new(), cases)?;
         let arguments: Vec<u32> = (0..cases).map(|i| (i as f32).to_bits()).collect();
@@ -79,19 +79,19 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
 /// A function may return the very word that results are poisoned with.
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
-    let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", poison::WORD);
+    let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", evidence::WORD);
     let package = Package::from_source("s", &wgsl);
     for inputs in Inputs::ALL {
         let probed = Probed::new(&package, "f").and_then(|probed| probed.with_inputs(inputs));
         let probed = probed.expect("a valid function");
-        for device in crate::path::chosen().expect("a path opens").devices {
+        for device in crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device) {
             let runner = Runner::new(device, &probed, &Vec::new(), 8).expect("it compiles");
             let arguments: Vec<u32> = (0..8).collect();
             let dispatch = runner.dispatch(8, &arguments, 0x1234_5678).expect("it runs");
             let results = runner.dispatcher.read(dispatch, |words| {
                 words.chunks_exact(2).map(|case| case[0]).collect::<Vec<_>>()
             });
-            let expected: Vec<u32> = (0..8).map(|x| x ^ poison::WORD).collect();
+            let expected: Vec<u32> = (0..8).map(|x| x ^ evidence::WORD).collect();
             assert_eq!(results.expect("each is written"), expected, "{inputs}");
         }
     }
@@ -112,7 +112,7 @@ fn a_stale_canary_is_an_error() {
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;
     use std::time::Duration;
-    for device in crate::path::chosen().expect("a path opens").devices {
+    for device in crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device) {
         let probed = probed(|text| text);
         let turn = device.turn();
         let (sender, done) = channel();

@@ -6,27 +6,34 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::NoVerdict;
-
 /// Bytes that are kept of a process's log: its last words.
 const LAST_WORDS: usize = 2 << 10;
-/// The longest message that is read: more than any answer, and a bound for a process that never ends one.
-const LONGEST: u64 = 16 << 20;
 /// How often a process is asked whether it has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// How long a process may take to end when nothing more is asked.
 const LINGER: Duration = Duration::from_secs(1);
 
+/// Why a process doesn't answer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Broken {
+    #[error("it can't be run: {0}")]
+    Start(String),
+    #[error("it ended ({status}){said}")]
+    Ended { status: String, said: String },
+    #[error("it didn't answer within {0} s")]
+    Hung(u64),
+}
+
 /// The stream that a process answers on. What it says on the other one are its last words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answers {
+pub(crate) enum Answers {
     Stdout,
     /// Dawn logs on stdout, so its answers come on stderr.
     Stderr,
 }
 
 /// Messages to a process by its stdin, and from it.
-pub(super) struct Lines {
+pub(crate) struct Lines {
     child: Child,
     /// `None`: it was closed, so that the process ends.
     to: Option<ChildStdin>,
@@ -39,18 +46,20 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Starts a program whose messages end with a byte.
-    pub(super) fn start(
+    /// Starts a program whose messages end with a byte. The longest message that is read is a bound for a
+    /// process that never ends one.
+    pub(crate) fn start(
         command: &mut Command,
         answers: Answers,
         end: u8,
-    ) -> Result<Self, NoVerdict> {
+        longest: u64,
+    ) -> Result<Self, Broken> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // An interrupt of this process at a terminal doesn't reach the other one: that ends with its input,
         // and cleans up.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
-        let mut child = command.spawn().map_err(|error| NoVerdict::Start(error.to_string()))?;
+        let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
         let stdout: Box<dyn Read + Send> = Box::new(child.stdout.take().expect("it is piped"));
         let stderr: Box<dyn Read + Send> = Box::new(child.stderr.take().expect("it is piped"));
         let (answering, logging) = match answers {
@@ -69,7 +78,7 @@ impl Lines {
             let mut reader = BufReader::new(answering);
             loop {
                 let mut bytes = Vec::new();
-                let read = (&mut reader).take(LONGEST).read_until(end, &mut bytes);
+                let read = (&mut reader).take(longest).read_until(end, &mut bytes);
                 let text = String::from_utf8_lossy(&bytes);
                 let text = text.trim_end_matches([char::from(end), '\r']).to_owned();
                 if !matches!(read, Ok(1..)) || sender.send(text).is_err() {
@@ -82,23 +91,23 @@ impl Lines {
     }
 
     /// Sends a message.
-    pub(super) fn send(&mut self, message: &str) -> Result<(), NoVerdict> {
+    pub(crate) fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
         let sent = self.to.as_mut().map(|to| to.write_all(&bytes).and_then(|()| to.flush()));
         if matches!(sent, Some(Ok(()))) { Ok(()) } else { Err(self.ended()) }
     }
 
     /// Its next message, for which it has so long.
-    pub(super) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
+    pub(crate) fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
         match self.from.recv_timeout(patience) {
             Ok(message) => Ok(message),
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
-            Err(RecvTimeoutError::Timeout) => Err(NoVerdict::Hung(patience.as_secs())),
+            Err(RecvTimeoutError::Timeout) => Err(Broken::Hung(patience.as_secs())),
         }
     }
 
     /// How it ended, with its last words.
-    fn ended(&mut self) -> NoVerdict {
+    fn ended(&mut self) -> Broken {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
         // Programs that it has started may go on to talk.
@@ -109,7 +118,7 @@ impl Lines {
             "" => String::new(),
             said => format!(": {said}"),
         };
-        NoVerdict::Ended { status, said }
+        Broken::Ended { status, said }
     }
 
     /// Waits for a while until it has ended.
@@ -122,6 +131,12 @@ impl Lines {
                 _ => return None,
             }
         }
+    }
+}
+
+impl std::fmt::Debug for Lines {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "process {}", self.child.id())
     }
 }
 

@@ -1,0 +1,34 @@
+//! A program that runs jobs on an executor of this process.
+
+use std::io::{BufRead, Write};
+
+use super::Executor;
+use crate::job::{Problem, Reply};
+use crate::path::{Ability, Adapter, Greeting, JOBS};
+
+/// Reads jobs line by line, runs each, and writes the replies, after a greeting. It ends with its input.
+///
+/// # Errors
+/// If a line can't be read or written.
+pub fn serve(
+    executor: &dyn Executor,
+    jobs: impl BufRead,
+    mut replies: impl Write,
+) -> std::io::Result<()> {
+    let Adapter { name, driver, software, .. } = executor.adapter();
+    let all = [Ability::F16, Ability::Textures, Ability::Immediates, Ability::Frames];
+    let can = all.into_iter().filter(|ability| executor.can(*ability)).collect();
+    let greeting = Greeting { jobs: JOBS, name, driver, software, can };
+    writeln!(replies, "{}", serde_json::to_string(&greeting)?)?;
+    replies.flush()?;
+    for line in jobs.lines() {
+        let failed = |message| Reply::Failed(Problem { message, pass: 0, bytes: None });
+        let reply = match serde_json::from_str(&line?) {
+            Ok(job) => executor.run(&job).unwrap_or_else(|error| failed(error.to_string())),
+            Err(error) => failed(format!("this is no job: {error}")),
+        };
+        writeln!(replies, "{}", serde_json::to_string(&reply)?)?;
+        replies.flush()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,200 @@
+//! Runs a job on an executor of this process: what it is made of is linked again.
+
+use std::borrow::Cow;
+
+use super::{Bound, Frame, Job, Pass, Problem, Reply, Resource, Shader, Work};
+use crate::dispatch::{self, DispatchError, Held, Passes};
+use crate::draw::{DrawError, Drawing, Scene};
+use crate::fixture::{Buffer, Fixture};
+use crate::image::Image;
+use crate::package::Package;
+use crate::path::JOBS;
+use crate::reflect::{Binding, Program, ReflectError};
+
+/// What runs passes, and what draws frames.
+pub(crate) struct By<'b> {
+    pub(crate) dispatch: &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>,
+    pub(crate) draw: &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>,
+}
+
+/// Why a job has no reply of [`Reply::Done`].
+enum Unraised {
+    Dispatch(DispatchError),
+    Draw(DrawError),
+    /// The job is no sound one.
+    Job(String),
+}
+
+impl From<DispatchError> for Unraised {
+    fn from(error: DispatchError) -> Self {
+        Self::Dispatch(error)
+    }
+}
+
+impl From<DrawError> for Unraised {
+    fn from(error: DrawError) -> Self {
+        Self::Draw(error)
+    }
+}
+
+impl From<ReflectError> for Unraised {
+    fn from(error: ReflectError) -> Self {
+        Self::Dispatch(error.into())
+    }
+}
+
+/// Runs a job.
+pub(crate) fn run(job: &Job, by: &By<'_>) -> Reply {
+    let done = match &job.work {
+        _ if job.jobs != JOBS => {
+            let theirs = job.jobs;
+            Err(Unraised::Job(format!("the job is of version {theirs}, and not of {JOBS}")))
+        }
+        Work::Passes(passes) => dispatched(job, passes, by),
+        Work::Frame(frame) => drawn(job, frame, by),
+    };
+    done.map_or_else(Unraised::reply, Reply::Done)
+}
+
+impl Unraised {
+    fn reply(self) -> Reply {
+        let (refused, message, diagnostic) = match &self {
+            Self::Dispatch(error) => {
+                let found = match error {
+                    DispatchError::Reflect(error) => error.diagnostic(),
+                    DispatchError::Rounds(found) => Some(&**found),
+                    DispatchError::Probe(crate::probe::ProbeError::Rounds { diagnostic, .. }) => {
+                        Some(&**diagnostic)
+                    }
+                    _ => None,
+                };
+                let refused = error.is_refusal() || matches!(error, DispatchError::Reflect(_));
+                (refused, error.to_string(), found)
+            }
+            Self::Draw(error) => {
+                let found = match error {
+                    DrawError::Reflect(error) => error.diagnostic(),
+                    DrawError::Rounds(found) => Some(&**found),
+                    _ => None,
+                };
+                let refused = error.is_refusal() || matches!(error, DrawError::Reflect(_));
+                (refused, error.to_string(), found)
+            }
+            Self::Job(reason) => (false, reason.clone(), None),
+        };
+        let place = diagnostic.and_then(crate::diagnostic::Diagnostic::location);
+        let problem = Problem {
+            message: diagnostic.map_or(message, |found| found.message.clone()),
+            // Modules are called by the numbers of their passes.
+            pass: place.map_or(0, |place| number(&place.file.name)),
+            bytes: place.map(|place| place.range.clone()),
+        };
+        if refused { Reply::Refused(problem) } else { Reply::Failed(problem) }
+    }
+}
+
+/// The name of a pass's module.
+fn module(pass: usize) -> String {
+    format!("pass{pass}")
+}
+
+/// The number of the pass whose module a file is.
+fn number(file: &str) -> usize {
+    let digits = file.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit);
+    digits.collect::<String>().parse().unwrap_or(0)
+}
+
+impl Shader {
+    /// Links it again, as a module of a package.
+    fn program(&self, package: &Package, module: &str) -> Result<std::sync::Arc<Program>, ReflectError> {
+        Program::of_module(package, module)?.overridden(&self.overrides)
+    }
+}
+
+impl Resource {
+    fn fixture(&self) -> Fixture {
+        match self {
+            Self::Buffer { words } => Buffer::of_bytes(bytemuck::cast_slice(words).to_vec()).into(),
+            Self::Texture { texture, .. } => texture.clone().into(),
+            Self::Sampler(sampler) => (*sampler).into(),
+        }
+    }
+}
+
+/// The resource that is bound to a variable.
+fn bound(bindings: &[Bound], binding: &Binding) -> Result<usize, Unraised> {
+    let at = (binding.group != Binding::NOWHERE).then_some([binding.group, binding.binding]);
+    let found = bindings.iter().find(|bound| bound.at == at);
+    let missing = || Unraised::Job(format!("the job binds nothing to `{}`", binding.path));
+    found.map(|bound| bound.resource).ok_or_else(missing)
+}
+
+fn dispatched(job: &Job, passes: &[Pass], by: &By<'_>) -> Result<Vec<Vec<u32>>, Unraised> {
+    let texts = passes.iter().enumerate().map(|(n, pass)| (module(n), pass.shader.wgsl.clone()));
+    let package = Package::from_modules("job", texts);
+    let held = |(number, resource): (usize, &Resource)| Held {
+        name: format!("resource {number}"),
+        fixture: resource.fixture(),
+    };
+    let resources = job.resources.iter().enumerate().map(held).collect();
+    let mut all = Passes { passes: Vec::new(), resources };
+    for (number, pass) in passes.iter().enumerate() {
+        let program = pass.shader.program(&package, &module(number))?;
+        let entry = program.compute_entry_point(&pass.entry_point);
+        let Some((bindings, _)) = entry else {
+            let (name, nearest) = (pass.entry_point.clone(), None);
+            return Err(DispatchError::EntryPoint { name, nearest }.into());
+        };
+        let numbered = |binding: Binding| {
+            let number = bound(&pass.bindings, &binding)?;
+            let missing = || Unraised::Job(format!("the job has no resource {number}"));
+            let held = all.resources.get(number).ok_or_else(missing)?;
+            held.fixture.expect(&binding).map_err(DispatchError::Fixture)?;
+            Ok((binding, number))
+        };
+        let bindings = bindings.into_iter().map(numbered).collect::<Result<_, Unraised>>()?;
+        let (name, entry_point) = (pass.entry_point.clone(), pass.entry_point.clone());
+        let workgroups = pass.workgroups;
+        all.passes.push(dispatch::Pass { name, program, entry_point, workgroups, bindings });
+    }
+    // A resource that no pass uses can't be put on a device, which knows no variable for it.
+    if let Some(unused) = (0..all.resources.len()).find(|n| all.uses(*n).next().is_none()) {
+        return Err(Unraised::Job(format!("no pass uses resource {unused}")));
+    }
+    let mut afterwards = (by.dispatch)(&all)?;
+    let output = |wanted: &usize| {
+        let place = afterwards.iter().position(|(number, _)| number == wanted);
+        let missing = || Unraised::Job(format!("no pass writes resource {wanted}"));
+        Ok(std::mem::take(&mut afterwards[place.ok_or_else(missing)?].1))
+    };
+    job.outputs.iter().map(output).collect()
+}
+
+fn drawn(job: &Job, frame: &Frame, by: &By<'_>) -> Result<Vec<Vec<u32>>, Unraised> {
+    let package = Package::from_modules("job", [(module(0), frame.shader.wgsl.clone())]);
+    let program = frame.shader.program(&package, &module(0))?;
+    let mut scene = Scene {
+        overrides: frame.shader.overrides.clone(),
+        draws: frame.draws.iter().map(|drawn| drawn.draw.clone()).collect(),
+        prepass: frame.prepass,
+        blend: frame.blend,
+        formats: frame.formats.clone(),
+        result: frame.result,
+        samples: frame.samples,
+        clear: frame.clear,
+        clear_depth: frame.clear_depth,
+        ..Scene::new(&package, &module(0), (frame.width, frame.height))
+    };
+    for (drawn, bindings) in frame.draws.iter().zip(scene.bindings(&program)?) {
+        for binding in bindings.all() {
+            let number = bound(&drawn.bindings, binding)?;
+            let missing = || Unraised::Job(format!("the job has no resource {number}"));
+            let resource = job.resources.get(number).ok_or_else(missing)?;
+            if scene.fixtures.iter().all(|(path, _)| *path != binding.path) {
+                scene.fixtures.push((binding.path.clone(), resource.fixture()));
+            }
+        }
+    }
+    let image = (by.draw)(&Drawing::of(Cow::Owned(scene))?)?;
+    Ok(vec![image.pixels().iter().flatten().map(|x| x.to_bits()).collect()])
+}

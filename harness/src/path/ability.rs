@@ -1,0 +1,35 @@
+//! What a shader may need beyond compute passes over buffers.
+
+use std::fmt;
+
+/// Something that not every executor has.
+///
+/// ```
+/// use karat::path::Ability;
+///
+/// assert_eq!(Ability::F16.to_string(), "f16");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Ability {
+    /// 16-bit floats: `enable f16;`.
+    F16,
+    /// Textures and samplers.
+    Textures,
+    /// `var<immediate>`.
+    Immediates,
+    /// Vertex and fragment functions: frames are drawn.
+    Frames,
+}
+
+impl fmt::Display for Ability {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::F16 => "f16",
+            Self::Textures => "textures",
+            Self::Immediates => "immediates",
+            Self::Frames => "vertex and fragment functions",
+        })
+    }
+}

@@ -1,0 +1,133 @@
+//! A program that runs jobs: KARAT_EXECUTORS says how to start it, and it answers line by line.
+//!
+//! Its first line is a [`Greeting`]. After it, each line that it reads is a job, and each line that it writes
+//! is the reply. Threads that ask at the same time have a process each.
+
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+
+use super::{Ability, Adapter, Path, PathError};
+use crate::diagnostic::{nearest, one_line};
+use crate::lines::{Answers, Broken, Lines};
+use crate::settings;
+
+/// The version of jobs and their replies. It changes when an older program would misread a job.
+pub(crate) const JOBS: u32 = 1;
+
+/// The longest reply that is read: a frame of 4096 by 4096 pixels, whose words have up to ten digits.
+const LONGEST: u64 = 1 << 30;
+
+/// The first line of a program that runs jobs: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
+///
+/// ```
+/// use karat::path::{Ability, Greeting};
+///
+/// let line = r#"{"jobs": 1, "name": "Dawn", "can": ["f16"]}"#;
+/// let greeting: Greeting = serde_json::from_str(line)?;
+/// assert_eq!((greeting.jobs, &*greeting.can), (1, &[Ability::F16][..]));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Greeting {
+    /// The version of jobs that it reads.
+    pub jobs: u32,
+    /// What runs them: `Dawn on llvmpipe`.
+    pub name: String,
+    /// Its version.
+    #[serde(default)]
+    pub driver: String,
+    /// Whether it is no hardware.
+    #[serde(default)]
+    pub software: bool,
+    /// What it has beyond compute passes over buffers.
+    #[serde(default)]
+    pub can: Vec<Ability>,
+}
+
+/// A program that runs jobs, which has greeted.
+#[derive(Debug)]
+pub(crate) struct Process {
+    path: Path,
+    command: Vec<String>,
+    greeting: Greeting,
+    idle: Mutex<Vec<Lines>>,
+}
+
+impl Process {
+    pub(super) fn open(path: Path) -> Result<Self, PathError> {
+        let known = &settings::current()?.executors;
+        let names = || known.iter().map(|(name, _)| &**name);
+        let unavailable = |reason| PathError::Unavailable { path, reason };
+        if path.via() != super::Via::Direct {
+            return Err(unavailable("a program of its own takes WGSL, without a route".to_owned()));
+        }
+        let Some(name) = path.driver() else {
+            let reason = "`process@NAME` is a program that KARAT_EXECUTORS names".to_owned();
+            return Err(unavailable(reason));
+        };
+        let Some((_, command)) = known.iter().find(|(known, _)| known == name) else {
+            let guess = super::guess(nearest(name, names()));
+            return Err(unavailable(format!("KARAT_EXECUTORS names no `{name}`{guess}")));
+        };
+        let (lines, greeting) = start(command).map_err(|reason| {
+            unavailable(format!("`{}`, which KARAT_EXECUTORS names: {reason}", command.join(" ")))
+        })?;
+        let (command, idle) = (command.clone(), Mutex::new(vec![lines]));
+        Ok(Self { path, command, greeting, idle })
+    }
+
+    pub(crate) fn path(&self) -> Path {
+        self.path
+    }
+
+    pub(crate) fn adapter(&self) -> Adapter {
+        let Greeting { name, driver, software, .. } = self.greeting.clone();
+        Adapter { path: self.path.to_string(), name, driver, software }
+    }
+
+    pub(crate) fn can(&self, ability: Ability) -> bool {
+        self.greeting.can.contains(&ability)
+    }
+
+    /// Sends a line, and waits for the one that answers it. A process that doesn't answer is ended, and the next
+    /// question starts another one.
+    pub(crate) fn ask(&self, line: &str) -> Result<String, PathError> {
+        let failed = |reason: String| PathError::Driver { path: self.path, message: reason };
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut lines = match idle {
+            Some(lines) => lines,
+            None => start(&self.command).map_err(failed)?.0,
+        };
+        let deadline = settings::deadline();
+        let answer = lines.send(line).and_then(|()| lines.receive(deadline));
+        let answer = answer.map_err(|broken| {
+            failed(match broken {
+                Broken::Hung(_) => format!(
+                    "it did not finish within {} s: an endless loop, or a deadline too short for this program \
+                     (KARAT_DEADLINE=seconds)",
+                    deadline.as_secs_f64()
+                ),
+                broken => broken.to_string(),
+            })
+        })?;
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(lines);
+        Ok(answer)
+    }
+}
+
+/// Starts a program and hears its greeting.
+fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
+    let (program, arguments) = command.split_first().expect("a program has a name");
+    let mut command = Command::new(program);
+    let lines = Lines::start(command.args(arguments), Answers::Stdout, b'\n', LONGEST);
+    let mut lines = lines.map_err(|error| error.to_string())?;
+    let first = lines.receive(settings::deadline()).map_err(|error| error.to_string())?;
+    let greeting: Greeting = serde_json::from_str(&first)
+        .map_err(|error| format!("its first line is no greeting: {} ({error})", one_line(&first)))?;
+    if greeting.jobs != JOBS {
+        let theirs = greeting.jobs;
+        return Err(format!("it reads jobs of version {theirs}, and this Karat writes version {JOBS}"));
+    }
+    Ok((lines, greeting))
+}
