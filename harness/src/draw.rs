@@ -19,8 +19,8 @@ mod state;
 mod targets;
 
 pub use blend::{Blend, Component, Factor, Operation};
-pub use drawing::{Drawing, Source};
 pub(crate) use drawing::Scene;
+pub use drawing::{Drawing, Source};
 pub use format::Format;
 pub use mesh::{Attribute, Mesh};
 pub use request::Draw;

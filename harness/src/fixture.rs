@@ -126,7 +126,9 @@ impl Fixture {
     pub(crate) fn expect(&self, binding: &Binding) -> Result<(), FixtureError> {
         let (variable, kind) = (binding.path.clone(), binding.kind);
         match self.mistake(binding) {
-            _ if !self.fits(kind) => Err(FixtureError::Kind { variable, kind, fixture: self.kind() }),
+            _ if !self.fits(kind) => {
+                Err(FixtureError::Kind { variable, kind, fixture: self.kind() })
+            }
             Some(mistake) => Err(mistake),
             None => Ok(()),
         }

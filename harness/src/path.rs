@@ -339,9 +339,8 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
     };
     let named: Vec<_> =
         all.iter().filter(|opened| opened.path().driver().is_some()).map(what).collect();
-    let stays = |opened: &Opened| {
-        opened.path().driver().is_some() || !named.contains(&what(opened))
-    };
+    let stays =
+        |opened: &Opened| opened.path().driver().is_some() || !named.contains(&what(opened));
     all.iter().copied().filter(stays).collect()
 }
 

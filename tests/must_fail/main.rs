@@ -4,6 +4,7 @@ mod fixtures;
 mod functions;
 mod goldens;
 mod integrals;
+mod jobs;
 mod known_issues;
 mod messages;
 mod ordinary;

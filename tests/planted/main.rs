@@ -3,6 +3,8 @@
 //! The name of the fault is the argument. The process prints what the check says and exits with 0
 //! if it agrees: a must-fail test wants anything else.
 
+mod jobs;
+
 use std::process::ExitCode;
 
 use glam::Vec3;
@@ -54,6 +56,8 @@ fn main() -> ExitCode {
         }
         // Not a constant: WGSL refuses those.
         "nan_frame" => frame(&GRADIENT.replace("0.5, 1.0)", "sqrt(-at.x), 1.0)")),
+        "executor" => jobs::serve(),
+        "pipe" => jobs::checks(),
         _ => Err(format!("there is no fault `{fault}`")),
     };
     let (code, text) = match verdict {

@@ -76,7 +76,11 @@ impl ByJobs<'_> {
     }
 
     /// The same once each word of a result has been written.
-    fn written(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, Vec<Vec<u32>>), ProbeError> {
+    fn written(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+    ) -> Result<(Vec<u32>, Vec<Vec<u32>>), ProbeError> {
         let [poison, other] = Kernel::POISON;
         let (words, others) = self.outputs(cases, arguments, poison)?;
         let places = self.evidence.poisoned(&words);
@@ -169,7 +173,8 @@ fn done(
     match reply {
         Reply::Done(outputs) if outputs.len() == expected => Ok(outputs),
         Reply::Done(outputs) => {
-            let message = format!("it returned {} outputs, and {expected} are wanted", outputs.len());
+            let message =
+                format!("it returned {} outputs, and {expected} are wanted", outputs.len());
             Err(PathError::Driver { path, message })
         }
         Reply::Refused(problem) => {

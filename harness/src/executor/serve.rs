@@ -8,6 +8,17 @@ use crate::path::{Ability, Adapter, Greeting, JOBS};
 
 /// Reads jobs line by line, runs each, and writes the replies, after a greeting. It ends with its input.
 ///
+/// ```no_run
+/// use karat::Path;
+///
+/// // A program for KARAT_EXECUTORS: the path that its first argument names, behind a pipe.
+/// fn main() -> Result<(), Box<dyn std::error::Error>> {
+///     let path: Path = std::env::args().nth(1).ok_or("name a path")?.parse()?;
+///     let executor = karat::executor::of(path)?;
+///     Ok(karat::executor::serve(executor, std::io::stdin().lock(), std::io::stdout().lock())?)
+/// }
+/// ```
+///
 /// # Errors
 /// If a line can't be read or written.
 pub fn serve(

@@ -198,7 +198,10 @@ impl Kernel {
         }
         let (mut resources, mut bindings) = (self.resources.clone(), self.bindings.clone());
         let mut own = |place: u32, words: Vec<u32>| {
-            bindings.push(Bound { at: Some([0, kernel.first_binding() + place]), resource: resources.len() });
+            bindings.push(Bound {
+                at: Some([0, kernel.first_binding() + place]),
+                resource: resources.len(),
+            });
             resources.push(Resource::Buffer { words });
             resources.len() - 1
         };

@@ -63,9 +63,9 @@ impl Unraised {
                 let found = match error {
                     DispatchError::Reflect(error) => error.diagnostic(),
                     DispatchError::Rounds(found) => Some(&**found),
-                    DispatchError::Probe(crate::probe::ProbeError::Rounds { diagnostic, .. }) => {
-                        Some(&**diagnostic)
-                    }
+                    DispatchError::Probe(crate::probe::ProbeError::Rounds {
+                        diagnostic, ..
+                    }) => Some(&**diagnostic),
                     _ => None,
                 };
                 let refused = error.is_refusal() || matches!(error, DispatchError::Reflect(_));
@@ -106,7 +106,11 @@ fn number(file: &str) -> usize {
 
 impl Shader {
     /// Links it again, as a module of a package.
-    fn program(&self, package: &Package, module: &str) -> Result<std::sync::Arc<Program>, ReflectError> {
+    fn program(
+        &self,
+        package: &Package,
+        module: &str,
+    ) -> Result<std::sync::Arc<Program>, ReflectError> {
         Program::of_module(package, module)?.overridden(&self.overrides)
     }
 }

@@ -123,11 +123,14 @@ fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
     let lines = Lines::start(command.args(arguments), Answers::Stdout, b'\n', LONGEST);
     let mut lines = lines.map_err(|error| error.to_string())?;
     let first = lines.receive(settings::deadline()).map_err(|error| error.to_string())?;
-    let greeting: Greeting = serde_json::from_str(&first)
-        .map_err(|error| format!("its first line is no greeting: {} ({error})", one_line(&first)))?;
+    let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {
+        format!("its first line is no greeting: {} ({error})", one_line(&first))
+    })?;
     if greeting.jobs != JOBS {
         let theirs = greeting.jobs;
-        return Err(format!("it reads jobs of version {theirs}, and this Karat writes version {JOBS}"));
+        return Err(format!(
+            "it reads jobs of version {theirs}, and this Karat writes version {JOBS}"
+        ));
     }
     Ok((lines, greeting))
 }

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::NoVerdict;
-use crate::lines::{Answers, Broken, Lines};
 use super::resident::JUDGE;
+use crate::lines::{Answers, Broken, Lines};
 
 /// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its
 /// profile is a folder that is gone with it.

@@ -116,7 +116,11 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
 /// other. The next draw mends it.
 #[test]
 fn borders_are_those_of_the_last_draw_on_swiftshader() {
-    for device in crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device) {
+    for device in crate::path::chosen()
+        .expect("a path opens")
+        .into_iter()
+        .filter_map(crate::path::Opened::device)
+    {
         let _turn = device.turn();
         let sampled = Sampled::new(device);
         let near = |found: f32, expected: f32| (found - expected).abs() < 1.0;

@@ -10,7 +10,10 @@ fn probed(change: impl Fn(String) -> String) -> Probed {
 }
 
 fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
-    let devices = crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device);
+    let devices = crate::path::chosen()
+        .expect("a path opens")
+        .into_iter()
+        .filter_map(crate::path::Opened::device);
     let run = |device| {
         let runner = Runner::new(device, probed, &Vec::new(), cases)?;
         let arguments: Vec<u32> = (0..cases).map(|i| (i as f32).to_bits()).collect();
@@ -84,7 +87,11 @@ fn a_result_that_equals_the_poison_is_a_result() {
     for inputs in Inputs::ALL {
         let probed = Probed::new(&package, "f").and_then(|probed| probed.with_inputs(inputs));
         let probed = probed.expect("a valid function");
-        for device in crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device) {
+        for device in crate::path::chosen()
+            .expect("a path opens")
+            .into_iter()
+            .filter_map(crate::path::Opened::device)
+        {
             let runner = Runner::new(device, &probed, &Vec::new(), 8).expect("it compiles");
             let arguments: Vec<u32> = (0..8).collect();
             let dispatch = runner.dispatch(8, &arguments, 0x1234_5678).expect("it runs");
@@ -112,7 +119,11 @@ fn a_stale_canary_is_an_error() {
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;
     use std::time::Duration;
-    for device in crate::path::chosen().expect("a path opens").into_iter().filter_map(crate::path::Opened::device) {
+    for device in crate::path::chosen()
+        .expect("a path opens")
+        .into_iter()
+        .filter_map(crate::path::Opened::device)
+    {
         let probed = probed(|text| text);
         let turn = device.turn();
         let (sender, done) = channel();

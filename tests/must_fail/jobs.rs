@@ -1,0 +1,150 @@
+//! Programs that run jobs: an honest one agrees, and one that doesn't do its work is found out.
+
+use std::process::Command;
+
+/// What the checks of `planted pipe` say with `planted executor` as their path, on a path of its own and with a
+/// fault.
+fn piped(path: &str, fault: &str) -> String {
+    let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
+    told(&executor, "process@mine", &[])
+}
+
+fn told(executors: &str, paths: &str, environment: &[(&str, &str)]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
+    command.arg("pipe").env("KARAT_EXECUTORS", executors).env("KARAT_PATHS", paths);
+    command.env_remove("KARAT_REQUIRE").env_remove("KARAT_RECORD");
+    let output = command.envs(environment.iter().copied()).output().expect("it runs");
+    String::from_utf8(output.stderr).expect("it is text")
+}
+
+/// The engine behind a pipe calls functions and dispatches passes as it does here, and refuses frames.
+#[test]
+fn the_engine_behind_a_pipe_is_a_path() {
+    let text = piped("cpu", "");
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[..3], ["function: agrees", "texture: agrees", "pass: agrees"], "{text}");
+    assert!(lines[3].starts_with("frame: path `process@mine` draws no frames"), "{text}");
+    assert!(
+        lines[4].contains("it takes derivatives, for which a quad of pixels has to be drawn"),
+        "{text}"
+    );
+}
+
+/// A driver behind a pipe draws, too.
+#[test]
+fn a_driver_behind_a_pipe_draws_frames() {
+    let text = piped("vulkan", "");
+    let agrees = text.lines().filter(|line| line.ends_with(": agrees")).count();
+    assert_eq!(agrees, 4, "{text}");
+    assert!(text.contains("frame: agrees"), "{text}");
+}
+
+/// Evidence is looked at above the executor, whichever it is.
+#[test]
+fn a_program_that_does_not_do_its_work_is_found_out() {
+    for (fault, function, pass) in [
+        (
+            "idle",
+            "the kernel of `half` wrote no result for 4096 of 4096 cases on path `process@mine`",
+            "`data` after `add` fails",
+        ),
+        ("dropped", "never wrote 1 of 4096 result words", ""),
+        ("shifted", "wrote no result for", ""),
+        ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
+        (
+            "short",
+            "path `process@mine` returned 8191 words instead of 8192",
+            "path `process@mine` returned 1 words instead of 2",
+        ),
+        (
+            "few",
+            "it returned 0 outputs, and 1 are wanted",
+            "it returned 0 outputs, and 1 are wanted",
+        ),
+        ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
+        ("fails", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
+        (
+            "garbage",
+            "its answer is no reply: all went well",
+            "its answer is no reply: all went well",
+        ),
+        (
+            "dies",
+            "it ended (exit status: 3): out of memory",
+            "it ended (exit status: 3): out of memory",
+        ),
+    ] {
+        let text = piped("cpu", fault);
+        let of = |name: &str| {
+            let from = text.find(&format!("{name}: ")).expect("each is told");
+            let next = ["\ntexture: ", "\npass: ", "\nframe: "].map(|next| text[from..].find(next));
+            &text[from..from + next.into_iter().flatten().min().unwrap_or(text.len() - from)]
+        };
+        assert!(of("function").contains(function), "{fault}: {text}");
+        assert!(of("pass").contains(pass), "{fault}: {text}");
+        assert!(!text.contains("function: agrees"), "{fault}: {text}");
+    }
+}
+
+/// A program that hangs is ended by the deadline, and the check fails with the setting's name.
+#[test]
+fn a_program_that_hangs_is_ended() {
+    let executor = format!("mine={} executor cpu hangs", env!("CARGO_BIN_EXE_planted"));
+    let text = told(&executor, "process@mine", &[("KARAT_DEADLINE", "0.5")]);
+    assert_eq!(text.matches("did not finish within 0.5 s").count(), 3, "{text}");
+}
+
+/// What isn't such a program doesn't open, with the reason.
+#[test]
+fn what_runs_no_jobs_does_not_open() {
+    let planted = env!("CARGO_BIN_EXE_planted");
+    for (executors, paths, message) in [
+        (
+            "mine=/nowhere/at/all",
+            "process@mine",
+            "`/nowhere/at/all`, which KARAT_EXECUTORS names: it can't be run",
+        ),
+        (
+            "mine=PLANTED executor cpu",
+            "process@mien",
+            "KARAT_EXECUTORS names no `mien`; did you mean `mine`?",
+        ),
+        (
+            "mine=PLANTED executor cpu",
+            "process",
+            "`process@NAME` is a program that KARAT_EXECUTORS names",
+        ),
+        ("mine=PLANTED executor cpu", "process:hlsl@mine", "takes WGSL, without a route"),
+        (
+            "mine=PLANTED executor cpu silent",
+            "process@mine",
+            "it ended (exit status: 0): it says nothing",
+        ),
+        (
+            "mine=PLANTED executor cpu old",
+            "process@mine",
+            "it reads jobs of version 0, and this Karat writes version 1",
+        ),
+        (
+            "mine=PLANTED executor cpu rude",
+            "process@mine",
+            "its first line is no greeting: good morning",
+        ),
+        ("mine", "process@mine", "KARAT_EXECUTORS=mine isn't a list of NAME=PROGRAM ARGUMENTS"),
+    ] {
+        let text = told(&executors.replace("PLANTED", planted), paths, &[]);
+        assert!(text.contains(message), "{executors}: {text}");
+        assert!(!text.contains(": agrees"), "{executors}: {text}");
+    }
+}
+
+/// What a program says that it lacks is refused before anything runs.
+#[test]
+fn what_a_program_lacks_is_told() {
+    let text = piped("cpu", "plain");
+    assert!(
+        text.contains("texture: `first` needs textures, which path `process@mine` doesn't have"),
+        "{text}"
+    );
+    assert!(text.contains("function: agrees"), "{text}");
+}

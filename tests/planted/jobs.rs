@@ -1,0 +1,159 @@
+//! A program that runs jobs, with a fault planted, and what it is asked for.
+
+use std::io::Write;
+
+use karat::executor::Executor;
+use karat::job::{Job, Problem, Reply, Resource};
+use karat::path::{Ability, Adapter, PathError};
+use karat::prelude::*;
+
+/// Runs jobs on the path that the second argument names, with the fault that the third one names.
+pub(crate) fn serve() -> Result<String, String> {
+    let mut arguments = std::env::args().skip(2);
+    let path: Path =
+        arguments.next().ok_or("no path")?.parse().map_err(|e: PathError| e.to_string())?;
+    let fault = arguments.next().unwrap_or_default();
+    match &*fault {
+        "silent" => return Ok("it says nothing".to_owned()),
+        "old" => println!("{}", r#"{"jobs": 0, "name": "an old one"}"#),
+        "rude" => println!("good morning"),
+        _ => {}
+    }
+    let inner = karat::executor::of(path).map_err(|error| error.to_string())?;
+    let executor = Faulty { inner, fault };
+    let served =
+        karat::executor::serve(&executor, std::io::stdin().lock(), std::io::stdout().lock());
+    served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
+}
+
+/// An executor whose replies are wrong.
+#[derive(Debug)]
+struct Faulty {
+    inner: &'static dyn Executor,
+    fault: String,
+}
+
+impl Executor for Faulty {
+    fn path(&self) -> Path {
+        self.inner.path()
+    }
+
+    fn adapter(&self) -> Adapter {
+        self.inner.adapter()
+    }
+
+    fn can(&self, ability: Ability) -> bool {
+        self.fault != "plain" && self.inner.can(ability)
+    }
+
+    fn run(&self, job: &Job) -> Result<Reply, PathError> {
+        let Reply::Done(mut outputs) = self.inner.run(job)? else { return self.inner.run(job) };
+        let before = |number: &usize| match &job.resources[*number] {
+            Resource::Buffer { words } => words.clone(),
+            _ => Vec::new(),
+        };
+        let problem = |message: &str| Problem { message: message.to_owned(), pass: 0, bytes: None };
+        // The words of the function or the entry point in the text.
+        let named = |text: &str| {
+            let at = text.find("fn ").unwrap_or(0);
+            Problem { bytes: Some(at..at + 2), ..problem("it is too beautiful") }
+        };
+        let text = match &job.work {
+            karat::job::Work::Passes(passes) => passes[0].shader.wgsl.clone(),
+            karat::job::Work::Frame(frame) => frame.shader.wgsl.clone(),
+        };
+        Ok(match &*self.fault {
+            // It runs nothing.
+            "idle" => Reply::Done(job.outputs.iter().map(before).collect()),
+            // It drops a write: that of the first result.
+            "dropped" => {
+                outputs[0][0] = before(&job.outputs[0])[0];
+                Reply::Done(outputs)
+            }
+            // Each result is another case's.
+            "shifted" => {
+                outputs.iter_mut().for_each(|words| words.rotate_left(2));
+                Reply::Done(outputs)
+            }
+            "wrong" => {
+                outputs[0][0] ^= 1;
+                Reply::Done(outputs)
+            }
+            "short" => {
+                outputs[0].pop();
+                Reply::Done(outputs)
+            }
+            "few" => Reply::Done(Vec::new()),
+            "refuses" => Reply::Refused(named(&text)),
+            "fails" => Reply::Failed(named(&text)),
+            "garbage" => {
+                println!("all went well");
+                std::io::stdout()
+                    .flush()
+                    .map(|()| Reply::Done(outputs))
+                    .unwrap_or(Reply::Done(Vec::new()))
+            }
+            "dies" => {
+                eprintln!("out of memory");
+                std::process::exit(3)
+            }
+            "hangs" => loop {
+                std::thread::park();
+            },
+            _ => Reply::Done(outputs),
+        })
+    }
+}
+
+/// A function, a pass and a frame on the paths that the environment selects.
+pub(crate) fn checks() -> Result<String, String> {
+    let wgsl = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                fn tiny(x: f32) -> f32 { return dpdx(x); }\n\
+                @group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
+                @group(0) @binding(1) var image: texture_2d<f32>;\n\
+                fn first(i: u32) -> f32 { return textureLoad(image, vec2u(i, 0u), 0).x; }\n\
+                @compute @workgroup_size(1) fn add() { data[1] += 3u; }\n\
+                @vertex fn corners(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n\
+                    return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);\n\
+                }\n\
+                @fragment fn white() -> @location(0) vec4f { return vec4f(1.0); }\n";
+    let package = Package::from_source("piped", wgsl);
+    let half = package.function("half").over(0.0..=1.0).cases(10_000).unrecorded();
+    let texels = Texture::from_fn(2, 1, |x, _| x as f32);
+    let first =
+        package.function("first").with("image", texels).over(Integers(0..=1_u32)).unrecorded();
+    let passes =
+        package.compute().with("data", Storage::new([1_u32, 2])).dispatch("add", [1, 1, 1]);
+    let frame = package.frame("", 4, 2).fullscreen("corners", "white").unrecorded();
+    let whole = karat::metric::Rect::new(0, 0, 4, 2);
+    let tiny = package.function("tiny").over(0.0..=1.0).unrecorded();
+    let told = [
+        (
+            "function",
+            half.try_agrees_with(|x: f64| 0.5 * x, Ulp(0.0)).map(drop).map_err(|e| e.to_string()),
+        ),
+        (
+            "texture",
+            first.try_agrees_with(f64::from, Ulp(0.0)).map(drop).map_err(|e| e.to_string()),
+        ),
+        (
+            "pass",
+            passes
+                .after("data")
+                .unrecorded()
+                .try_agrees_with([1_u32, 5], Ulp(0.0))
+                .map(drop)
+                .map_err(|e| e.to_string()),
+        ),
+        (
+            "frame",
+            frame.try_expect_mean(whole, [1.0; 3], Abs(0.0)).map(drop).map_err(|e| e.to_string()),
+        ),
+        ("quad", tiny.try_agrees_with(|_: f64| 0.0, Ulp(0.0)).map(drop).map_err(|e| e.to_string())),
+    ];
+    let line = |(name, result): (&str, Result<(), String>)| match result {
+        Ok(()) => format!("{name}: agrees\n"),
+        Err(error) => format!("{name}: {error}\n"),
+    };
+    Ok(told.into_iter().map(line).collect())
+}
