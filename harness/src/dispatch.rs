@@ -217,6 +217,24 @@ impl Passes {
         Ok(Self { passes, resources })
     }
 
+    /// One pass over buffers, each with the bytes that it holds before. The entry point is named as in the text.
+    #[cfg(feature = "routes")]
+    pub(crate) fn over(
+        program: Arc<Program>,
+        entry_point: &str,
+        workgroups: [u32; 3],
+        buffers: &[(Binding, Vec<u8>)],
+    ) -> Self {
+        let held = |(binding, bytes): &(Binding, Vec<u8>)| Held {
+            name: binding.path.clone(),
+            fixture: fixture::Buffer::of_bytes(bytes.clone()).into(),
+        };
+        let resources = buffers.iter().map(held).collect();
+        let bindings = (0..).zip(buffers).map(|(n, (binding, _))| (binding.clone(), n)).collect();
+        let (name, entry_point) = (entry_point.to_owned(), entry_point.to_owned());
+        Self { passes: vec![Pass { name, program, entry_point, workgroups, bindings }], resources }
+    }
+
     /// The entry points, in the order in which they are dispatched.
     pub fn entry_points(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|pass| pass.name.as_str())

@@ -22,13 +22,11 @@ use karat_engine::{
 };
 
 use crate::diagnostic::{Diagnostic, Span};
+#[cfg(feature = "routes")]
+use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError};
-#[cfg(feature = "routes")]
-use crate::probe::Data;
 use crate::probe::{ProbeError, Probed};
-#[cfg(feature = "routes")]
-use crate::reflect::BindingKind;
 use crate::reflect::{ADAPTER, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
@@ -346,31 +344,13 @@ impl Bound {
     }
 }
 
-/// Runs a compute entry point, by its name in the program's text. The words of the buffers that it may
-/// write, in the order of `data`.
+/// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
+/// that is.
 #[cfg(feature = "routes")]
-pub(crate) fn run_entry_point(
-    program: &Program,
-    name: &str,
-    workgroups: u32,
-    data: &[Data],
-) -> Result<Vec<u32>, ProbeError> {
-    dispatched(program, name, workgroups, data, &Options::default())
-}
-
-/// Which of these words depend on what an entry point reads or writes outside of an array: WGSL leaves
-/// open what that is.
-#[cfg(feature = "routes")]
-pub(crate) fn strays(
-    program: &Program,
-    name: &str,
-    workgroups: u32,
-    data: &[Data],
-) -> Result<Vec<bool>, ProbeError> {
+pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
-        let deadline = Instant::now().checked_add(settings::deadline());
-        let options = Options { outside, deadline, ..Options::default() };
-        dispatched(program, name, workgroups, data, &options)
+        let afterwards = dispatch::dispatched(passes, outside)?;
+        Ok(afterwards.into_iter().flat_map(|(_, words)| words).collect())
     })
 }
 
@@ -381,9 +361,7 @@ const OUTSIDE: [u8; 2] = [0, 47];
 
 /// Which words of runs differ with what is read outside of arrays.
 #[cfg(feature = "routes")]
-fn differing(
-    run: impl Fn(Option<u8>) -> Result<Vec<u32>, ProbeError>,
-) -> Result<Vec<bool>, ProbeError> {
+fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(None)?;
     let mut differs = vec![false; usual.len()];
     for number in OUTSIDE {
@@ -392,32 +370,6 @@ fn differing(
         differs.iter_mut().zip(words).for_each(|(differs, (a, b))| *differs |= a != b);
     }
     Ok(differs)
-}
-
-#[cfg(feature = "routes")]
-fn dispatched(
-    program: &Program,
-    name: &str,
-    workgroups: u32,
-    data: &[Data],
-    options: &Options,
-) -> Result<Vec<u32>, ProbeError> {
-    let settings = Settings::default();
-    let lowered = Lowered::entry_point(program.module(), program.info(), name, &settings)
-        .map_err(|refusal| refused(program, &refusal))?;
-    let mut resources = Resources::new();
-    for one in data {
-        resources.set_buffer(one.group, one.binding, one.bytes.clone());
-    }
-    lowered
-        .dispatch::<F32>([workgroups, 1, 1], &mut resources, options, &())
-        .map_err(|stop| stopped(program, name, &stop))?;
-    let written = data.iter().filter(|one| one.kind == BindingKind::Storage { writable: true });
-    let words = |one: &Data| -> Vec<u32> {
-        let bytes = resources.buffer(one.group, one.binding).unwrap_or_default();
-        bytemuck::pod_collect_to_vec(bytes)
-    };
-    Ok(written.flat_map(words).collect())
 }
 
 /// The text of an expression. Of a call of a built-in function naga keeps the place of its name alone.

@@ -7,8 +7,6 @@
 
 mod borders;
 mod bound;
-#[cfg(feature = "routes")]
-mod compute;
 mod dispatcher;
 pub(crate) mod evidence;
 mod inputs;
@@ -24,8 +22,6 @@ mod runner;
 mod texels;
 mod upload;
 
-#[cfg(feature = "routes")]
-pub(crate) use compute::{Data, run_entry_point};
 pub use inputs::Inputs;
 pub(crate) use kept::{Kept, count};
 pub(crate) use kernel::{CONSTANTS, Kernel, UNIFORM_WORDS, WORKGROUP};

@@ -8,53 +8,30 @@ use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
 
-/// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 29] = [
-    "output",
-    "diagnostic",
-    "settings",
-    "value",
-    "tolerance",
-    "domain",
-    "stats",
-    "image",
-    "metric",
-    "package",
-    "tint",
-    "reflect",
-    "path",
-    "fixture",
-    "probe",
-    "made_up",
-    "dispatch",
-    "interpret",
-    "draw",
-    "executor",
-    "golden",
-    "record",
-    "run",
-    "check",
-    "frame",
-    "compute",
-    "hazards",
-    "compare",
-    "matrix",
-];
+/// A module of the library, as the table of ARCHITECTURE.md has it.
+struct Row {
+    module: String,
+    /// The crates that only it, and others whose rows say so, may name.
+    crates: Vec<String>,
+}
 
-/// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 11] = [
-    ("wgpu", &["path", "probe", "dispatch", "draw"]),
-    ("naga", &["reflect"]),
-    ("karat_engine", &["interpret"]),
-    ("karat_foreign", &["path"]),
-    ("karat_translate", &["path", "matrix"]),
-    ("exr", &["image"]),
-    ("png", &["image"]),
-    ("flip_rs", &["metric"]),
-    ("codespan_reporting", &["diagnostic"]),
-    ("statrs", &["stats"]),
-    ("anstream", &["output"]),
-];
+/// The modules of the library from the bottom up: a module uses only those before it.
+fn order() -> Vec<Row> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ARCHITECTURE.md");
+    let page = std::fs::read_to_string(page).expect("it is beside the library");
+    let table = page.split_once("## Modules of the library").expect("it has that chapter").1;
+    let table = table.split_once("\n## ").expect("another one follows").0;
+    let row = |line: &str| {
+        let mut cells = line.strip_prefix("| `")?.split('|').map(str::trim);
+        let module = cells.next()?.trim_end_matches('`').to_owned();
+        let crates = cells.nth(1)?.split(", ").filter(|name| !name.is_empty());
+        let crates = crates.map(|name| name.replace('-', "_")).collect();
+        Some(Row { module, crates })
+    };
+    let rows: Vec<Row> = table.lines().filter_map(row).collect();
+    assert!(rows.len() > 20, "the table has a row for each module");
+    rows
+}
 
 /// Dependencies of the library: what a user's tests compile.
 const MOST_DEPENDENCIES: usize = 25;
@@ -192,30 +169,31 @@ fn modules() -> BTreeMap<String, Names> {
 #[test]
 fn every_module_has_its_place() {
     let known: Vec<String> = modules().into_keys().collect();
-    let mut order = ORDER.map(str::to_owned).to_vec();
+    let mut order: Vec<String> = order().into_iter().map(|row| row.module).collect();
     order.sort();
     assert_eq!(known, order);
 }
 
 #[test]
 fn modules_use_only_what_is_below_them() {
+    let order = order();
     for (module, names) in modules() {
-        let place = ORDER.iter().position(|name| *name == module).expect("it has a place");
-        for above in &ORDER[place + 1..] {
-            assert!(
-                !names.modules.contains(*above),
-                "`{module}` uses `{above}`, which is above it"
-            );
+        let place = order.iter().position(|row| row.module == module).expect("it has a place");
+        for Row { module: above, .. } in &order[place + 1..] {
+            assert!(!names.modules.contains(above), "`{module}` uses `{above}`, which is above it");
         }
     }
 }
 
 #[test]
 fn only_their_owners_name_the_large_crates() {
+    let order = order();
+    let owned: BTreeSet<&String> = order.iter().flat_map(|row| &row.crates).collect();
+    assert!(owned.len() > 8, "the table says who owns the large crates");
     for (module, names) in modules() {
-        for (name, owners) in OWNERS {
-            let names = names.crates.contains(name);
-            assert!(!names || owners.contains(&module.as_str()), "`{module}` names `{name}`");
+        let own = order.iter().find(|row| row.module == module).expect("it has a place");
+        for name in names.crates.iter().filter(|name| owned.contains(name)) {
+            assert!(own.crates.contains(name), "`{module}` names `{name}`");
         }
     }
 }
@@ -374,7 +352,7 @@ fn without_example(items: &[Item]) -> Vec<&str> {
 }
 
 /// Rooms and files that are for tools around tests, whose authors read the command line's source.
-const TOOLS: [&str; 23] = [
+const TOOLS: [&str; 24] = [
     "output",
     "diagnostic",
     "settings",
@@ -385,6 +363,7 @@ const TOOLS: [&str; 23] = [
     "made_up",
     "dispatch",
     "interpret",
+    "job",
     "record",
     "run",
     "hazards",

@@ -13,6 +13,14 @@ const MOST_INVOCATIONS: u32 = 1024;
 
 /// Dispatches passes, and returns what they write.
 pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
+    dispatched(passes, None)
+}
+
+/// The same where a number stands for what is read outside of arrays.
+pub(super) fn dispatched(
+    passes: &Passes,
+    outside: Option<u8>,
+) -> Result<Afterwards, DispatchError> {
     passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
     // What each resource holds, bound under its number as a binding of group 0.
     let mut held = Resources::new();
@@ -37,7 +45,7 @@ pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
             resources.take_from(&held, from, [binding.group, binding.binding]);
         }
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
-        let options = Options { fuel: settings::fuel(), deadline, ..Options::default() };
+        let options = Options { fuel: settings::fuel(), deadline, outside, ..Options::default() };
         lowered
             .dispatch::<F32>(pass.workgroups, &mut resources, &options, &())
             .map_err(|stop| stopped(program, &pass.name, &stop))?;

@@ -42,12 +42,9 @@ pub(crate) fn missing() -> ProbeError {
 /// Nothing is known of an entry point, either.
 #[cfg(feature = "routes")]
 pub(crate) fn strays(
-    _: &crate::reflect::Program,
-    _: &str,
-    _: u32,
-    _: &[crate::probe::Data],
-) -> Result<Vec<bool>, ProbeError> {
-    Err(missing())
+    _: &crate::dispatch::Passes,
+) -> Result<Vec<bool>, crate::dispatch::DispatchError> {
+    Err(missing().into())
 }
 
 /// What WGSL allows a lane to be.

@@ -3,8 +3,6 @@
 use super::{Drawn, Ranges, described};
 use crate::domain::Source;
 use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
-#[cfg(feature = "routes")]
-use crate::probe::Data;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 use crate::value::Shape;
@@ -185,7 +183,7 @@ pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, Str
     Ok(Resources::made_of(probed, ranges, 0, Content::Plain)?.fixtures)
 }
 
-/// Data for each buffer of an entry point, the same on each column; or the resource that there is
+/// Bytes for each buffer of an entry point, the same on each column; or the resource that there are
 /// none for. An array whose length the shader doesn't say has an element for each invocation.
 #[cfg(feature = "routes")]
 pub(crate) fn data(
@@ -193,11 +191,11 @@ pub(crate) fn data(
     bindings: &[Binding],
     ranges: &Ranges,
     invocations: usize,
-) -> Result<Vec<Data>, String> {
+) -> Result<Vec<(Binding, Vec<u8>)>, String> {
     // More words than a buffer may have are refused below.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
-        let Binding { group, binding: number, kind, .. } = *binding;
+        let kind = binding.kind;
         if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             return Err(format!(
                 "it uses `{}`, a {kind}, and entry points are run with buffers alone",
@@ -212,7 +210,7 @@ pub(crate) fn data(
                 bytes.len()
             ));
         }
-        Ok(Data { group, binding: number, kind, bytes })
+        Ok((binding.clone(), bytes))
     };
     bindings.iter().map(one).collect()
 }

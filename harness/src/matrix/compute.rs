@@ -3,19 +3,20 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
+use crate::diagnostic::Diagnostic;
+use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
+use crate::executor;
 use crate::interpret::strays;
-use crate::path::{Device, Path};
-use crate::probe::{Data, ProbeError, run_entry_point};
-use crate::reflect::{BindingKind, Program};
+use crate::path::{self, Device, Path};
+use crate::probe::ProbeError;
+use crate::reflect::{Binding, BindingKind, Program, Watched};
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
 /// Runs a compute entry point on each column that got so far, and compares what it wrote.
 pub(super) fn run_entry_point_on_each(
     request: &Request,
-    program: &Program,
-    name: &str,
-    data: Result<&(Vec<Data>, u32), &String>,
+    passes: Result<&Passes, &String>,
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
@@ -30,22 +31,26 @@ pub(super) fn run_entry_point_on_each(
             cell.stopped = Some(stop.clone());
             continue;
         }
-        let words = match (data, column.path) {
+        let words = match (passes, column.path) {
             (_, None) => Err(Stop::Unavailable(column.without_path())),
             (Err(why), _) => Err(Stop::NotRun(why.clone())),
-            (Ok(data), Some(path)) => {
-                written(path, program, name, data).map_err(|error| match error {
-                    Unwritten::Stop(stop) => stop,
-                    Unwritten::Error(error) => {
-                        let rounds = matches!(error, ProbeError::Rounds { .. });
-                        let stop = Stop::NotRun(not_run(error));
-                        if rounds {
-                            endless = Some(stop.clone());
-                        }
-                        stop
+            (Ok(passes), Some(path)) => written(path, passes).map_err(|error| match error {
+                Unwritten::Stop(stop) => stop,
+                Unwritten::Error(error) => {
+                    let rounds = matches!(
+                        error,
+                        DispatchError::Rounds(_) | DispatchError::Probe(ProbeError::Rounds { .. })
+                    );
+                    let stop = Stop::NotRun(match error {
+                        DispatchError::Probe(error) => not_run(error),
+                        other => other.to_string(),
+                    });
+                    if rounds {
+                        endless = Some(stop.clone());
                     }
-                })
-            }
+                    stop
+                }
+            }),
         };
         match words {
             Ok(words) => {
@@ -55,7 +60,7 @@ pub(super) fn run_entry_point_on_each(
             Err(stop) => cell.stopped = Some(stop),
         }
     }
-    let before = data.map_or_else(|_| Vec::new(), |(data, _)| initial(data));
+    let before = passes.map_or_else(|_| Vec::new(), initial);
     // Buffers that nobody has written agree on each column, and show nothing.
     if ran.iter().all(|(_, words)| *words == before) {
         for (index, _) in &ran {
@@ -70,8 +75,8 @@ pub(super) fn run_entry_point_on_each(
     // The same buffers were read back on each. Only where they differ is it asked what may.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
-    let open = match data {
-        Ok(data) if differ => open(program, name, data, expected),
+    let open = match passes {
+        Ok(passes) if differ => open(passes, expected),
         _ => vec![false; expected.len()],
     };
     let mut agreeing = None;
@@ -105,58 +110,99 @@ pub(super) fn run_entry_point_on_each(
 /// Why there are no words to compare.
 enum Unwritten {
     Stop(Stop),
-    Error(ProbeError),
+    Error(DispatchError),
+}
+
+impl From<DispatchError> for Unwritten {
+    fn from(error: DispatchError) -> Self {
+        Self::Error(error)
+    }
 }
 
 /// The words that an entry point writes on a path.
-fn written(
-    path: Path,
-    program: &Program,
-    name: &str,
-    (data, workgroups): &(Vec<Data>, u32),
-) -> Result<Vec<u32>, Unwritten> {
-    #[cfg(feature = "engine")]
-    if path == Path::CPU {
-        let run = crate::interpret::run_entry_point(program, name, *workgroups, data);
-        return run.map_err(Unwritten::Error);
+fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
+    let opened =
+        path::open(path).map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
+    if let Some(device) = opened.device() {
+        let program = &pass(passes).program;
+        if is_slow(device, program) {
+            return Err(Unwritten::Stop(Stop::NotRun(format!(
+                "{} takes minutes to compile the {} barriers of its module",
+                device.adapter().name,
+                program.barriers()
+            ))));
+        }
+        expect_ends(device, passes)?;
     }
-    let opened = crate::path::open(path)
-        .map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
-    let Some(device) = opened.device() else {
-        let why = "a program of KARAT_EXECUTORS takes the author's own WGSL alone".to_owned();
-        return Err(Unwritten::Stop(Stop::NotRun(why)));
+    let executor = executor::of(path).map_err(DispatchError::from)?;
+    Ok(executor.dispatch(passes)?.into_iter().flat_map(|(_, words)| words).collect())
+}
+
+/// The one pass.
+fn pass(passes: &Passes) -> &Pass {
+    &passes.passes[0]
+}
+
+/// Rounds of an invocation that made-up data may make. More take a software driver seconds.
+const PATIENCE: u32 = 4096;
+
+/// Refuses loops that don't end with these data, and would hang a driver. An entry point whose loops have no bound
+/// that naga's IR shows runs in a copy, which leaves them after [`PATIENCE`] rounds.
+fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
+    let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
+    if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {
+        return Ok(());
+    }
+    let number = program.free_binding();
+    let Watched { program, loops } = program.watching_rounds(number, PATIENCE, true);
+    let is_count = |binding: &Binding| (binding.group, binding.binding) == (0, number);
+    let bound = program.compute_entry_point(entry_point).map(|(bindings, _)| bindings);
+    // Another entry point of the module may have the loops.
+    let Some(count) = bound.into_iter().flatten().find(is_count) else { return Ok(()) };
+    let bytes = |(binding, held): &(Binding, usize)| {
+        let bytes = passes.resources[*held].fixture.bytes(&program, binding);
+        Ok((binding.clone(), bytes.expect("it is a buffer")?))
     };
-    if is_slow(device, program) {
-        return Err(Unwritten::Stop(Stop::NotRun(format!(
-            "{} takes minutes to compile the {} barriers of its module",
-            device.adapter().name,
-            program.barriers()
-        ))));
+    let mut buffers = bindings.iter().map(bytes).collect::<Result<Vec<_>, DispatchError>>()?;
+    buffers.push((count, vec![0; 4 * loops.len()]));
+    let counted = Passes::over(program.into(), entry_point, *workgroups, &buffers);
+    // What is left after so few rounds isn't left by a driver.
+    let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
+    let (_, counts) = afterwards.last().expect("the counts are written");
+    let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
+    let Some((place, count)) = most.filter(|(_, count)| **count > 0) else { return Ok(()) };
+    let message = format!("with made-up data this loop goes round {count} times or more");
+    let mut diagnostic = Diagnostic::new(message);
+    if let Some(place) = place {
+        diagnostic = diagnostic.at(place.first_line(), "");
     }
-    run_entry_point(device, program, name, *workgroups, data).map_err(Unwritten::Error)
+    Err(DispatchError::Rounds(Box::new(diagnostic)))
 }
 
 const UNCHANGED: &str = "with made-up data it changes no word of its buffers";
 
+/// The buffers that may be written, with their words before.
+fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
+    let Pass { program, bindings, .. } = pass(passes);
+    let writable = BindingKind::Storage { writable: true };
+    bindings.iter().filter(move |(binding, _)| binding.kind == writable).map(|(binding, held)| {
+        let bytes = passes.resources[*held].fixture.bytes(program, binding);
+        let bytes = bytes.and_then(Result::ok).expect("it is a buffer of its own size");
+        (binding, bytemuck::pod_collect_to_vec(&bytes))
+    })
+}
+
 /// The words of the buffers that may be written, before they are.
-fn initial(data: &[Data]) -> Vec<u32> {
-    let writable = |data: &&Data| data.kind == BindingKind::Storage { writable: true };
-    let words = |data: &Data| bytemuck::pod_collect_to_vec::<u8, u32>(&data.bytes);
-    data.iter().filter(writable).flat_map(words).collect()
+fn initial(passes: &Passes) -> Vec<u32> {
+    writable(passes).flat_map(|(_, words)| words).collect()
 }
 
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
 /// they depend on what is read or written outside of an array, or are floats that aren't finite.
-fn open(
-    program: &Program,
-    name: &str,
-    (data, workgroups): &(Vec<Data>, u32),
-    expected: &[u32],
-) -> Vec<bool> {
-    let mut open = strays(program, name, *workgroups, data).unwrap_or_default();
+fn open(passes: &Passes, expected: &[u32]) -> Vec<bool> {
+    let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
-    let floats = floats(program, name, data);
-    let words = open.iter_mut().zip(expected).zip(floats);
+    let words = open.iter_mut().zip(expected).zip(floats(passes));
     for ((open, word), is_float) in words {
         *open |= is_float && !f32::from_bits(*word).is_finite();
     }
@@ -164,23 +210,19 @@ fn open(
 }
 
 /// Which of these words are floats.
-fn floats(program: &Program, name: &str, data: &[Data]) -> Vec<bool> {
-    let bindings =
-        program.compute_entry_point(name).map_or_else(Vec::new, |(bindings, _)| bindings);
-    let of_buffer = |data: &Data| {
-        let binding = bindings.iter().find(|b| (b.group, b.binding) == (data.group, data.binding));
-        let marked = binding.and_then(|binding| {
-            // As many elements as there may be words: what is beyond the data is cut off.
-            let shape = program.buffer_of(binding, data.bytes.len() / 4)?;
+fn floats(passes: &Passes) -> Vec<bool> {
+    let program = &pass(passes).program;
+    let of_buffer = |(binding, words): (&Binding, Vec<u32>)| {
+        // As many elements as there may be words: what is beyond the data is cut off.
+        let marked = program.buffer_of(binding, words.len()).and_then(|shape| {
             let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
             program.bytes(binding, &marks.collect::<Vec<_>>()).ok()
         });
-        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
-        words.resize(data.bytes.len() / 4, 0);
-        words.into_iter().map(|word| word == u32::MAX)
+        let mut marks: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
+        marks.resize(words.len(), 0);
+        marks.into_iter().map(|word| word == u32::MAX)
     };
-    let writable = |data: &&Data| data.kind == BindingKind::Storage { writable: true };
-    data.iter().filter(writable).flat_map(of_buffer).collect()
+    writable(passes).flat_map(of_buffer).collect()
 }
 
 /// Whether a driver wouldn't compile a module's entry points in time. llvmpipe makes a coroutine of
@@ -191,8 +233,8 @@ fn is_slow(device: &Device, program: &Program) -> bool {
 }
 
 impl Buffer {
-    pub(super) fn of(data: Data) -> Self {
-        Self { group: data.group, binding: data.binding, bytes: data.bytes }
+    pub(super) fn of((binding, bytes): (Binding, Vec<u8>)) -> Self {
+        Self { group: binding.group, binding: binding.binding, bytes }
     }
 }
 

@@ -9,6 +9,7 @@ use super::execute::{Comparison, Judge, Ran, not_run};
 use super::leeway::{Latitude, Leeway};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
+use crate::dispatch::Passes;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
 use crate::made_up::{self, Ranges};
@@ -26,23 +27,28 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
     match &ready.about {
         About::Function(probed) => run_function(request, probed, &mut cells),
         About::EntryPoint { program, name } => {
-            let data = match program.compute_entry_point(name) {
+            let passes = match program.compute_entry_point(name) {
                 Some((bindings, size)) => {
                     let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
                     let workgroups = made_up::INVOCATIONS.div_ceil(size);
                     let invocations = workgroups.saturating_mul(size) as usize;
+                    let of = |data: Vec<_>| {
+                        let program = std::sync::Arc::clone(program);
+                        (Passes::over(program, name, [workgroups, 1, 1], &data), data)
+                    };
                     Ranges::of(&request.package)
                         .map_err(|error| error.to_string())
                         .and_then(|ranges| made_up::data(program, &bindings, &ranges, invocations))
-                        .map(|data| (data, workgroups))
+                        .map(of)
                 }
                 None => {
                     let stage = &ready.row.kind;
                     Err(format!("a {stage} entry point isn't run, only translated and validated"))
                 }
             };
-            run_entry_point_on_each(request, program, name, data.as_ref(), &mut cells);
-            if let (Ok((data, _)), true) = (data, cells.iter().any(Cell::differs)) {
+            let ran = passes.as_ref().map(|(passes, _)| passes);
+            run_entry_point_on_each(request, ran, &mut cells);
+            if let (Ok((_, data)), true) = (passes, cells.iter().any(Cell::differs)) {
                 buffers = data.into_iter().map(super::Buffer::of).collect();
             }
         }
