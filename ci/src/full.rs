@@ -24,6 +24,7 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("browser", setup::install_browser)
         && steps.run("validators", setup::install_validators)
         && steps.run("build", suite::build)
+        && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
         && steps.run("swiftshader", on_swiftshader);
     steps.finish()
 }

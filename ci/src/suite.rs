@@ -31,6 +31,7 @@ pub(crate) fn run() -> ExitCode {
     if swiftshader::manifest().is_some() {
         steps.run("swiftshader", second_driver);
     }
+    steps.run("behind a pipe", behind_a_pipe);
     steps.run("tests", test);
     steps.run("report", report);
     steps.run("goldens", unreferenced);
@@ -85,6 +86,25 @@ fn second_driver() -> Result<()> {
     const PATH: &str = "vulkan@swiftshader";
     test.env(swiftshader::ADD, manifest).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
     command::run_aside(&mut test)
+}
+
+/// A sample of `cargo ci full`: functions of the shader library by an engine in another process.
+fn behind_a_pipe() -> Result<()> {
+    command::run_aside(&mut piped(&["fresnel::", "geometry::"]))
+}
+
+/// Tests of the shader library, those of these modules, on Karat's engine in another process.
+pub(crate) fn piped(modules: &[&str]) -> std::process::Command {
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    test.args(["--test", "library", "--"]).args(modules);
+    // Frames need a driver, and so does a fault of a driver's `pow`.
+    test.args(["--skip", "overdraw::", "--skip", "split_sum_fragment", "--skip", "pow_is_less"]);
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    let planted = command::root().join(target).join("debug").join("planted");
+    let program = format!("engine={} executor cpu", planted.display());
+    const PATH: &str = "process@engine";
+    test.env("KARAT_EXECUTORS", program).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
+    test
 }
 
 /// JUnit and, on GitHub, annotations and the job's summary. A check that failed has failed the

@@ -75,7 +75,7 @@ pub struct Shader {
     pub wgsl: String,
     /// The author's files that it is made of.
     pub sources: Vec<Source>,
-    /// Values of its overrides, by their names in the text.
+    /// Values of its overrides, as WebGPU names them: by their `@id`, or by their names in the text.
     pub overrides: BTreeMap<String, f64>,
 }
 

@@ -290,13 +290,12 @@ pub fn selected() -> Result<Vec<Path>, PathError> {
 
 /// What the [`selected`] paths are run by.
 pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
-    let settings = settings::current()?;
-    let Settings { paths, require, adapter, .. } = settings;
+    let Settings { paths, require, adapter, .. } = settings::current()?;
+    let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
         // No driver was asked for, and there is none.
-        #[cfg(feature = "engine")]
-        Err(PathError::None { .. }) if [paths, require, adapter].iter().all(|o| o.is_none()) => {
-            Ok(vec![Opened::Cpu])
+        Err(PathError::None { .. }) if unasked && cfg!(feature = "engine") => {
+            open(Path::CPU).map(|engine| vec![engine])
         }
         chosen => chosen,
     }
@@ -381,6 +380,22 @@ pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError
         paths.extend(open.filter(|path| !paths.contains(path)).collect::<Vec<_>>());
     }
     Ok(paths)
+}
+
+/// The paths of the programs that `KARAT_EXECUTORS` names.
+///
+/// ```
+/// for path in karat::path::programs()? {
+///     println!("{path}"); // process@dawn
+/// }
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
+///
+/// # Errors
+/// If a setting is wrong.
+pub fn programs() -> Result<Vec<Path>, PathError> {
+    let names = settings::current()?.executors.iter();
+    names.map(|(name, _)| format!("{}@{name}", Api::Process.name()).parse()).collect()
 }
 
 /// What stands for every path that opens.

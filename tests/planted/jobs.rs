@@ -15,8 +15,8 @@ pub(crate) fn serve() -> Result<String, String> {
     let fault = arguments.next().unwrap_or_default();
     match &*fault {
         "silent" => return Ok("it says nothing".to_owned()),
-        "old" => println!("{}", r#"{"jobs": 0, "name": "an old one"}"#),
-        "rude" => println!("good morning"),
+        "old" => say(r#"{"jobs": 0, "name": "an old one"}"#)?,
+        "rude" => say("good morning")?,
         _ => {}
     }
     let inner = karat::executor::of(path).map_err(|error| error.to_string())?;
@@ -24,6 +24,11 @@ pub(crate) fn serve() -> Result<String, String> {
     let served =
         karat::executor::serve(&executor, std::io::stdin().lock(), std::io::stdout().lock());
     served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
+}
+
+/// Writes a line that isn't the protocol's.
+fn say(line: &str) -> Result<(), String> {
+    writeln!(std::io::stdout(), "{line}").map_err(|error| error.to_string())
 }
 
 /// An executor whose replies are wrong.
@@ -87,11 +92,8 @@ impl Executor for Faulty {
             "refuses" => Reply::Refused(named(&text)),
             "fails" => Reply::Failed(named(&text)),
             "garbage" => {
-                println!("all went well");
-                std::io::stdout()
-                    .flush()
-                    .map(|()| Reply::Done(outputs))
-                    .unwrap_or(Reply::Done(Vec::new()))
+                say("all went well").expect("the pipe is open");
+                Reply::Done(outputs)
             }
             "dies" => {
                 eprintln!("out of memory");

@@ -34,7 +34,10 @@ impl Profile {
     /// ```
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
-        // The driver is named by its family, however the path was named.
+        // The driver is named by its family, however the path was named; a program by its own name.
+        if let Some(name) = adapter.path.strip_prefix("process@") {
+            return Self(format!("process-{name}"));
+        }
         let route = adapter.path.split('@').next().unwrap_or_default();
         let route: String = route.chars().filter(char::is_ascii_alphanumeric).collect();
         Self(format!("{route}-{}", adapter.family()))

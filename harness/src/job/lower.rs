@@ -10,7 +10,7 @@ use crate::draw::{DrawError, Drawing};
 use crate::fixture::{Fixture, FixtureError, Fixtures, resolve};
 use crate::path::JOBS;
 use crate::probe::{self, Inputs, ProbeError, Probed, UNIFORM_WORDS, WORKGROUP, evidence};
-use crate::reflect::{Binding, BindingKind, Overrides, Program};
+use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
@@ -86,17 +86,17 @@ impl Job {
 
 impl Shader {
     fn of(program: &Program) -> Self {
-        Self::of_text(program, program.text().to_owned(), program.overrides())
+        Self::of_text(program, program.text().to_owned())
     }
 
     /// A text that begins with the program's.
-    fn of_text(program: &Program, wgsl: String, overrides: &Overrides) -> Self {
+    fn of_text(program: &Program, wgsl: String) -> Self {
         let source = |(bytes, place): (Range<usize>, Span)| {
             let (line, _) = place.file.line_column(place.range.start);
             Source { bytes, file: place.file.name.clone(), line }
         };
         let sources = program.sources().into_iter().map(source).collect();
-        Self { wgsl, sources, overrides: overrides.clone() }
+        Self { wgsl, sources, overrides: program.constants() }
     }
 }
 
@@ -117,7 +117,15 @@ impl Resource {
             _ => None,
         };
         Ok(match (fixture, fixture.to_texture()) {
-            (_, Some(texture)) => Self::Texture { format, texture },
+            (_, Some(mut texture)) => {
+                // A texture of floats may stand for depths.
+                if let BindingKind::Texture(TextureKind { texels: Texels::Depth, .. }) =
+                    binding.kind
+                {
+                    texture.texels = Texels::Depth;
+                }
+                Self::Texture { format, texture }
+            }
             (Fixture::Sampler(sampler), _) => Self::Sampler(*sampler),
             _ => unreachable!("a fixture is bytes, texels or a sampler"),
         })
@@ -210,7 +218,7 @@ impl Kernel {
         }
         let results = own(1, vec![poison; cases * (words_out + 1)]);
         own(2, batch.to_vec());
-        let shader = Shader::of_text(program, wgsl, kernel.overrides());
+        let shader = Shader::of_text(program, wgsl);
         let entry_point = Probed::ENTRY_POINT.to_owned();
         let work = Work::Passes(vec![Pass { shader, entry_point, bindings, workgroups }]);
         let outputs = [results].into_iter().chain(self.written.iter().map(|(number, _)| *number));

@@ -79,7 +79,7 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 
 impl Adapter {
     /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. If no known family fits, it is the
-    /// first word of the adapter's name; of a program that runs jobs it is the name in KARAT_EXECUTORS.
+    /// first word of the adapter's name.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -89,9 +89,6 @@ impl Adapter {
     /// ```
     #[must_use]
     pub fn family(&self) -> String {
-        if let Some(name) = self.path.strip_prefix("process@") {
-            return name.to_owned();
-        }
         family(&self.name, &self.driver)
     }
 

@@ -83,7 +83,8 @@ impl Selector {
         let named: [Option<bool>; 3] = [
             api.map(|api: Api| api == path.api()),
             via.map(|via| via == path.via()),
-            driver.map(|driver| driver == family()),
+            // A program that runs jobs has a name beside the driver that it runs them on.
+            driver.map(|driver| Some(driver) == path.driver() || driver == family()),
         ];
         let named: Vec<bool> = named.into_iter().flatten().collect();
         named.iter().all(|fits| *fits).then_some(named.len())

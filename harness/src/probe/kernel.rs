@@ -114,11 +114,6 @@ impl Kernel {
         (self.words_in, self.words_out)
     }
 
-    /// Values of overrides, by their names in the text.
-    pub(crate) fn overrides(&self) -> &Overrides {
-        &self.overrides
-    }
-
     /// Workgroups in a row, of which there are so many at most, and rows, for so many invocations.
     pub(crate) fn workgroups(invocations: u32, limit: u32) -> [u32; 2] {
         let groups = invocations.div_ceil(WORKGROUP);

@@ -56,6 +56,16 @@ impl Program {
         Ok(Arc::new(Self { overrides: values, ..program }))
     }
 
+    /// The values that it has, as WebGPU names overrides: by their `@id`, or by their names in the text.
+    pub(crate) fn constants(&self) -> Overrides {
+        let key = |name: &String| {
+            let mut declared = self.checked.module.overrides.iter();
+            let own = declared.find(|(_, one)| one.name.as_ref() == Some(name));
+            own.and_then(|(_, one)| one.id).map_or_else(|| name.clone(), |id| id.to_string())
+        };
+        self.overrides.iter().map(|(name, value)| (key(name), *value)).collect()
+    }
+
     /// The type of the override that its author, or its number, calls so; `None` if it has none.
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {

@@ -141,7 +141,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .collect::<Result<_, _>>()?;
     // A required path is looked at even where the platform can't have it, and so is one of a driver.
     let usual = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
-    let mut all: Vec<Path> = usual.chain([Path::CPU]).collect();
+    let mut all: Vec<Path> = usual.chain([Path::CPU]).chain(karat::path::programs()?).collect();
     for path in &required {
         if !all.contains(path) {
             all.push(*path);
@@ -283,6 +283,9 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 fn remedy(path: Path) -> &'static str {
     match path.via() {
         _ if path.api() == Api::Cpu => return "only `cpu` itself is there, without a route",
+        _ if path.api() == Api::Process => {
+            return "the guide's chapter on paths says what such a program does";
+        }
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";
         }
