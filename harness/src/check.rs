@@ -38,7 +38,6 @@ mod plan;
 mod property;
 mod quadrature;
 mod recall;
-mod reference;
 mod sample;
 mod sampling;
 mod session;
@@ -52,6 +51,8 @@ mod validity;
 mod verdict;
 mod wgsl_test;
 
+#[doc(inline)]
+pub use crate::value::Reference;
 use demand::Demand;
 #[cfg(feature = "engine")]
 pub(crate) use disagreement::arguments;
@@ -66,7 +67,6 @@ pub use monotone::Trend;
 pub use parameter::Parameter;
 use plan::Plan;
 pub use quadrature::Directions;
-pub use reference::Reference;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Sampling,
 };

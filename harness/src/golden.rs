@@ -27,11 +27,12 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 
+pub use crate::metric::MASK;
 pub use acceptance::{AcceptError, Acceptance, Accepted};
 pub use changes::ChangedRow;
 pub use compare::{Deviation, FrameDifference, FrameMargin};
+pub use parts::COLOR;
 pub(crate) use parts::VARIANCE;
-pub use parts::{COLOR, MASK};
 pub use pending::{Pending, PendingFrames, Unusable};
 pub use place::{build_output, in_ci};
 pub(crate) use place::{leave_in, output};

@@ -53,9 +53,7 @@ pub mod check;
 #[cfg(feature = "engine")]
 pub mod compare;
 pub mod compute;
-pub mod diagnostic;
 pub mod dispatch;
-pub mod domain;
 pub mod draw;
 pub mod executor;
 pub mod fixture;
@@ -63,31 +61,30 @@ pub mod frame;
 pub mod golden;
 #[cfg(feature = "engine")]
 pub mod hazards;
-pub mod image;
 #[cfg(feature = "engine")]
 mod interpret;
 #[cfg(not(feature = "engine"))]
 #[path = "interpret/none.rs"]
 mod interpret;
 pub mod job;
-mod lines;
 #[cfg(any(feature = "engine", feature = "routes"))]
 pub mod made_up;
 #[cfg(feature = "routes")]
 pub mod matrix;
-pub mod metric;
-pub mod output;
 pub mod package;
 pub mod path;
 pub mod probe;
 pub mod record;
 pub mod reflect;
 pub mod run;
-pub mod settings;
-pub mod stats;
 pub mod tint;
-pub mod tolerance;
-pub mod value;
+
+#[doc(inline)]
+pub use karat_core::{
+    diagnostic, domain, image, metric, output, settings, shareable, stats, tolerance, value,
+};
+// What answers line by line is plumbing.
+use karat_core::lines;
 
 pub use check::{Check, Directions, Limit, Trend};
 pub use domain::{

@@ -145,14 +145,25 @@ fn names(text: &str, depth: usize) -> Names {
     names
 }
 
+/// The sources of the library, which is two crates: each file, and where it is below `src`, without its ending.
+fn library() -> Vec<(PathBuf, PathBuf)> {
+    let mut all = Vec::new();
+    for folder in ["core/src", "src"] {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        let below =
+            |file: &PathBuf| file.strip_prefix(&root).expect("below src").with_extension("");
+        all.extend(files.into_iter().map(|file| (file.clone(), below(&file))));
+    }
+    all.sort();
+    all
+}
+
 /// What each module of the library names.
 fn modules() -> BTreeMap<String, Names> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    sources(&root, &mut files);
     let mut modules: BTreeMap<String, Names> = BTreeMap::new();
-    for file in files {
-        let relative = file.strip_prefix(&root).expect("below src").with_extension("");
+    for (file, relative) in library() {
         let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();
         // `tests.rs` is a module behind `#[cfg(test)]`.
         if parts[0] == "lib" || parts.last().is_some_and(|last| last == "tests") {
@@ -225,27 +236,40 @@ fn paths_are_found_wherever_they_stand() {
 #[test]
 fn the_library_is_small_to_its_users() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).expect("it is there");
-    let (_, below) = manifest.split_once("[dependencies]\n").expect("it has dependencies");
-    let count = below.lines().take_while(|line| !line.is_empty()).count();
+    let mut dependencies = BTreeSet::new();
+    for manifest in ["Cargo.toml", "core/Cargo.toml"] {
+        let manifest = std::fs::read_to_string(root.join(manifest)).expect("it is there");
+        let (_, below) = manifest.split_once("[dependencies]\n").expect("it has dependencies");
+        let own = below.lines().take_while(|line| !line.is_empty());
+        let others = own.filter(|line| !line.starts_with("karat-"));
+        dependencies.extend(others.map(str::to_owned));
+    }
+    let count = dependencies.len();
     assert!((10..=MOST_DEPENDENCIES).contains(&count), "{count} direct dependencies");
 
     let text = std::fs::read_to_string(root.join("src/lib.rs")).expect("it is there");
-    let library = syn::parse_file(&text).expect("it compiles");
-    let exported = library.items.iter().filter_map(|item| match item {
+    let parsed = syn::parse_file(&text).expect("it compiles");
+    let exported = parsed.items.iter().filter_map(|item| match item {
         syn::Item::Use(item) => Some(leaves(&item.tree)),
         _ => None,
     });
     let count: usize = exported.sum();
     assert!((20..=MOST_NAMES).contains(&count), "{count} names at the root");
-    assert!(!text.contains("doc(hidden)"), "what is public is documented");
+    // Another crate of ours can't use what isn't public.
+    for (file, _) in library().iter().filter(|(file, _)| !file.starts_with(root.join("core"))) {
+        let text = std::fs::read_to_string(file).expect("UTF-8");
+        assert!(!text.contains("doc(hidden)"), "what is public is documented: {}", file.display());
+    }
 }
 
-/// Names that a `use` brings in.
+/// Names of items that a `use` brings in; modules and macros have small letters.
 fn leaves(tree: &syn::UseTree) -> usize {
     match tree {
         syn::UseTree::Path(path) => leaves(&path.tree),
         syn::UseTree::Group(group) => group.items.iter().map(leaves).sum(),
+        syn::UseTree::Name(name) => {
+            usize::from(name.ident.to_string().starts_with(char::is_uppercase))
+        }
         _ => 1,
     }
 }
@@ -274,10 +298,15 @@ impl PublicItems {
             attribute.path().is_ident(name) && quoted(attribute).contains(word)
         };
         let has = |name, word| attributes.iter().any(|attribute| is(attribute, name, word));
-        if public && !has("derive", "thiserror") {
+        if public && !has("derive", "thiserror") && !is_hidden(attributes) {
             self.items.push((format!("{}{name}", self.owner), has("doc", "```")));
         }
     }
+}
+
+/// True of an item that documentation leaves out.
+fn is_hidden(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|one| one.path().is_ident("doc") && quoted(one) == "hidden")
 }
 
 /// What an attribute says, as text.
@@ -382,17 +411,17 @@ const TOOLS: [&str; 24] = [
 /// Test authors see each item used that they meet.
 #[test]
 fn what_test_authors_meet_has_an_example() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    sources(&root, &mut files);
-    files.sort();
-    let below = |file: &Path| file.strip_prefix(&root).expect("below src").with_extension("");
-    let is_of = |file: &Path, tool: &str| below(file).starts_with(tool);
+    let mut files = library();
     for tool in TOOLS {
-        assert!(files.iter().any(|file| is_of(file, tool)), "there is no `{tool}` any more");
+        assert!(
+            files.iter().any(|(_, below)| below.starts_with(tool)),
+            "there is no `{tool}` any more"
+        );
     }
-    files.retain(|file| !TOOLS.iter().any(|tool| is_of(file, tool)));
-    let read = |file| PublicItems::of(&std::fs::read_to_string(file).expect("UTF-8"));
+    files.retain(|(_, below)| !TOOLS.iter().any(|tool| below.starts_with(tool)));
+    let read = |(file, _): &(PathBuf, PathBuf)| {
+        PublicItems::of(&std::fs::read_to_string(file).expect("UTF-8"))
+    };
     let all: Vec<Item> = files.iter().flat_map(read).collect();
     assert!(all.len() > 250, "only {} public items were found", all.len());
     let missing = without_example(&all).join(", ");

@@ -5,32 +5,12 @@ use std::path::Path;
 
 use crate::diagnostic::shown;
 use crate::image::{ExrFile, Image, ImageError, Part, Precision};
-use crate::metric::Mask;
+use crate::metric::{MASK, Mask};
 
 /// The frame itself, always the first part.
 pub const COLOR: &str = "color";
 /// The variance of each pixel, of a noisy frame.
 pub(crate) const VARIANCE: &str = "color.variance";
-/// 1 where pixels are compared, 0 where they are not.
-pub const MASK: &str = "mask";
-
-impl ExrFile {
-    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: its
-    /// part `mask`.
-    ///
-    /// ```no_run
-    /// use karat::image::ExrFile;
-    ///
-    /// let golden = ExrFile::read("golden/dusk.exr".as_ref())?;
-    /// println!("all of it is compared: {}", golden.mask().is_none());
-    /// # Ok::<(), karat::image::ImageError>(())
-    /// ```
-    #[must_use]
-    pub fn mask(&self) -> Option<Mask> {
-        let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
-        Some(Mask::image(part.image.clone()))
-    }
-}
 
 /// A golden or a pending frame is a file: a pipe would be waited for, and a link to nothing is no
 /// golden that was never made but one whose content isn't here.

@@ -100,18 +100,12 @@ impl Run<'_> {
     pub(super) fn stop(&self, which: usize, error: CubatureError<Stop>) -> Stop {
         match error {
             CubatureError::Evaluation(stop) => stop,
-            diverges @ CubatureError::Diverges { .. } => {
+            CubatureError::Diverges { nodes } => {
                 let function = &self.functions.others[which].function().name;
-                let reason = match diverges {
-                    CubatureError::Diverges { nodes } => {
-                        format!(
-                            "of `{function}` two quadrature rules disagree after {nodes} nodes: it \
-                             jumps along too many edges, or its results are noisy"
-                        )
-                    }
-                    CubatureError::Evaluation(_) => String::new(),
-                };
-                Stop::Failure(self.evidence(reason))
+                Stop::Failure(self.evidence(format!(
+                    "of `{function}` two quadrature rules disagree after {nodes} nodes: it jumps along too many \
+                     edges, or its results are noisy"
+                )))
             }
         }
     }

@@ -36,11 +36,13 @@ pub use emptiness::Emptiness;
 use emptiness::infinite;
 pub use grid::Grid;
 pub use latin::LatinHypercube;
-pub(crate) use product::Parts;
+#[doc(hidden)]
+pub use product::Parts;
 pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
-pub(crate) use stream::{Held, Numbering, Stream, Typed};
+#[doc(hidden)]
+pub use stream::{Held, Numbering, Stream, Typed};
 
 use crate::value::{Arguments, Shareable};
 
@@ -308,7 +310,8 @@ impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
 }
 
 /// How complicated a number or boolean is.
-pub(crate) fn complexity(value: &dyn Any) -> Option<u64> {
+#[doc(hidden)]
+pub fn complexity(value: &dyn Any) -> Option<u64> {
     None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))
         .or_else(|| value.downcast_ref::<f32>().map(|value| shrink::float_complexity(*value)))
         .or_else(|| value.downcast_ref::<u32>().map(|value| 2 * u64::from(*value)))

@@ -10,7 +10,8 @@ use half::slice::HalfFloatSliceExt;
 
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
-pub(crate) use self::file::{Staged, remove_leftover};
+#[doc(hidden)]
+pub use self::file::{Staged, remove_leftover};
 pub use self::file::{is_beside, is_leftover, write_whole};
 
 use std::sync::Arc;
@@ -80,12 +81,14 @@ impl Image {
     }
 
     /// The same, read from a file.
-    pub(crate) fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
+    #[doc(hidden)]
+    pub fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
         Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
     }
 
     /// The file that it was read from, whatever was done to its pixels since.
-    pub(crate) fn origin(&self) -> Option<&FileRead> {
+    #[doc(hidden)]
+    pub fn origin(&self) -> Option<&FileRead> {
         self.origin.as_deref()
     }
 
@@ -230,12 +233,14 @@ impl Image {
 }
 
 /// Luminance of linear sRGB, ITU-R BT.709.
-pub(crate) fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
+#[doc(hidden)]
+pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Linear light, 0 to 1, as sRGB has it (IEC 61966-2-1), 0 to 1.
-pub(crate) fn encode_srgb(linear: f64) -> f64 {
+#[doc(hidden)]
+pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -175,25 +175,30 @@ pub struct LaneError {
 }
 
 impl LaneError {
-    pub(crate) const ZERO: Self = Self { ratio: 0.0, error: 0.0, bound: 0.0, unit: Unit::Exact };
+    #[doc(hidden)]
+    pub const ZERO: Self = Self { ratio: 0.0, error: 0.0, bound: 0.0, unit: Unit::Exact };
 
-    pub(crate) fn new(error: f64, bound: f64, unit: Unit) -> Self {
+    #[doc(hidden)]
+    pub fn new(error: f64, bound: f64, unit: Unit) -> Self {
         // 0/0 is exact agreement under an exact bound. Anything that isn't a number fails.
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
         Self { ratio, error, bound, unit }
     }
 
-    pub(crate) fn equality(equal: bool) -> Self {
+    #[doc(hidden)]
+    pub fn equality(equal: bool) -> Self {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
     /// How far `value` is above `bound`, of which `slack` is allowed.
-    pub(crate) fn excess(value: f64, bound: f64, slack: f64) -> Self {
+    #[doc(hidden)]
+    pub fn excess(value: f64, bound: f64, slack: f64) -> Self {
         Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
     }
 
-    pub(crate) fn statement(holds: bool) -> Self {
+    #[doc(hidden)]
+    pub fn statement(holds: bool) -> Self {
         Self { unit: Unit::Statement, ..Self::equality(holds) }
     }
 
@@ -229,7 +234,8 @@ impl fmt::Display for LaneError {
 }
 
 /// How far an error is beyond its bound: `20 times what is allowed`.
-pub(crate) fn times_allowed(ratio: f64) -> String {
+#[doc(hidden)]
+pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
         // Of a bound of 0 no error is a multiple.
         true => "and nothing is allowed".to_owned(),
@@ -238,13 +244,15 @@ pub(crate) fn times_allowed(ratio: f64) -> String {
 }
 
 /// [`times_allowed`], with the error itself where it is no multiple of the bound.
-pub(crate) fn beyond(error: f64, ratio: f64) -> String {
+#[doc(hidden)]
+pub fn beyond(error: f64, ratio: f64) -> String {
     let times = times_allowed(ratio);
     if ratio.is_infinite() { format!("abs {}, {times}", significant(error.abs())) } else { times }
 }
 
 /// Three significant digits; an exponent where plain digits would be long.
-pub(crate) fn significant(value: f64) -> String {
+#[doc(hidden)]
+pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
@@ -263,7 +271,8 @@ pub(crate) fn significant(value: f64) -> String {
 }
 
 /// A number with its exponent, if that isn't 0: `1e-3`, and `2.5`.
-pub(crate) fn power(value: impl fmt::LowerExp) -> String {
+#[doc(hidden)]
+pub fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
@@ -366,7 +375,8 @@ impl Tolerance {
 
     /// The first bound that bounds nothing: NaN, negative, or so large that no two numbers of `f32` are
     /// farther apart.
-    pub(crate) fn unusable(&self) -> Option<f64> {
+    #[doc(hidden)]
+    pub fn unusable(&self) -> Option<f64> {
         // From the least to the largest number, the largest quotient of two, and the steps between them.
         let apart = 2.0 * f64::from(f32::MAX);
         let quotient = apart / f64::from(f32::from_bits(1));
@@ -438,7 +448,8 @@ impl Tolerance {
     }
 
     /// [`measure`](Self::measure) of a sum that was taken in `f64`; it isn't rounded first.
-    pub(crate) fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
+    #[doc(hidden)]
+    pub fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
         let error = (value - expected).abs();
         if !value.is_finite() || !expected.is_finite() {
             return LaneError {
@@ -491,7 +502,8 @@ impl Tolerance {
     /// fraction of the time. `false` says nothing. Most results are neither wrong nor the worst so
     /// far, and need no more than this.
     #[inline]
-    pub(crate) fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
+    #[doc(hidden)]
+    pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
         let error = (value - expected).abs();
         if !(error < f64::INFINITY) {
             return false;

@@ -46,7 +46,6 @@ pub struct Pair<'a> {
 
 /// Why there is nothing to measure.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum PairError {
     /// Another size.
     #[error("it is {} x {}, the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]

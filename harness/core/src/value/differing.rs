@@ -5,21 +5,27 @@ use super::{Shape, several};
 /// The first member that differs in two structures: `m.roughness: f32`, or `None` where a side has no such
 /// member.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Differing {
+#[doc(hidden)]
+pub struct Differing {
     /// The structure in WGSL that has it, or lacks it.
-    pub(crate) structure: String,
+    #[doc(hidden)]
+    pub structure: String,
     /// Its place among the members, from 1.
-    pub(crate) place: usize,
+    #[doc(hidden)]
+    pub place: usize,
     /// What WGSL has there.
-    pub(crate) wgsl: Option<String>,
+    #[doc(hidden)]
+    pub wgsl: Option<String>,
     /// What the host has there.
-    pub(crate) host: Option<String>,
+    #[doc(hidden)]
+    pub host: Option<String>,
 }
 
 impl Shape {
     /// The first member in which a host's structure can't stand for that of WGSL, innermost first; `None` if
     /// they agree, or aren't structures. `result` is that of [`stands_for`](Self::stands_for).
-    pub(crate) fn differing(&self, wgsl: &Self, result: bool) -> Option<Differing> {
+    #[doc(hidden)]
+    pub fn differing(&self, wgsl: &Self, result: bool) -> Option<Differing> {
         let (structure, members, others) = match (self, wgsl) {
             (Self::Array { element, .. }, Self::Array { element: other, .. }) => {
                 return element.differing(other, result);

@@ -34,7 +34,8 @@ impl fmt::Debug for SourceFile {
 
 impl SourceFile {
     /// The file, unless the text is in memory, whose name is in brackets.
-    pub(crate) fn read(&self) -> Option<FileRead> {
+    #[doc(hidden)]
+    pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
         (!self.name.starts_with('<')).then(|| FileRead::of(file, self.text.as_bytes()))
     }
@@ -61,7 +62,8 @@ pub struct Span {
 
 impl Span {
     /// The part on its first line: the head of what would fill a screen.
-    pub(crate) fn first_line(&self) -> Self {
+    #[doc(hidden)]
+    pub fn first_line(&self) -> Self {
         let text = self.file.text.get(self.range.clone()).unwrap_or_default();
         let line = text.lines().next().unwrap_or_default().trim_end();
         let range = self.range.start..self.range.start + line.len();
@@ -274,7 +276,8 @@ pub fn shown(path: &Path) -> String {
 }
 
 /// An expression in one line, and not more of it than a line has.
-pub(crate) fn one_line(text: &str) -> String {
+#[doc(hidden)]
+pub fn one_line(text: &str) -> String {
     const MOST: usize = 60;
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match line.char_indices().nth(MOST) {

@@ -223,7 +223,8 @@ impl ExrFile {
     }
 
     /// The bytes of the file that [`write`](Self::write) would write at this place.
-    pub(crate) fn bytes(&self, path: &Path) -> Result<Vec<u8>, ImageError> {
+    #[doc(hidden)]
+    pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, ImageError> {
         write::bytes(path, &self.layers(), self.metadata.as_deref())
     }
 

@@ -13,7 +13,8 @@ use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Shape};
 
 /// A domain without the type of its values.
-pub(crate) trait Stream: Send + Sync {
+#[doc(hidden)]
+pub trait Stream: Send + Sync {
     /// Words of a row; 0 where values aren't made of words.
     fn width(&self) -> usize;
 
@@ -66,10 +67,12 @@ pub(crate) trait Stream: Send + Sync {
 
 /// A value whose type is known where it is used.
 #[derive(Clone, Debug)]
-pub(crate) struct Held {
+#[doc(hidden)]
+pub struct Held {
     value: Arc<dyn Value>,
     /// Its words; none where it isn't made of words.
-    pub(crate) row: Vec<u32>,
+    #[doc(hidden)]
+    pub row: Vec<u32>,
 }
 
 trait Value: Any + Debug + Send + Sync {}
@@ -85,27 +88,33 @@ impl Held {
     ///
     /// # Panics
     /// If it has another type: the closures of a check get the values of its own domain.
-    pub(crate) fn get<V: 'static>(&self) -> &V {
+    #[doc(hidden)]
+    pub fn get<V: 'static>(&self) -> &V {
         let value: &dyn Any = &*self.value;
         value.downcast_ref().expect("a check's closures know the type of its values")
     }
 
     /// As `Debug` shows it.
-    pub(crate) fn shown(&self) -> String {
+    #[doc(hidden)]
+    pub fn shown(&self) -> String {
         format!("{:?}", self.value)
     }
 
     /// The same with more words in its row.
-    pub(crate) fn with(&self, words: &[u32]) -> Self {
+    #[doc(hidden)]
+    pub fn with(&self, words: &[u32]) -> Self {
         Self { value: Arc::clone(&self.value), row: [&*self.row, words].concat() }
     }
 }
 
 /// Which value of a domain each case is.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Numbering {
-    pub(crate) seed: u64,
-    pub(crate) count: u64,
+#[doc(hidden)]
+pub struct Numbering {
+    #[doc(hidden)]
+    pub seed: u64,
+    #[doc(hidden)]
+    pub count: u64,
     /// Edges that are cases.
     edges: usize,
     /// Whether case i is the domain's value i.
@@ -115,7 +124,8 @@ pub(crate) struct Numbering {
 impl Numbering {
     /// All of a finite domain that has at most `enumerated` values, else `limit` cases: edges, up
     /// to half of them, then draws.
-    pub(crate) fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
+    #[doc(hidden)]
+    pub fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
         match stream.size() {
             Some(count) if count <= enumerated => Self { seed, count, edges: 0, enumerated: true },
             _ => {
@@ -127,19 +137,22 @@ impl Numbering {
     }
 
     /// The same cases under another seed.
-    pub(crate) fn with_seed(&self, seed: u64) -> Self {
+    #[doc(hidden)]
+    pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..*self }
     }
 
     /// The random numbers of a case.
     #[inline]
-    pub(crate) fn source(&self, index: u64) -> Source {
+    #[doc(hidden)]
+    pub fn source(&self, index: u64) -> Source {
         Source::new(self.seed, index)
     }
 
     /// Where a case comes from. `source` is the case's own.
     #[inline]
-    pub(crate) fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
+    #[doc(hidden)]
+    pub fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
         let edge = usize::try_from(index).ok().filter(|index| *index < self.edges);
         match edge {
             _ if self.enumerated => Origin::Nth(index),
@@ -151,7 +164,8 @@ impl Numbering {
 
 /// A domain of Rust values as a stream.
 #[derive(Debug)]
-pub(crate) struct Typed<D: Domain> {
+#[doc(hidden)]
+pub struct Typed<D: Domain> {
     domain: D,
     edges: OnceLock<Vec<D::Value>>,
     words: Option<Words<D::Value>>,
@@ -168,12 +182,14 @@ struct Words<V> {
 
 impl<D: Domain> Typed<D> {
     /// A domain of anything: its rows are empty.
-    pub(crate) fn values(domain: D) -> Self {
+    #[doc(hidden)]
+    pub fn values(domain: D) -> Self {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
     }
 
     /// A domain of arguments.
-    pub(crate) fn arguments(domain: D) -> Self
+    #[doc(hidden)]
+    pub fn arguments(domain: D) -> Self
     where
         D::Value: Arguments,
     {

@@ -55,7 +55,6 @@ pub struct CellIntegral {
 
 /// Why there is no integral.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
 pub enum CubatureError<E> {
     /// The function can't be evaluated.
     #[error(transparent)]

@@ -165,14 +165,16 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 ///
 /// It is locked as long as its writer lives: [`is_leftover`].
 #[derive(Debug)]
-pub(crate) struct Staged<'a> {
+#[doc(hidden)]
+pub struct Staged<'a> {
     beside: PathBuf,
     place: &'a Path,
     _held: File,
 }
 
 impl<'a> Staged<'a> {
-    pub(crate) fn new(place: &'a Path, bytes: &[u8]) -> std::io::Result<Self> {
+    #[doc(hidden)]
+    pub fn new(place: &'a Path, bytes: &[u8]) -> std::io::Result<Self> {
         if let Some(folder) = place.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder)?;
         }
@@ -183,7 +185,8 @@ impl<'a> Staged<'a> {
         written.map(|()| staged)
     }
 
-    pub(crate) fn commit(self) -> std::io::Result<()> {
+    #[doc(hidden)]
+    pub fn commit(self) -> std::io::Result<()> {
         std::fs::rename(&self.beside, self.place)
     }
 }
@@ -239,7 +242,8 @@ pub fn is_leftover(path: &Path) -> bool {
 }
 
 /// Removes a file if it [is a leftover](is_leftover); whether it was.
-pub(crate) fn remove_leftover(path: &Path) -> bool {
+#[doc(hidden)]
+pub fn remove_leftover(path: &Path) -> bool {
     // It is held meanwhile: its writer may be about to lock it.
     let held = if is_beside(path) { unheld(path) } else { None };
     held.is_some() && std::fs::remove_file(path).is_ok()

@@ -15,7 +15,8 @@ const LINGER: Duration = Duration::from_secs(1);
 
 /// Why a process doesn't answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum Broken {
+#[doc(hidden)]
+pub enum Broken {
     #[error("it can't be run: {0}")]
     Start(String),
     #[error("it ended ({status}){said}")]
@@ -26,14 +27,16 @@ pub(crate) enum Broken {
 
 /// The stream that a process answers on. What it says on the other one are its last words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Answers {
+#[doc(hidden)]
+pub enum Answers {
     Stdout,
     /// Dawn logs on stdout, so its answers come on stderr.
     Stderr,
 }
 
 /// Messages to a process by its stdin, and from it.
-pub(crate) struct Lines {
+#[doc(hidden)]
+pub struct Lines {
     child: Child,
     /// `None`: it was closed, so that the process ends.
     to: Option<ChildStdin>,
@@ -48,7 +51,8 @@ pub(crate) struct Lines {
 impl Lines {
     /// Starts a program whose messages end with a byte. The longest message that is read is a bound for a
     /// process that never ends one.
-    pub(crate) fn start(
+    #[doc(hidden)]
+    pub fn start(
         command: &mut Command,
         answers: Answers,
         end: u8,
@@ -91,14 +95,16 @@ impl Lines {
     }
 
     /// Sends a message.
-    pub(crate) fn send(&mut self, message: &str) -> Result<(), Broken> {
+    #[doc(hidden)]
+    pub fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
         let sent = self.to.as_mut().map(|to| to.write_all(&bytes).and_then(|()| to.flush()));
         if matches!(sent, Some(Ok(()))) { Ok(()) } else { Err(self.ended()) }
     }
 
     /// Its next message, for which it has so long.
-    pub(crate) fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
+    #[doc(hidden)]
+    pub fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
         match self.from.recv_timeout(patience) {
             Ok(message) => Ok(message),
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),

@@ -121,7 +121,8 @@ pub fn name(text: &str) -> Cow<'_, str> {
 }
 
 /// [`name`], of other names of at most so many bytes: that of a file has 255.
-pub(crate) fn name_within(text: &str, most: usize) -> Cow<'_, str> {
+#[doc(hidden)]
+pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);
     if shown.len() <= most {
         return shown;

@@ -9,14 +9,17 @@
 mod differing;
 mod mirror;
 mod quad;
+mod reference;
 mod several;
 mod shareable;
 
 use std::fmt;
 
-pub(crate) use differing::Differing;
+#[doc(hidden)]
+pub use differing::Differing;
 pub use mirror::Mirror;
 pub use quad::Quad;
+pub use reference::Reference;
 pub use shareable::{Arguments, Shareable};
 
 /// A WGSL scalar type.
@@ -277,7 +280,8 @@ impl Shape {
     }
 
     /// The shape of a [`Quad`] of this one.
-    pub(crate) fn as_quad(&self) -> Self {
+    #[doc(hidden)]
+    pub fn as_quad(&self) -> Self {
         Quad::<f32>::members(self)
     }
 

@@ -259,7 +259,8 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
 }
 
 /// The parts of a tuple, each of which can be simplified.
-pub(crate) trait Parts<'a> {
+#[doc(hidden)]
+pub trait Parts<'a> {
     type Value;
     /// The tuple: simpler with all parts at their simplest, or with one of them simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;

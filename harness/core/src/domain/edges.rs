@@ -50,7 +50,7 @@ impl Edges<f32> {
     }
 
     /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use
-    /// them with [`satisfies`](crate::Check::satisfies): a reference has to be finite. WGSL lets
+    /// them with `Check::satisfies`: a reference has to be finite. WGSL lets
     /// implementations assume that there are no such values.
     ///
     /// ```

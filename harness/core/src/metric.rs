@@ -24,7 +24,7 @@ pub use exposure::ExposureRange;
 pub use exposure_map::ExposureMap;
 pub use flip::{Flip, FlipFailure, Pool};
 pub use gate::{DEFAULT_RELATIVE, Gate, Outliers, WorstPixel};
-pub use mask::{Mask, MaskError, Rect};
+pub use mask::{MASK, Mask, MaskError, Rect};
 pub use noise::Noise;
 pub use pair::{Pair, PairError};
 pub use tiles::{ErrorMap, TILE};

@@ -28,7 +28,8 @@ pub struct Quad<T> {
 
 impl<T> Quad<T> {
     /// What the shape is called. WGSL has no such name.
-    pub(crate) const NAME: &str = "Quad<>";
+    #[doc(hidden)]
+    pub const NAME: &str = "Quad<>";
 
     pub(super) fn members(shape: &Shape) -> Shape {
         let members = ["value", "dx", "dy"].map(|name| (name.to_owned(), shape.clone()));

@@ -6,7 +6,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::FileRead;
-use crate::image::Image;
+use crate::image::{ExrFile, Image};
+
+/// The part of a frame's file with 1 where pixels are compared, and 0 where they are not.
+pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.
 ///
@@ -26,6 +29,24 @@ pub struct Rect {
     pub width: u32,
     /// Rows.
     pub height: u32,
+}
+
+impl ExrFile {
+    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: its
+    /// part `mask`.
+    ///
+    /// ```no_run
+    /// use karat::image::ExrFile;
+    ///
+    /// let golden = ExrFile::read("golden/dusk.exr".as_ref())?;
+    /// println!("all of it is compared: {}", golden.mask().is_none());
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    #[must_use]
+    pub fn mask(&self) -> Option<Mask> {
+        let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
+        Some(Mask::image(part.image.clone()))
+    }
 }
 
 impl Rect {
@@ -54,7 +75,8 @@ impl Rect {
     }
 
     /// Whether it has pixels, and all of them are in an image of this size.
-    pub(crate) fn fits(&self, width: u32, height: u32) -> bool {
+    #[doc(hidden)]
+    pub fn fits(&self, width: u32, height: u32) -> bool {
         let inside = |start: u32, length: u32, side: u32| {
             length > 0 && start.checked_add(length).is_some_and(|end| end <= side)
         };
@@ -62,12 +84,14 @@ impl Rect {
     }
 
     /// The rectangle from one pixel to another, both of them in it.
-    pub(crate) fn spanning([left, top, right, bottom]: [u32; 4]) -> Self {
+    #[doc(hidden)]
+    pub fn spanning([left, top, right, bottom]: [u32; 4]) -> Self {
         Self { left, top, width: right - left + 1, height: bottom - top + 1 }
     }
 
     /// The rectangle and what is within `reach` of it, in an image of this size.
-    pub(crate) fn grown(&self, reach: u32, width: u32, height: u32) -> Self {
+    #[doc(hidden)]
+    pub fn grown(&self, reach: u32, width: u32, height: u32) -> Self {
         let (left, top) = (self.left.saturating_sub(reach), self.top.saturating_sub(reach));
         let right = (self.left + self.width).saturating_add(reach).min(width);
         let bottom = (self.top + self.height).saturating_add(reach).min(height);
@@ -163,7 +187,8 @@ impl Mask {
     }
 
     /// The file that it was painted in.
-    pub(crate) fn origin(&self) -> Option<&FileRead> {
+    #[doc(hidden)]
+    pub fn origin(&self) -> Option<&FileRead> {
         match &self.0 {
             Kind::Image(image) => image.origin(),
             _ => None,

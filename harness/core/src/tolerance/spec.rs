@@ -121,11 +121,14 @@ impl Device {
 #[must_use]
 pub struct Granting {
     /// How far apart results may be that WGSL allows.
-    pub(crate) need: Tolerance,
+    #[doc(hidden)]
+    pub need: Tolerance,
     /// What holds where they are further apart.
-    pub(crate) otherwise: Option<Tolerance>,
+    #[doc(hidden)]
+    pub otherwise: Option<Tolerance>,
     /// Whether bounds are those that the adapter was measured to keep.
-    pub(crate) measured: bool,
+    #[doc(hidden)]
+    pub measured: bool,
 }
 
 impl Granting {

@@ -75,43 +75,60 @@ const BROWSER: &str = "KARAT_BROWSER";
 const FUEL_ROUNDS: u64 = 1 << 20;
 
 /// Long enough for any shader that a test should run on a software rasteriser.
-pub(crate) const DEADLINE_SECONDS: f64 = 60.0;
+#[doc(hidden)]
+pub const DEADLINE_SECONDS: f64 = 60.0;
 
 /// What the environment asks for.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Settings {
+#[doc(hidden)]
+pub struct Settings {
     /// Names of paths to run on, or `all`; `None`: the first that opens.
-    pub(crate) paths: Option<String>,
+    #[doc(hidden)]
+    pub paths: Option<String>,
     /// Names of paths that must open.
-    pub(crate) require: Option<String>,
+    #[doc(hidden)]
+    pub require: Option<String>,
     /// Programs that run jobs: the name of each, then the program and its arguments.
-    pub(crate) executors: Vec<(String, Vec<String>)>,
+    #[doc(hidden)]
+    pub executors: Vec<(String, Vec<String>)>,
     /// Part of the adapter's name.
-    pub(crate) adapter: Option<String>,
+    #[doc(hidden)]
+    pub adapter: Option<String>,
     /// How long a shader may take.
-    pub(crate) deadline: Duration,
+    #[doc(hidden)]
+    pub deadline: Duration,
     /// Rounds of all loops that a case may make in the engine, where the IR shows no bound.
-    pub(crate) fuel: u64,
+    #[doc(hidden)]
+    pub fuel: u64,
     /// Replaces the seed of the selected check, or of all.
-    pub(crate) seed: Option<u64>,
+    #[doc(hidden)]
+    pub seed: Option<u64>,
     /// The one case that a replay runs.
-    pub(crate) case: Option<SelectedCase>,
+    #[doc(hidden)]
+    pub case: Option<SelectedCase>,
     /// Whether failing inputs are remembered and tried again.
-    pub(crate) failures: bool,
+    #[doc(hidden)]
+    pub failures: bool,
     /// Whether frames are drawn and compared.
-    pub(crate) frames: bool,
+    #[doc(hidden)]
+    pub frames: bool,
 }
 
 /// One case: of the check that a replay command names, or of every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct SelectedCase {
+#[doc(hidden)]
+pub struct SelectedCase {
     /// `function/check`
-    pub(crate) check: Option<String>,
-    pub(crate) case: u64,
+    #[doc(hidden)]
+    pub check: Option<String>,
+    #[doc(hidden)]
+    pub case: u64,
     /// Which of the simpler values to take, again and again, from the case's own.
-    pub(crate) steps: Vec<usize>,
+    #[doc(hidden)]
+    pub steps: Vec<usize>,
     /// The lanes of the arguments that the case has in place of its own.
-    pub(crate) input: Option<Vec<u32>>,
+    #[doc(hidden)]
+    pub input: Option<Vec<u32>>,
 }
 
 /// A setting that can't be used.
@@ -152,7 +169,8 @@ pub enum SettingsError {
 ///
 /// # Errors
 /// If a variable is unknown, or has a value that it can't have.
-pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
+#[doc(hidden)]
+pub fn current() -> Result<&'static Settings, SettingsError> {
     static SETTINGS: OnceLock<Result<Settings, SettingsError>> = OnceLock::new();
     SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
 }
@@ -182,39 +200,45 @@ fn set(name: &str) -> Option<OsString> {
 }
 
 /// The folder whose files stand in for modules.
-pub(crate) fn overlay() -> Option<PathBuf> {
+#[doc(hidden)]
+pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
 }
 
 /// Where Tint is, or `off`.
-pub(crate) fn tint() -> Option<PathBuf> {
+#[doc(hidden)]
+pub fn tint() -> Option<PathBuf> {
     set(TINT).map(PathBuf::from)
 }
 
 /// The folder for verdicts. One that is about a wrong setting is written there, too.
-pub(crate) fn record() -> Option<PathBuf> {
+#[doc(hidden)]
+pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
 }
 
 /// Rounds that a case may make in the engine. A wrong setting is told by what reads others.
-#[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "it is the engine's"))]
-pub(crate) fn fuel() -> u64 {
+#[doc(hidden)]
+pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
 /// How long a shader may take.
-pub(crate) fn deadline() -> Duration {
+#[doc(hidden)]
+pub fn deadline() -> Duration {
     let usual = Duration::from_secs_f64(DEADLINE_SECONDS);
     current().map_or(usual, |settings| settings.deadline)
 }
 
 /// Whether frames are left out. A wrong setting leaves nothing out, and is told by what reads others.
-pub(crate) fn leaves_frames_out() -> bool {
+#[doc(hidden)]
+pub fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
 }
 
 /// The case of a replay, as it was typed.
-pub(crate) fn case_as_typed() -> String {
+#[doc(hidden)]
+pub fn case_as_typed() -> String {
     set(CASE).unwrap_or_default().to_string_lossy().into_owned()
 }
 
@@ -227,7 +251,8 @@ pub fn check() -> Result<(), SettingsError> {
 }
 
 impl Settings {
-    pub(crate) fn read(
+    #[doc(hidden)]
+    pub fn read(
         environment: impl IntoIterator<Item = (OsString, OsString)>,
     ) -> Result<Self, SettingsError> {
         let mut set = BTreeMap::new();
@@ -329,12 +354,14 @@ impl SelectedCase {
 }
 
 /// Lanes as the environment and files have them: `3f800000,00000000`.
-pub(crate) fn read_words(text: &str) -> Option<Vec<u32>> {
+#[doc(hidden)]
+pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
 /// Steps as the environment and files have them: `3.0`.
-pub(crate) fn read_steps(text: &str) -> Option<Vec<usize>> {
+#[doc(hidden)]
+pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
 }
 
@@ -369,7 +396,8 @@ fn duration(text: &str) -> Option<Duration> {
 }
 
 /// Where a file is kept that outlives a project's `target` and can be made again: in cargo's home.
-pub(crate) fn kept(file: &str) -> Option<PathBuf> {
+#[doc(hidden)]
+pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")))?;
     Some(home.join("karat").join(file))

@@ -302,11 +302,8 @@ impl Part {
 
     /// A [`range`](Self::range) of floats of which those near 0 are drawn often, on every scale, where 0 lies
     /// inside of it.
-    #[cfg_attr(
-        not(feature = "engine"),
-        expect(dead_code, reason = "the engine has arguments made up")
-    )]
-    pub(crate) fn range_and_zero(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
+    #[doc(hidden)]
+    pub fn range_and_zero(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
         let inside = *range.start() < 0.0 && *range.end() > 0.0 && scalar.is_float();
         #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
         let straddling = Straddling(*range.start() as f32..=*range.end() as f32);
@@ -318,11 +315,8 @@ impl Part {
     }
 
     /// Whole numbers from 1 that loops count to: half of them few. `None` of what isn't an integer.
-    #[cfg_attr(
-        not(feature = "engine"),
-        expect(dead_code, reason = "the engine has arguments made up")
-    )]
-    pub(crate) fn counts(scalar: Scalar) -> Option<Self> {
+    #[doc(hidden)]
+    pub fn counts(scalar: Scalar) -> Option<Self> {
         /// Rounds that each case may well make.
         const FEW: u8 = 8;
         /// Samples of a pixel, taps of a filter: more are made of such loops by authors who know.
@@ -356,20 +350,14 @@ impl Part {
     }
 
     /// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
-    #[cfg_attr(
-        not(feature = "engine"),
-        expect(dead_code, reason = "the engine has arguments made up")
-    )]
-    pub(crate) fn is_plain(scalar: Scalar, word: u32) -> bool {
+    #[doc(hidden)]
+    pub fn is_plain(scalar: Scalar, word: u32) -> bool {
         plausible::is_plain(scalar, word)
     }
 
     /// Value `index` of those that are tried first, or a draw where there are fewer.
-    #[cfg_attr(
-        not(feature = "engine"),
-        expect(dead_code, reason = "the engine has arguments made up")
-    )]
-    pub(crate) fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
+    #[doc(hidden)]
+    pub fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
         let edge = index.and_then(|index| self.words.edges().get(index).cloned());
         edge.or_else(|| self.words.draw(source))
     }
@@ -394,7 +382,7 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 }
 
 /// The arguments of a function, drawn part by part: see
-/// [`Probe::over_dynamic`](crate::check::Probe::over_dynamic).
+/// `Probe::over_dynamic`.
 ///
 /// ```
 /// # use karat::domain::{Dynamic, Part};

@@ -1,0 +1,16 @@
+//! The part of [Karat](https://docs.rs/karat) that needs no shader: values, domains, tolerances, statistics, images, messages.
+//!
+//! Authors of tests know all of it by the names that `karat` has for it. It is a crate of its own so that it is compiled
+//! beside the shader compilers, and not after them. What its documentation hides is Karat's own.
+
+pub mod diagnostic;
+pub mod domain;
+pub mod image;
+#[doc(hidden)]
+pub mod lines;
+pub mod metric;
+pub mod output;
+pub mod settings;
+pub mod stats;
+pub mod tolerance;
+pub mod value;
