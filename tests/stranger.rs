@@ -116,9 +116,11 @@ impl Project {
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
-        let library = "[profile.dev.package.karat]\nopt-level = 2\n";
+        let library = "[profile.dev.package.karat]\nopt-level = 2\n\
+                       [profile.dev.package.karat-core]\nopt-level = 2\n";
         assert!(profiles.contains(library), "the profile of the library has changed");
-        let unoptimised = "[profile.dev.package.karat]\nopt-level = 0\n";
+        let unoptimised = "[profile.dev.package.karat]\nopt-level = 0\n\
+                           [profile.dev.package.karat-core]\nopt-level = 0\n";
         let profiles = profiles.replace(engine, quick).replace(library, unoptimised);
         let karat = repository().join("harness");
         let manifest = format!(

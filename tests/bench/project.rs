@@ -26,6 +26,7 @@ const SHADER: &str = "fn pow5(x: f32) -> f32 { let y = x * x; return y * y * x; 
     fn schlick(f0: f32, x: f32) -> f32 { return f0 + (1.0 - f0) * pow5(1.0 - x); }\n";
 
 const PROFILES: &str = "karat = { opt-level = 2, debug = \"line-tables-only\" }\n\
+    karat-core = { opt-level = 2, debug = \"line-tables-only\" }\n\
     karat-engine = { opt-level = 3, debug = \"line-tables-only\" }\n\
     naga = { opt-level = 1, debug = \"line-tables-only\" }\n";
 

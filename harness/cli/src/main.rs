@@ -2,7 +2,6 @@
 
 mod cli;
 mod quiet;
-mod review;
 
 use std::process::ExitCode;
 

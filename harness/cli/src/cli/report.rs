@@ -27,7 +27,7 @@ use karat::record::{
 use karat::reflect::Opinion;
 use karat_suite::{Suite, Test};
 
-use crate::review::{Failure, FrameRun, LastRun};
+use karat_review::{Failure, FrameRun, LastRun};
 
 pub(super) use self::github::Held;
 use self::html::Beside;

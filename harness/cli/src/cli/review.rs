@@ -3,12 +3,12 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::review::{LastRun, Review};
 use anyhow::Context;
 use karat::Goldens;
 use karat::golden::PendingFrames;
 use karat::output::counted;
 use karat::record::{Recorded, Subject};
+use karat_review::{LastRun, Review};
 
 use super::artefact::Artefact;
 use super::goldens::{CiArgs, FolderArgs, FromArgs, report};

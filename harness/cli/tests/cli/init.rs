@@ -16,7 +16,10 @@ fn a_project_gets_the_profiles_that_tests_need() {
     assert_eq!(read(), manifest);
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
     let ran = karat(folder.path(), &["init", "shaders"]).good();
-    assert!(ran.contains("added profiles of karat-engine, naga to Cargo.toml"), "{ran}");
+    assert!(
+        ran.contains("added profiles of karat-core, karat-engine, naga to Cargo.toml"),
+        "{ran}"
+    );
     // Its Rust tests run in CI, too, and what they leave is kept.
     karat(folder.path(), &["init", "--github", "--gitlab"]);
     for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {

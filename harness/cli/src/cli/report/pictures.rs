@@ -8,12 +8,12 @@ use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use super::Names;
-use crate::review::Case;
 use anyhow::Context;
 use karat::golden::Pending;
 use karat::metric::Pair;
 use karat::record::{Record, Subject, Time};
 use karat::{Goldens, Image};
+use karat_review::Case;
 
 use crate::cli::heatmap::Heatmap;
 use crate::cli::project::Project;

@@ -10,7 +10,7 @@ use karat::{Goldens, Image};
 impl Case {
     /// What the frame was compared with, if its test declared a mask.
     #[must_use]
-    pub(crate) fn mask(&self) -> Option<Mask> {
+    pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
         part.actual.clone().map(Mask::image)
     }
@@ -20,7 +20,7 @@ impl Case {
     ///
     /// # Errors
     /// If the pending frame can't be read.
-    pub(crate) fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
+    pub fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
         if pending.is_table() {
             return Self::load_table(goldens, pending);
         }

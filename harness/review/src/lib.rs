@@ -25,9 +25,9 @@ mod server;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-pub(crate) use facts::Cause;
-pub(crate) use last_run::{Failure, FrameRun, LastRun};
-pub(crate) use server::Server;
+pub use facts::Cause;
+pub use last_run::{Failure, FrameRun, LastRun};
+pub use server::Server;
 
 use karat::diagnostic::shown;
 use karat::golden::{
@@ -49,68 +49,68 @@ const MOST_VERSIONS: usize = 8;
 ///
 /// [`load`](Self::load) fills it in; whoever has another map pushes it.
 #[derive(Clone, Debug)]
-pub(crate) struct Case {
+pub struct Case {
     /// Name of the golden.
-    pub(crate) name: String,
+    pub name: String,
     /// Images of both sides, the one that is judged first.
-    pub(crate) parts: Vec<Part>,
+    pub parts: Vec<Part>,
     /// Images computed from both.
-    pub(crate) maps: Vec<Map>,
+    pub maps: Vec<Map>,
     /// What the test measured, against what it allows.
-    pub(crate) margins: Vec<CriterionMargin>,
+    pub margins: Vec<CriterionMargin>,
     /// How the frame differs, for people.
-    pub(crate) verdict: String,
+    pub verdict: String,
     /// What the golden's file says of itself; `None` if there is no golden or it says nothing.
-    pub(crate) golden_provenance: Option<Provenance>,
+    pub golden_provenance: Option<Provenance>,
     /// What the frame's file says of itself.
-    pub(crate) actual_provenance: Provenance,
+    pub actual_provenance: Provenance,
     /// What is different, other than pixels.
-    pub(crate) cause: Cause,
+    pub cause: Cause,
     /// The rows that differ, where it is a table of values and no frame.
-    pub(crate) table: Option<Rows>,
+    pub table: Option<Rows>,
 }
 
 /// Rows of a table that aren't its golden's.
 #[derive(Clone, Debug)]
-pub(crate) struct Rows {
+pub struct Rows {
     /// Names of the columns: arguments, then results.
-    pub(crate) columns: Vec<String>,
+    pub columns: Vec<String>,
     /// How many of them are arguments.
-    pub(crate) arguments: usize,
+    pub arguments: usize,
     /// The rows that changed most.
-    pub(crate) rows: Vec<ChangedRow>,
+    pub rows: Vec<ChangedRow>,
     /// How many changed.
-    pub(crate) changed: usize,
+    pub changed: usize,
 }
 
 /// An image that a golden and a frame may both have.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub struct Part {
     /// Its name: `color`.
-    pub(crate) name: String,
+    pub name: String,
     /// The golden's.
-    pub(crate) golden: Option<Image>,
+    pub golden: Option<Image>,
     /// The frame's.
-    pub(crate) actual: Option<Image>,
+    pub actual: Option<Image>,
 }
 
 /// An image computed from golden and frame, such as a map of errors.
 #[derive(Clone, Debug)]
-pub(crate) struct Map {
+pub struct Map {
     /// Its name.
-    pub(crate) name: String,
+    pub name: String,
     /// What its values are: one sentence.
-    pub(crate) about: String,
+    pub about: String,
     /// Its values. Where all three colours are equal it is shown in false colour.
-    pub(crate) image: Image,
+    pub image: Image,
     /// The values at the lower and the upper end of the false colours.
-    pub(crate) range: [f32; 2],
+    pub range: [f32; 2],
 }
 
 /// Why there is no review.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub(crate) enum ReviewError {
+pub enum ReviewError {
     /// A pending frame can't be read.
     #[error(transparent)]
     Goldens(#[from] AcceptError),
@@ -142,7 +142,7 @@ pub(crate) enum ReviewError {
 
 /// A review of a folder's pending frames.
 #[derive(Clone, Debug)]
-pub(crate) struct Review {
+pub struct Review {
     goldens: Goldens,
     /// Where the frames wait, which needn't be beside their goldens.
     waiting: Goldens,
@@ -168,7 +168,7 @@ enum Entry {
 impl Review {
     /// A review of all that is pending in a folder of goldens.
     #[must_use]
-    pub(crate) fn new(goldens: Goldens) -> Self {
+    pub fn new(goldens: Goldens) -> Self {
         Self {
             waiting: goldens.clone(),
             goldens,
@@ -181,42 +181,42 @@ impl Review {
 
     /// Lets accepting write a golden where `CI` is set.
     #[must_use]
-    pub(crate) fn may_write_in_ci(mut self, may: bool) -> Self {
+    pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
         self
     }
 
     /// Takes the pending frames from another folder, such as what a CI run left.
     #[must_use]
-    pub(crate) fn pending_in(mut self, folder: &Path) -> Self {
+    pub fn pending_in(mut self, folder: &Path) -> Self {
         self.waiting = Goldens::open(folder);
         self
     }
 
     /// Arguments that the commands on the page need, such as `--golden other`.
     #[must_use]
-    pub(crate) fn with_arguments(mut self, arguments: &str) -> Self {
+    pub fn with_arguments(mut self, arguments: &str) -> Self {
         self.arguments = arguments.to_owned();
         self
     }
 
     /// Adds what the last run said.
     #[must_use]
-    pub(crate) fn with_run(mut self, run: LastRun) -> Self {
+    pub fn with_run(mut self, run: LastRun) -> Self {
         self.run = run;
         self
     }
 
     /// Shows all goldens, too.
     #[must_use]
-    pub(crate) fn with_goldens(mut self) -> Self {
+    pub fn with_goldens(mut self) -> Self {
         self.accepted = true;
         self
     }
 
     /// Whether there is anything to look at but what is pending.
     #[must_use]
-    pub(crate) fn has_more(&self) -> bool {
+    pub fn has_more(&self) -> bool {
         !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
     }
 
@@ -260,7 +260,7 @@ impl Review {
     ///
     /// # Errors
     /// If a file can't be written or removed.
-    pub(crate) fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
+    pub fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
         let put = |name: &str, text: &str| {
             let path = folder.join(name);
             karat::image::write_whole(&path, text.as_bytes())
@@ -351,13 +351,13 @@ impl Review {
     ///
     /// # Errors
     /// If the port is taken.
-    pub(crate) fn serve(self, port: u16) -> Result<Server, ReviewError> {
+    pub fn serve(self, port: u16) -> Result<Server, ReviewError> {
         Server::bind(self, port)
     }
 
     /// What is pending now. Frames of other goldens than these can't be used here.
     #[must_use]
-    pub(crate) fn pending(&self) -> PendingFrames {
+    pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();
         let (frames, others): (Vec<_>, Vec<_>) =
             frames.into_iter().partition(|pending| pending.is_of(&self.goldens));

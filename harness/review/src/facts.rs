@@ -11,7 +11,7 @@ use karat::metric::ExposureRange;
 /// What is different between a golden and a frame, other than their pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub(crate) enum Cause {
+pub enum Cause {
     /// There is no golden.
     New,
     /// The golden says nothing of itself.
@@ -68,13 +68,13 @@ impl fmt::Display for Cause {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Fact {
     /// What it is: `adapter.name`.
-    pub(crate) name: String,
+    pub name: String,
     /// The golden's; empty if it has none.
-    pub(crate) golden: String,
+    pub golden: String,
     /// The frame's; empty if it has none.
-    pub(crate) actual: String,
+    pub actual: String,
     /// Whether both sides have it and differ.
-    pub(crate) differs: bool,
+    pub differs: bool,
 }
 
 /// What the test declares of the frame and the golden has otherwise, or not at all.

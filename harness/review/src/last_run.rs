@@ -7,43 +7,43 @@ use serde_json::{Value, json};
 
 /// What the record of a run says.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct LastRun {
+pub struct LastRun {
     /// Of frames, by the names of their goldens.
-    pub(crate) frames: BTreeMap<String, FrameRun>,
+    pub frames: BTreeMap<String, FrameRun>,
     /// Functions that fail, in the order of the report.
-    pub(crate) failures: Vec<Failure>,
+    pub failures: Vec<Failure>,
 }
 
 /// Where a frame comes from.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct FrameRun {
+pub struct FrameRun {
     /// Name of the test.
-    pub(crate) test: String,
+    pub test: String,
     /// `file:line:column` of the call.
-    pub(crate) place: String,
+    pub place: String,
     /// Commands that do it again.
-    pub(crate) replays: Vec<String>,
+    pub replays: Vec<String>,
     /// Modules that the frame depends on.
-    pub(crate) modules: Vec<PathBuf>,
+    pub modules: Vec<PathBuf>,
 }
 
 /// A function that fails.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Failure {
+pub struct Failure {
     /// `fresnel::schlick agrees_with`
-    pub(crate) name: String,
+    pub name: String,
     /// Name of the test.
-    pub(crate) test: String,
+    pub test: String,
     /// `file:line:column` of the function.
-    pub(crate) place: String,
+    pub place: String,
     /// The whole message.
-    pub(crate) message: String,
+    pub message: String,
     /// Commands that do it again.
-    pub(crate) replays: Vec<String>,
+    pub replays: Vec<String>,
     /// The largest error divided by its bound.
-    pub(crate) ratio: Option<f64>,
+    pub ratio: Option<f64>,
     /// Plots as markup, in which all is escaped.
-    pub(crate) figures: String,
+    pub figures: String,
 }
 
 impl FrameRun {

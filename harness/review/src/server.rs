@@ -18,18 +18,18 @@ use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 const LONGEST_BODY: u64 = 64 << 10;
 
 /// A review page that is being served.
-pub(crate) struct Server {
+pub struct Server {
     http: Http,
     desk: Arc<Desk>,
 }
 
 /// Stops a [`Server`], from any thread.
 #[derive(Clone)]
-pub(crate) struct Stop(Stopper);
+pub struct Stop(Stopper);
 
 impl Stop {
     /// Ends [`Server::run`].
-    pub(crate) fn stop(&self) {
+    pub fn stop(&self) {
         self.0.stop();
     }
 }
@@ -85,25 +85,25 @@ impl Server {
 
     /// Where the page is. Whoever knows this can accept and reject.
     #[must_use]
-    pub(crate) fn url(&self) -> String {
+    pub fn url(&self) -> String {
         format!("http://127.0.0.1:{}/{}/", self.desk.port, self.desk.token)
     }
 
     /// What stops it.
     #[must_use]
-    pub(crate) fn stop(&self) -> Stop {
+    pub fn stop(&self) -> Stop {
         Stop(self.http.stopper())
     }
 
     /// What is pending now.
     #[must_use]
-    pub(crate) fn pending(&self) -> PendingFrames {
+    pub fn pending(&self) -> PendingFrames {
         self.desk.review.pending()
     }
 
     /// Answers until it is stopped. A decision that is being carried out then is completed, and
     /// none is begun; clients aren't waited for.
-    pub(crate) fn run(&self) {
+    pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
         self.http.run(move |request| desk.answer(request));
         *locked(&self.desk.ended) = true;
