@@ -159,7 +159,7 @@ impl Program {
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
     pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
-        kept::program(package, &Wanted::Function(path.to_owned()))
+        dependence::program(package, &Wanted::Function(path.to_owned()))
     }
 
     /// Links and validates a whole module with all that it declares. If the module imports nothing
@@ -168,7 +168,7 @@ impl Program {
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
     pub fn of_module(package: &Package, module: &str) -> Result<Arc<Self>, ReflectError> {
-        kept::program(package, &Wanted::Module(module.to_owned()))
+        dependence::program(package, &Wanted::Module(module.to_owned()))
     }
 
     /// Links and validates the closure of some declarations of one module.
@@ -178,7 +178,7 @@ impl Program {
         items: &[&str],
     ) -> Result<Arc<Self>, ReflectError> {
         let names = items.iter().map(|item| (*item).to_owned()).collect();
-        kept::program(package, &Wanted::Items(module.to_owned(), names))
+        dependence::program(package, &Wanted::Items(module.to_owned(), names))
     }
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {

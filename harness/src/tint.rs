@@ -26,6 +26,9 @@ use resident::Resident;
 
 use crate::lines::Broken;
 
+/// The script of every process that stays.
+const JUDGE: &str = include_str!("tint/judge.js");
+
 /// The longest answer that is read: more than any is.
 const LONGEST: u64 = 16 << 20;
 

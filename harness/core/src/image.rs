@@ -1,9 +1,11 @@
 //! Float images: what a frame is read back as, and what a golden holds.
 
+mod bytes;
 mod error;
 mod exr;
 mod file;
 mod png;
+mod whole;
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -11,8 +13,8 @@ use half::slice::HalfFloatSliceExt;
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
 #[doc(hidden)]
-pub use self::file::{Staged, remove_leftover};
-pub use self::file::{is_beside, is_leftover, write_whole};
+pub use self::whole::{Staged, remove_leftover};
+pub use self::whole::{is_beside, is_leftover, write_whole};
 
 use std::sync::Arc;
 

@@ -4,6 +4,7 @@ use super::batch::Batch;
 use super::cause::cause;
 use super::disagreement::{CaseFailure, arguments};
 use super::path_tally::PathTally;
+use super::sample::Sample;
 use super::session::Session;
 use super::tally::{Judged, Shown, tally};
 use crate::executor::Results;
@@ -37,10 +38,10 @@ impl Session<'_> {
     ) -> PathTally {
         let function = self.called.function();
         let judge = |case: usize, _: &[u32]| judge(case);
-        let mut picked = Self::picked(batch);
+        let mut picked = Sample::picked(batch);
         let sum = tally(batch.first, results.view(), &judge, &mut picked);
         let cause = cause(function, batch, &picked.failing, &sum);
-        let sample = self.sample(batch, &sum, picked);
+        let sample = Sample::of(&self.called.function().parameters, batch, &sum, picked);
         let tally = PathTally::new(&self.called, sum, |shown: Shown| {
             let case = usize::try_from(shown.case - batch.first).expect("in this batch");
             let Exhibit { lanes, varied, compared, actual, expected, judged } = exhibit(case);

@@ -1,10 +1,9 @@
 //! Cases whose errors are kept for reports: some of the first batch, and the worst of it.
 
 use super::batch::Batch;
-use super::session::Session;
 use super::tally::{Picked, Tally};
 use crate::record::{self, Errors, Plot};
-use crate::value::Scalar;
+use crate::value::{Scalar, Shape};
 
 /// Cases that a distribution and a plot are made of: enough for a map of 20 by 20 fields.
 const CASES: usize = 512;
@@ -20,7 +19,7 @@ pub(super) struct Sample {
     chosen: usize,
 }
 
-impl Session<'_> {
+impl Sample {
     /// Which cases of a batch are to be kept: of the first one that was drawn, those that fail, and some for
     /// the record where one is kept.
     pub(super) fn picked(batch: &Batch) -> Picked {
@@ -32,8 +31,13 @@ impl Session<'_> {
         some.and_failing()
     }
 
-    /// The cases of a batch that were picked.
-    pub(super) fn sample(&self, batch: &Batch, tally: &Tally, picked: Picked) -> Option<Sample> {
+    /// The cases of a batch that were picked, of a function with these parameters.
+    pub(super) fn of(
+        parameters: &[(String, Shape)],
+        batch: &Batch,
+        tally: &Tally,
+        picked: Picked,
+    ) -> Option<Self> {
         if picked.ratios.is_empty() {
             return None;
         }
@@ -43,8 +47,7 @@ impl Session<'_> {
             Some((usize::try_from(shown.case).ok()?, shown.judged.measure.ratio))
         });
         let cases: Vec<(usize, f64)> = picked.ratios.into_iter().chain(shown).collect();
-        let parameters = &self.called.function().parameters;
-        Some(Sample {
+        Some(Self {
             names: parameters
                 .iter()
                 .flat_map(|(name, shape)| named(name, shape.lanes().len()))

@@ -11,6 +11,7 @@ use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
+use super::sample::Sample;
 use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
@@ -99,6 +100,20 @@ pub(super) type JudgeBatch<'j> =
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
+    /// Refuses a check that couldn't have failed: one that `tested` nothing. A check that fails has
+    /// tested something, and one case that is replayed needn't be one that could.
+    pub(super) fn expect_tested(
+        &self,
+        tested: bool,
+        tally: PathTally,
+        otherwise: Vacuous,
+    ) -> Result<PathTally, Failure> {
+        if tested || self.is_replay() || tally.fails() {
+            return Ok(tally);
+        }
+        self.called.vacuous(otherwise)
+    }
+
     pub(super) fn open(
         (plan, executor): (&'a Plan<'_>, &'a dyn Executor),
         stream: &'a dyn Stream,
@@ -379,10 +394,10 @@ impl<'a> Session<'a> {
         judge: &impl Judge,
     ) -> Result<PathTally, Failure> {
         let judged = running.view(|results| {
-            let mut picked = Self::picked(batch);
+            let mut picked = Sample::picked(batch);
             let sum = tally(batch.first, results, judge, &mut picked);
             let cause = cause(self.called.function(), batch, &picked.failing, &sum);
-            let sample = self.sample(batch, &sum, picked);
+            let sample = Sample::of(&self.called.function().parameters, batch, &sum, picked);
             let tally = PathTally::new(&self.called, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let actual = results.of(case);

@@ -1,8 +1,6 @@
 //! Why a check has nothing to judge: each cause by itself, so that no message names several.
 
-use super::path_tally::PathTally;
-use super::session::Session;
-use super::{Failure, Parameter};
+use super::Parameter;
 use crate::domain::Emptiness;
 use crate::output::counted;
 
@@ -120,21 +118,5 @@ fn shown(Emptiness { what, fault, .. }: &Emptiness, argument: Option<&str>) -> S
     match argument {
         Some(name) => format!("the {what} of `{name}` {fault}"),
         None => format!("its {what} {fault}"),
-    }
-}
-
-impl Session<'_> {
-    /// Refuses a check that couldn't have failed: one that `tested` nothing. A check that fails has
-    /// tested something, and one case that is replayed needn't be one that could.
-    pub(super) fn expect_tested(
-        &self,
-        tested: bool,
-        tally: PathTally,
-        otherwise: Vacuous,
-    ) -> Result<PathTally, Failure> {
-        if tested || self.is_replay() || tally.fails() {
-            return Ok(tally);
-        }
-        self.called.vacuous(otherwise)
     }
 }

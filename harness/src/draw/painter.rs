@@ -4,13 +4,20 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::drawing::{Bindings, Scene, Source};
-use super::pipeline::Pass;
 use super::request::{Draw, Geometry};
 use super::row::Row;
 use super::{DrawError, depths};
 use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
+
+/// Which passes of a frame a pipeline is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// Depth alone, in advance.
+    Depth,
+    Color,
+}
 
 /// A draw with its pipelines.
 struct Prepared<'d> {

@@ -1,18 +1,10 @@
 //! The pipelines of a draw.
 
-use super::painter::Painter;
+use super::painter::{Painter, Pass};
 use super::request::{Draw, Geometry};
 use super::state::{Cull, Winding};
 use super::targets::{writes_depth, writes_target};
 use crate::probe::compare;
-
-/// Which passes of a frame a pipeline is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pass {
-    /// Depth alone, in advance.
-    Depth,
-    Color,
-}
 
 impl Painter<'_> {
     /// The pipeline of a draw in a pass.

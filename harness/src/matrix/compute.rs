@@ -1,7 +1,6 @@
 //! Compute entry points: run on each column, and what they wrote compared.
 
-use super::execute::{Comparison, not_run};
-use super::row::conclude;
+use super::execute::{Comparison, conclude, not_run};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};

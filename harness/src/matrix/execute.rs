@@ -1,6 +1,7 @@
 //! Running a function on a column's path, and comparing it with another one's results.
 
 use super::leeway::{Freedom, Latitude, OfCase};
+use super::{Cell, Status, Stop};
 use crate::executor::Caller;
 use crate::probe::ProbeError;
 use crate::tolerance::{Tolerance, ulp_distance};
@@ -19,6 +20,19 @@ pub(super) fn not_run(error: ProbeError) -> String {
         ProbeError::Compile { error, .. } => error.to_string(),
         other => other.to_string(),
     }
+}
+
+/// The first column was compared with each other one: what agrees with it has it agree, too.
+pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
+    first.stopped = match agreeing {
+        Some(seen) => {
+            first.status = Some(Status::Agrees);
+            (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
+            return;
+        }
+        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
+        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
+    };
 }
 
 /// How the results of two columns compare.

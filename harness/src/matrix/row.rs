@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::compute::run_entry_point_on_each;
 use super::divergence::divergence;
 use super::excerpt::function_lines;
-use super::execute::{Comparison, Judge, Ran, not_run};
+use super::execute::{Comparison, Judge, Ran, conclude, not_run};
 use super::leeway::{Latitude, Leeway};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
@@ -177,17 +177,4 @@ fn compare_all(
         }
     }
     conclude(&mut cells[first.column], agreeing, others.len());
-}
-
-/// The first column was compared with each other one: what agrees with it has it agree, too.
-pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
-    first.stopped = match agreeing {
-        Some(seen) => {
-            first.status = Some(Status::Agrees);
-            (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
-            return;
-        }
-        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
-        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
-    };
 }

@@ -319,7 +319,7 @@ impl Device {
                 Ok(Arc::new(Pipeline { pipeline, foreign: None }))
             }
             Routed::Spirv(foreign) => {
-                let pipeline = foreign.pipeline(self)?;
+                let pipeline = self.made(|| foreign.pipeline(&self.device))?;
                 Ok(Arc::new(Pipeline { pipeline, foreign: Some(foreign) }))
             }
         })

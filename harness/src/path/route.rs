@@ -5,7 +5,6 @@ use karat_translate::{
     Bindings, Code, Kind, Resource, Shader, Target, Texels, Tool, compile, compiler,
 };
 
-use super::device::Device;
 use super::{Api, Path, PathError, Via};
 use crate::reflect::Ir;
 
@@ -112,28 +111,24 @@ impl Foreign {
     }
 
     /// Its pipeline. wgpu knows nothing of its resources, so their layout is given.
-    pub(super) fn pipeline(&self, device: &Device) -> Result<wgpu::ComputePipeline, PathError> {
-        device.made(|| {
-            let device = &device.device;
-            let module =
-                spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);
-            let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: None,
-                entries: &self.layout,
-            });
-            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &[Some(&group)],
-                ..Default::default()
-            });
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(&self.entry_point),
-                layout: Some(&layout),
-                module: &module,
-                entry_point: Some(&self.entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
+    pub(super) fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
+        let module = spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);
+        let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &self.layout,
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&group)],
+            ..Default::default()
+        });
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(&self.entry_point),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some(&self.entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
         })
     }
 }

@@ -98,14 +98,31 @@ fn essence(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
+/// The program that the running test wants, which is written down where a run is recorded.
+pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
+    let program = kept::again(package, wanted);
+    note(package, wanted, &program, Of::Text);
+    program
+}
+
+/// Whether a module is valid, of which something is, and nothing else of it.
+pub(super) fn validity(
+    package: &Package,
+    module: &str,
+    linked: &Arc<Program>,
+) -> Result<(), ReflectError> {
+    let wanted = Wanted::Module(module.to_owned());
+    let program = match linked.linked.whole {
+        true => Ok(Arc::clone(linked)),
+        false => kept::again(package, &wanted),
+    };
+    note(package, &wanted, &program, Of::Validity);
+    program.map(drop)
+}
+
 /// Writes down what the running test wanted, if a run is being recorded. What can't be written makes
 /// nobody wait: whoever watches runs too many tests then.
-pub(super) fn note(
-    package: &Package,
-    wanted: &Wanted,
-    program: &Result<Arc<Program>, ReflectError>,
-    of: Of,
-) {
+fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, ReflectError>, of: Of) {
     static SEEN: LazyLock<Mutex<HashSet<(String, String)>>> = LazyLock::new(Mutex::default);
     static FILE: Mutex<Option<File>> = Mutex::new(None);
     let Some(folder) = settings::record().filter(|_| !UNWANTED.load(Ordering::Relaxed)) else {

@@ -6,7 +6,6 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::dependence::{self, Of};
 use super::{Program, ReflectError};
 use crate::package::Package;
 
@@ -23,28 +22,6 @@ pub(super) enum Wanted {
     Function(String),
     Module(String),
     Items(String, Vec<String>),
-}
-
-/// The program that the running test wants, which is written down where a run is recorded.
-pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
-    let program = again(package, wanted);
-    dependence::note(package, wanted, &program, Of::Text);
-    program
-}
-
-/// Whether a module is valid, of which something is, and nothing else of it.
-pub(super) fn validity(
-    package: &Package,
-    module: &str,
-    linked: &Arc<Program>,
-) -> Result<(), ReflectError> {
-    let wanted = Wanted::Module(module.to_owned());
-    let program = match linked.linked.whole {
-        true => Ok(Arc::clone(linked)),
-        false => again(package, &wanted),
-    };
-    dependence::note(package, &wanted, &program, Of::Validity);
-    program.map(drop)
 }
 
 /// The program that was made of the same texts, or else a new one. Files are read each time: a

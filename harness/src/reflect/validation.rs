@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::opinion::{self, Judged, Opinion};
-use super::{Program, ReflectError, kept};
+use super::{Program, ReflectError, dependence};
 use crate::diagnostic::Diagnostic;
 use crate::output::counted;
 use crate::package::{self, Package, PackageError};
@@ -199,5 +199,5 @@ pub(crate) fn validate(
     module: &str,
     linked: &Arc<Program>,
 ) -> Result<(), ReflectError> {
-    kept::validity(package, module, linked)
+    dependence::validity(package, module, linked)
 }

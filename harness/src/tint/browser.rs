@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::NoVerdict;
-use super::resident::JUDGE;
+use super::{JUDGE, NoVerdict};
 use crate::lines::{Answers, Broken, Lines};
 
 /// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its

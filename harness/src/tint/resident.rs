@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::answer::{self, Answer};
 use super::browser::Page;
 use super::find::Kind;
-use super::{LONGEST, NoVerdict, Question};
+use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
@@ -19,8 +19,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.
 const MOST_STARTS: usize = 3;
 
-/// The script of every process that stays.
-pub(super) const JUDGE: &str = include_str!("judge.js");
 /// In Node.
 const NODE: &str = include_str!("node.mjs");
 

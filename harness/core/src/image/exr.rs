@@ -19,7 +19,8 @@ use half::slice::HalfFloatSliceExt;
 
 use self::header::{FileHeader, PartHeader, Sample, shown};
 use self::select::{Selection, select};
-use super::{Image, ImageError, ImageFormat, file};
+use super::bytes::bytes;
+use super::{Image, ImageError, ImageFormat};
 
 /// How samples are stored.
 ///
@@ -125,7 +126,7 @@ impl ExrFile {
     /// over 2000 times the file's length. Deep data, chroma of a lower resolution and the
     /// compressions HTJ2K, ZSTD and LJ2K aren't read.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
-        Self::decode(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
+        Self::decode(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
     fn decode(bytes: &[u8]) -> Result<Self, String> {
@@ -175,7 +176,7 @@ impl ExrFile {
             let all = std::iter::once(&file.parts[index]).chain(others.map(|(_, part)| part));
             Ok(all.map(|part| part.name.clone()).collect())
         };
-        names(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
+        names(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
     /// The primaries that a file declares for its colours: CIE x and y of red, green, blue and
@@ -200,7 +201,7 @@ impl ExrFile {
             let parts = [&file.parts[index], &file.parts[0]];
             Ok(parts.iter().find_map(|part| part.chromaticities).unwrap_or(Self::BT709))
         };
-        of(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
+        of(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
     /// Writes the file, with the metadata as its attribute `karat`. The same parts and metadata
@@ -255,7 +256,7 @@ impl Image {
     /// # Errors
     /// As for [`ExrFile::read`].
     pub fn read_exr(path: &Path) -> Result<(Self, Option<String>), ImageError> {
-        let bytes = file::bytes(path)?;
+        let bytes = bytes(path)?;
         let (image, metadata) = ExrFile::decode_first(&bytes)
             .map_err(ImageError::corrupt(path, ImageFormat::OpenExr))?;
         Ok((image.read_from(path, &bytes), metadata))

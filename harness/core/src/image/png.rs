@@ -12,6 +12,15 @@ use crate::diagnostic::shown;
 /// Where the key of an image is mapped to: middle grey.
 const MIDDLE_GREY: f32 = 0.18;
 
+/// What the samples of a PNG stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Samples {
+    /// Light, encoded for screens.
+    Colours,
+    /// Numbers.
+    Data,
+}
+
 impl Image {
     /// Writes an 8-bit sRGB PNG for looking at. The exposure maps the image's key to middle grey;
     /// highlights are compressed (Reinhard et al. 2002, eq. 3). NaN is magenta, infinities are
@@ -57,7 +66,7 @@ impl Image {
             .write_header()
             .and_then(|mut writer| writer.write_image_data(&bytes))
             .map_err(|error| failed(std::io::Error::other(error)))?;
-        super::file::write_whole(path, &file).map_err(failed)
+        super::whole::write_whole(path, &file).map_err(failed)
     }
 
     /// Three bytes a pixel.

@@ -96,6 +96,6 @@ mod tests {
         write("Cargo.lock", "[[package]]\nname = \"karaoke\"\n");
         assert_eq!(unoptimised(folder.path()), []);
         write("Cargo.lock", "[[package]]\nname = \"karat\"\n");
-        assert_eq!(unoptimised(folder.path()).len(), 3);
+        assert_eq!(unoptimised(folder.path()).len(), 4);
     }
 }

@@ -9,7 +9,7 @@ use exr::prelude::Compression;
 
 pub(super) use bytes::Bytes;
 
-use crate::image::file::{self, LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
+use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
 /// Most channels of a part that are read; no renderer's beauty part has more.
 const MOST_CHANNELS: usize = 32;
@@ -91,7 +91,7 @@ impl FileHeader {
             return Err("it is empty".to_owned());
         }
         if !bytes.starts_with(&exr::meta::magic_number::BYTES) {
-            return Err(format!("it is {}", file::found(bytes)));
+            return Err(format!("it is {}", found(bytes)));
         }
         rest.take(4)?;
         let version = rest.u32()?;

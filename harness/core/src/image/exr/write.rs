@@ -18,7 +18,8 @@ use half::slice::HalfFloatSliceExt;
 use super::Precision;
 use super::header::ATTRIBUTE;
 use crate::diagnostic::shown;
-use crate::image::file::{LONGEST_SIDE, write_whole};
+use crate::image::bytes::LONGEST_SIDE;
+use crate::image::whole::write_whole;
 use crate::image::{Image, ImageError};
 
 /// A part to be written.

@@ -4,8 +4,9 @@ use std::io::Cursor;
 
 use png::{BitDepth, ColorType, Decoder, Info, Limits, Transformations};
 
+use super::Samples;
 use crate::image::Image;
-use crate::image::file::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, Samples};
+use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
 
 /// What a decoder may reserve beside the pixels: a row, and chunks that aren't ignored.
 const BESIDE_PIXELS: usize = 1 << 20;

@@ -1,0 +1,69 @@
+//! The bytes of files that can be images: how large they may be, and how they begin.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read};
+use std::path::Path;
+
+use super::ImageError;
+use crate::diagnostic::shown;
+
+/// Longest side that is read or written: a 16k texture.
+pub(super) const LONGEST_SIDE: u32 = 16_384;
+/// Most memory that the pixels of a file may take, and the longest file that is read: what doesn't
+/// fit in one doesn't fit in the other.
+pub(super) const LARGEST_DECODED: u64 = 512 << 20;
+/// Deflate reaches 1032:1 on constant images; about twice that is no image.
+pub(super) const LARGEST_RATIO: u64 = 2000;
+
+/// How files begin that people take for images, or rename to them.
+const BEGINNINGS: [(&[u8], &str); 10] = [
+    (&exr::meta::magic_number::BYTES, "an OpenEXR image"),
+    (PNG, "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"#?R", "a Radiance HDR image"),
+    (b"II*\0", "a TIFF image"),
+    (b"MM\0*", "a TIFF image"),
+    (b"DDS ", "a DDS texture"),
+    (b"\xabKTX", "a KTX texture"),
+    (b"GIF8", "a GIF image"),
+    (b"RIFF", "a RIFF file, as WebP images are"),
+];
+pub(super) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// What a file is that isn't what was expected.
+pub(super) fn found(bytes: &[u8]) -> &'static str {
+    let known = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning));
+    match known {
+        Some((_, name)) => name,
+        None if bytes.is_empty() => "empty",
+        None => "of a format that isn't known",
+    }
+}
+
+/// A file's bytes, if it can be an image.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let failed = |source: Error| match source.kind() {
+        ErrorKind::NotFound => ImageError::Missing { path: shown(path) },
+        _ => ImageError::Read { path: shown(path), source },
+    };
+    // Opening a folder succeeds on some systems, and is "permission denied" on others.
+    if path.is_dir() {
+        return Err(failed(Error::new(ErrorKind::IsADirectory, "it is a folder")));
+    }
+    let file = File::open(path).map_err(failed)?;
+    let announced = file.metadata().map_err(failed)?.len();
+    let mut bytes = Vec::new();
+    if announced <= LARGEST_DECODED {
+        // A device or a pipe announces nothing, and may never end.
+        file.take(LARGEST_DECODED + 1).read_to_end(&mut bytes).map_err(failed)?;
+    }
+    let length = announced.max(bytes.len() as u64);
+    if length > LARGEST_DECODED {
+        let reason = format!("it is longer than {} MB", LARGEST_DECODED >> 20);
+        return Err(failed(Error::new(ErrorKind::FileTooLarge, reason)));
+    }
+    if bytes.starts_with(b"version https://git-lfs") {
+        return Err(ImageError::LfsPointer { path: shown(path) });
+    }
+    Ok(bytes)
+}

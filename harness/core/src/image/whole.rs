@@ -1,0 +1,172 @@
+//! Files that are written as a whole or not at all.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Error, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Writes a temporary file beside the path, then renames it: the path has either the whole old file
+/// or the whole new one. Several writers at the same time use different temporary files, and the
+/// last rename wins. A link stays a link, and the file that it leads to is replaced. A device, a
+/// pipe or an open file of this process (`/dev/stdout`) is written to directly.
+///
+/// ```no_run
+/// karat::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
+/// # Errors
+/// If the folder or file can't be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    // Who has it open writes on into what would no longer be there.
+    let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
+    let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
+    match path.metadata() {
+        Ok(found) if is_open || !(found.is_file() || found.is_dir()) => std::fs::write(path, bytes),
+        // What a link leads to may be in another folder.
+        Ok(_) => Staged::new(&path.canonicalize()?, bytes)?.commit(),
+        Err(_) => Staged::new(path, bytes)?.commit(),
+    }
+}
+
+/// A file that is written beside its place and not yet renamed to it. It is removed if it is
+/// dropped before.
+///
+/// It is locked as long as its writer lives: [`is_leftover`].
+#[derive(Debug)]
+#[doc(hidden)]
+pub struct Staged<'a> {
+    beside: PathBuf,
+    place: &'a Path,
+    _held: File,
+}
+
+impl<'a> Staged<'a> {
+    #[doc(hidden)]
+    pub fn new(place: &'a Path, bytes: &[u8]) -> std::io::Result<Self> {
+        if let Some(folder) = place.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder)?;
+        }
+        let (beside, mut file) = create_beside(place)?;
+        // A full disk may be noticed only when the system writes what it has put off.
+        let written = file.write_all(bytes).and_then(|()| file.sync_all());
+        let staged = Self { beside, place, _held: file };
+        written.map(|()| staged)
+    }
+
+    #[doc(hidden)]
+    pub fn commit(self) -> std::io::Result<()> {
+        std::fs::rename(&self.beside, self.place)
+    }
+}
+
+impl Drop for Staged<'_> {
+    fn drop(&mut self) {
+        // Nothing is there after a rename; else the error that matters is the first one.
+        drop(std::fs::remove_file(&self.beside));
+    }
+}
+
+/// A new file in the same folder, named as no other thread or process names its own, and locked.
+fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let name = path
+        .file_name()
+        .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it doesn't name a file"))?;
+    loop {
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let mut beside = name.to_owned();
+        beside.push(format!(".{}-{count}.tmp", std::process::id()));
+        let beside = path.with_file_name(beside);
+        match OpenOptions::new().write(true).create_new(true).open(&beside) {
+            // Left by a process of this id that was killed, or one on another machine.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            opened => {
+                let file = opened?;
+                // Whoever tidies up may have taken it for a leftover before it was locked.
+                match file.try_lock() {
+                    Err(TryLockError::WouldBlock) => {}
+                    Ok(()) if !beside.exists() => {}
+                    // Some file systems know no locks: nobody tidies up there.
+                    Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
+                }
+            }
+        }
+    }
+}
+
+/// Whether this is a temporary file of a golden, a frame or their facts, whose process ended before
+/// it could rename it. Nothing else uses such names.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("sky.exr.1234-0.tmp");
+/// std::fs::write(&file, "half of it")?; // by a process that was killed
+/// assert!(karat::image::is_leftover(&file));
+/// # Ok::<(), std::io::Error>(())
+/// ```
+#[must_use]
+pub fn is_leftover(path: &Path) -> bool {
+    is_beside(path) && unheld(path).is_some()
+}
+
+/// Removes a file if it [is a leftover](is_leftover); whether it was.
+#[doc(hidden)]
+pub fn remove_leftover(path: &Path) -> bool {
+    // It is held meanwhile: its writer may be about to lock it.
+    let held = if is_beside(path) { unheld(path) } else { None };
+    held.is_some() && std::fs::remove_file(path).is_ok()
+}
+
+/// Whether a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
+///
+/// ```
+/// use karat::image::is_beside;
+///
+/// assert!(is_beside("golden/sky.exr.1234-0.tmp".as_ref()));
+/// assert!(!is_beside("golden/sky.exr".as_ref()));
+/// ```
+pub fn is_beside(path: &Path) -> bool {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_ours = |name: &str| {
+        let (place, numbers) = name.strip_suffix(".tmp")?.rsplit_once('.')?;
+        let (process, count) = numbers.split_once('-')?;
+        let case = place.strip_suffix(".exr").or_else(|| place.strip_suffix(".toml"))?;
+        let case = case.strip_suffix(".new").unwrap_or(case);
+        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        let sound = !case.is_empty() && case.chars().all(sound);
+        Some(sound && is_number(process) && is_number(count))
+    };
+    path.file_name().and_then(|name| name.to_str()).and_then(is_ours).unwrap_or(false)
+}
+
+/// The file, locked, if nobody else holds it.
+fn unheld(path: &Path) -> Option<File> {
+    // A link isn't ours, and a pipe would be waited for.
+    if !path.symlink_metadata().ok()?.is_file() {
+        return None;
+    }
+    let file = File::open(path).ok()?;
+    file.try_lock().ok().map(|()| file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_a_leftover_when_its_writer_is_gone() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let place = folder.path().join("scene.exr");
+        let staged = Staged::new(&place, b"golden").expect("written");
+        let beside = staged.beside.clone();
+        assert!(is_beside(&beside) && !is_leftover(&beside), "its writer lives");
+        assert!(!remove_leftover(&beside) && beside.exists());
+        staged.commit().expect("renamed");
+        assert_eq!(std::fs::read(&place).expect("there"), b"golden");
+        assert!(!is_leftover(&place) && !remove_leftover(&place) && place.exists());
+        std::fs::write(&beside, "half of i").expect("written");
+        assert!(is_leftover(&beside) && remove_leftover(&beside) && !beside.exists());
+        assert!(!remove_leftover(&beside), "it was removed");
+    }
+}
