@@ -15,4 +15,5 @@ pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop};
 pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::{NotReplayed, not_replayed};
+pub use reporter::record_unbegun;
 pub(crate) use reporter::{Fails, Passed, Report, or_panic, reported};

@@ -57,9 +57,18 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     result
 }
 
+/// Records that the running test couldn't begin: what declares it is wrong, so that no check could say so. The
+/// subject's location is the place of what is wrong.
+///
+/// `message` is all that is wrong, for people, and `headline` is its first sentence.
+pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {
+    let report = Report { subject, paths: Vec::new(), read: Vec::new() };
+    let fault = Fault { headline: headline.to_owned(), ..Fault::default() };
+    report.write(Verdict::Error, Some((message.to_owned(), fault)), &Stopwatch::start());
+}
+
 impl Report {
-    fn record<T: Passed, E: Fails>(self, stopwatch: &Stopwatch, result: &Result<T, E>) {
-        let Self { mut subject, paths, read } = self;
+    fn record<T: Passed, E: Fails>(mut self, stopwatch: &Stopwatch, result: &Result<T, E>) {
         let (verdict, failure) = match result {
             Ok(passed) if passed.known_issues().is_empty() => (Verdict::Pass, None),
             Ok(_) => (Verdict::KnownIssue, None),
@@ -68,11 +77,19 @@ impl Report {
         };
         // A check that ends before its function runs has found it all the same.
         if let (Subject::Function { location, .. }, Some(known)) =
-            (&mut subject, failure.and_then(E::location))
+            (&mut self.subject, failure.and_then(E::location))
             && location.is_empty()
         {
             *location = known;
         }
+        let failure = failure.map(|failure| (failure.to_string(), failure.fault()));
+        self.write(verdict, failure, stopwatch);
+    }
+
+    /// Writes it down with the message and the data of its failure.
+    fn write(self, verdict: Verdict, failure: Option<(String, Fault)>, stopwatch: &Stopwatch) {
+        let Self { subject, paths, read } = self;
+        let (message, fault) = failure.unzip();
         record::write(&Record {
             schema: record::SCHEMA,
             test: identity::test(),
@@ -80,8 +97,8 @@ impl Report {
             subject,
             verdict,
             paths,
-            message: failure.map(ToString::to_string),
-            fault: failure.map(E::fault),
+            message,
+            fault,
             overlay: record::overlay(),
             read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),
             time: Some(stopwatch.time()),

@@ -48,7 +48,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use karat::Package;
 use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
+use karat::record::Subject;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
@@ -275,6 +277,15 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
+    /// What its record is about, where it couldn't begin.
+    pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
+        Subject::Frame {
+            golden: self.name.clone(),
+            folder: self.golden_folder().display().to_string(),
+            location: location.unwrap_or_default().to_owned(),
+        }
+    }
+
     /// The folder of its golden.
     pub(crate) fn golden_folder(&self) -> PathBuf {
         self.folder.join(self.golden.as_deref().unwrap_or(Path::new(GOLDEN)))
@@ -297,6 +308,19 @@ impl Assertion {
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
+    }
+
+    /// What its record is about, where it couldn't begin.
+    pub(crate) fn subject(&self, package: &Package, location: Option<&str>) -> Subject {
+        Subject::Function {
+            package: package.root().display().to_string(),
+            function: self.function.clone(),
+            check: self.what.key().to_owned(),
+            assertion: String::new(),
+            location: location.unwrap_or_default().to_owned(),
+            domain: String::new(),
+            seed: 0,
+        }
     }
 
     /// The place of a key, or of what is asserted.

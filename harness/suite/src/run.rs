@@ -143,8 +143,10 @@ impl Suite {
             }
             Kind::Function(assertion) => {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
-                let judged =
-                    function(&self.package, assertion).map_err(|w| w.told(&place_of, whole))?;
+                let judged = function(&self.package, assertion).map_err(|wrong| {
+                    let wrong = wrong.told(&place_of, whole);
+                    wrong.recorded(assertion.subject(&self.package, wrong.place.as_deref()))
+                })?;
                 let Err(failure) = judged else { return Ok(()) };
                 let found = diagnostic_of(&failure);
                 if has_place(&failure) {
@@ -161,7 +163,10 @@ impl Suite {
             Kind::Frame(declared) => {
                 let place_of = |key: Option<&str>| declared.keys.place_of(key?).cloned();
                 let drawn = frame(&self.package, declared, whole);
-                let (unknown, drawn) = drawn.map_err(|w| w.told(&place_of, whole))?;
+                let (unknown, drawn) = drawn.map_err(|wrong| {
+                    let wrong = wrong.told(&place_of, whole);
+                    wrong.recorded(declared.subject(wrong.place.as_deref()))
+                })?;
                 let Err(error) = drawn else { return Ok(()) };
                 let found = frame_diagnostic_of(&error);
                 if frame_has_place(&error) {

@@ -4,6 +4,7 @@ use std::fmt;
 
 use karat::diagnostic::Diagnostic;
 use karat::package::PackageError;
+use karat::record::Subject;
 use karat::reflect::ReflectError;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,12 @@ impl Wrong {
         let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
         let headline = first.trim_start_matches("error: ").to_owned();
         Self { headline, place: None, message }
+    }
+
+    /// The same once it is in the record of the run: no check has put it there.
+    pub(crate) fn recorded(&self, subject: Subject) -> Self {
+        karat::run::record_unbegun(subject, &self.headline, &self.message);
+        self.clone()
     }
 
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {

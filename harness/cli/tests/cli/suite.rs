@@ -41,6 +41,27 @@ fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
 }
 
+/// A declaration that no check can begin with is in each report, with the place of its key.
+#[test]
+fn a_test_that_cannot_begin_is_in_each_report() {
+    let folder = folder();
+    let declared = "[[test]]\nfunction = \"schlick\"\nover = { f1 = 0 }\nfinite = true\n\
+                    [[frame]]\nname = \"sky\"\nfragment = \"sky\"\nsize = [4, 4]\n\
+                    formats = [\"rgba8\"]\n";
+    write(folder.path(), "brdf.test.toml", declared);
+    let ran = cpu(folder.path(), &["--short", "--junit", "junit.xml"]);
+    let over = "brdf.test.toml:3:1: error: over: there is no parameter `f1`";
+    let formats = "brdf.test.toml:9:1: error: formats: ";
+    assert!(ran.out.contains(over) && ran.out.contains(formats), "{ran:?}");
+    assert!(!ran.out.contains("outside of Karat's checks"), "{ran:?}");
+    let junit = std::fs::read_to_string(folder.path().join("junit.xml")).expect("written");
+    for place in ["file=\"brdf.test.toml\" line=\"3\"", "file=\"brdf.test.toml\" line=\"9\""] {
+        assert!(junit.contains(place), "{junit}");
+    }
+    let report = output(command(folder.path(), &["report"]).env("GITHUB_ACTIONS", "true"));
+    assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
+}
+
 #[test]
 fn a_folder_of_shaders_is_tested_without_cargo() {
     let folder = folder();
