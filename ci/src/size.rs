@@ -98,7 +98,7 @@ fn measure(root: &Path) -> Result<Vec<(String, usize)>> {
         }),
         ("callers of Prepared::start".to_owned(), lines(|line| line.contains("prepared.start("))),
         ("places that read a message".to_owned(), lines(reads_message)),
-        ("circles inside rooms of karat".to_owned(), circles(&all)),
+        ("circles inside rooms of karat".to_owned(), circles(&all).len()),
     ];
     numbers.extend(SPREAD.map(|(name, below, word)| {
         let has = |source: &&Source| {
@@ -183,8 +183,8 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Groups of modules of a room that use one another in a circle.
-fn circles(all: &[Source]) -> usize {
+/// Groups of modules of a room that use one another in a circle: `check: sample, session`.
+fn circles(all: &[Source]) -> Vec<String> {
     // `check/integral/sum.rs` is of the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
     for source in all {
@@ -199,7 +199,7 @@ fn circles(all: &[Source]) -> usize {
         };
         rooms.entry(room).or_default().entry(module).or_default().extend(code.flat_map(named));
     }
-    let of_room = |modules: &BTreeMap<&str, BTreeSet<String>>| {
+    let of_room = |(room, modules): (&&str, &BTreeMap<&str, BTreeSet<String>>)| {
         let reached = |from: &str| {
             let (mut seen, mut next) = (BTreeSet::new(), vec![from.to_owned()]);
             while let Some(module) = next.pop() {
@@ -215,9 +215,10 @@ fn circles(all: &[Source]) -> usize {
             all.keys().filter(back).copied().collect()
         };
         let circles: BTreeSet<Vec<&str>> = all.keys().map(circle).collect();
-        circles.iter().filter(|circle| circle.len() > 1).count()
+        let several = circles.into_iter().filter(|circle| circle.len() > 1);
+        several.map(|circle| format!("{room}: {}", circle.join(", "))).collect::<Vec<_>>()
     };
-    rooms.values().map(of_room).sum()
+    rooms.iter().flat_map(of_room).collect()
 }
 
 /// The name at the beginning of a text.
@@ -249,14 +250,21 @@ mod tests {
     fn circles_are_counted_by_room() {
         let line =
             [source("harness/src/a/b.rs", "use super::c::C;"), source("harness/src/a/c.rs", "")];
-        assert_eq!(circles(&line), 0);
+        assert!(circles(&line).is_empty());
         let circle = [
             source("harness/src/a/b.rs", "use super::c::C;"),
             source("harness/src/a/c.rs", "use crate::a::d::D;"),
             source("harness/src/a/d.rs", "use super::b::B;"),
             source("harness/src/e/b.rs", "use super::c::C;"),
         ];
-        assert_eq!(circles(&circle), 1);
+        assert_eq!(circles(&circle), ["a: b, c, d"]);
+    }
+
+    #[test]
+    fn no_modules_use_one_another_in_a_circle() {
+        let mut all = Vec::new();
+        sources(&command::root(), &command::root().join(HARNESS), &mut all).expect("it is there");
+        assert_eq!(circles(&all), [""; 0]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! test needs from the author's files into one WGSL text, byte for byte but for names, so each place
 //! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
+mod brackets;
 mod cargo;
 mod compilers;
 mod conditions;
@@ -14,6 +15,7 @@ mod error;
 pub(crate) mod expectations;
 mod feature;
 mod fingerprint;
+mod function_item;
 mod functions;
 mod imports;
 mod lets;
@@ -25,6 +27,7 @@ mod linked;
 mod linker;
 mod manifest;
 mod overlay;
+mod parse;
 mod plain;
 mod portable;
 mod scan;
@@ -41,7 +44,8 @@ pub(crate) use compilers::Compilers;
 pub use error::PackageError;
 pub use feature::Feature;
 pub(crate) use feature::Features;
-pub use functions::{FunctionItem, LeftOut};
+pub use function_item::FunctionItem;
+pub use functions::LeftOut;
 pub(crate) use lets::{LetStatement, let_statements};
 pub(crate) use library::LinkedModule;
 pub(crate) use limits::{Limit, Limits};
@@ -61,6 +65,12 @@ use library::ModulePath;
 use overlay::Overlay;
 
 use crate::diagnostic::{FileRead, nearest, shown};
+
+/// File extensions of modules, in the order in which they are looked for.
+const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
+
+/// The package that Bevy makes of the values of its shader definitions.
+const CONSTANTS: &str = "constants";
 
 /// A set of WGSL modules.
 ///

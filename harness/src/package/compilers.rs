@@ -2,10 +2,9 @@
 
 use serde::Deserialize;
 
+use super::Package;
 use super::limits::Limits;
-use super::manifest::Manifest;
-use super::{Package, PackageError};
-use crate::diagnostic::{nearest, shown};
+use crate::diagnostic::nearest;
 
 /// The sections `[compilers]` and `[limits]` of `karat.toml`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,14 +42,6 @@ impl Compilers {
 }
 
 impl Package {
-    /// The sections of the folder's `karat.toml`.
-    pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
-        let manifest = Manifest::of(self)?;
-        let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
-        let require_tint = manifest.compilers.require_tint || self.requires_tint;
-        Ok(Compilers { file, require_tint, ..manifest.compilers })
-    }
-
     /// Requires Tint's verdict for [`is_valid`](Self::is_valid), whatever `karat.toml` says.
     ///
     /// ```

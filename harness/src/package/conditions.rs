@@ -9,9 +9,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::PackageError;
+use super::brackets::{after_attribute, end_of, end_of_item, syntax_error};
 use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
-use super::syntax::{after_attribute, end_of, end_of_item, syntax_error};
 use crate::diagnostic::SourceFile;
 
 /// Brackets in brackets of a condition: far more than anybody writes, and no danger to the stack.

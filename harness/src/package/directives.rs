@@ -150,7 +150,7 @@ impl Reader<'_> {
     }
 
     fn error(&self, range: Range<usize>, message: &str) -> PackageError {
-        super::syntax::syntax_error(self.file, range, message)
+        super::brackets::syntax_error(self.file, range, message)
     }
 
     fn is_live(&self) -> bool {

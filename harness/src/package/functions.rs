@@ -3,31 +3,11 @@
 use std::sync::Arc;
 
 use super::conditions::Inactive;
+use super::function_item::{FunctionItem, functions_of};
 use super::library::{Library, ModulePath};
-use super::syntax::{DeclarationKind, Module};
+use super::syntax::Module;
 use super::{Package, PackageError};
 use crate::diagnostic::Span;
-
-/// A function of a package, as found in its file.
-///
-/// ```
-/// use karat::Package;
-///
-/// let function = &Package::from_source("m", "\nfn f() {}").functions()?[0];
-/// assert_eq!(function.span.file.line_column(function.span.range.start), (2, 4));
-/// # Ok::<(), karat::package::PackageError>(())
-/// ```
-#[derive(Clone, Debug)]
-pub struct FunctionItem {
-    /// `module::name`, or `name` in a package of one module.
-    pub name: String,
-    /// Where its name stands.
-    pub span: Span,
-    /// All of it, with its attributes.
-    pub whole: Span,
-    /// Whether it is a shader entry point, which can't be called.
-    pub entry_point: bool,
-}
 
 impl Package {
     /// All functions of all modules, in the order of modules and lines.
@@ -130,19 +110,4 @@ pub struct LeftOut {
     pub condition: String,
     /// Where the condition stands.
     pub span: Span,
-}
-
-/// Those of one module, called `name`, without its tests.
-pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
-    let functions = module.declarations.iter().filter_map(|declaration| {
-        let item = declaration.name.as_ref()?;
-        let name = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
-        let (span, entry_point) = (module.span(declaration.name_token), declaration.entry_point);
-        let first = module.span(declaration.tokens.start);
-        let last = module.span(declaration.tokens.end.saturating_sub(1));
-        let whole = Span { range: first.range.start..last.range.end, ..first };
-        let function = declaration.kind == DeclarationKind::Function && !declaration.test;
-        function.then_some(FunctionItem { name, span, whole, entry_point })
-    });
-    functions.collect()
 }

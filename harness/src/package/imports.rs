@@ -6,9 +6,11 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::CONSTANTS;
 use super::PackageError;
-use super::library::{CONSTANTS, Library, ModulePath};
-use super::syntax::{Module, syntax_error};
+use super::brackets::syntax_error;
+use super::library::{Library, ModulePath};
+use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Span, nearest};
 
 /// Braces in braces of an import statement: far more than anybody writes, and no danger to the

@@ -17,15 +17,11 @@ use super::expectations;
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
 use super::overlay::Overlay;
+use super::parse::parse;
 use super::syntax::Module;
+use super::{CONSTANTS, EXTENSIONS};
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown, text_hash};
-
-/// File extensions of modules, in the order in which they are looked for.
-pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
-
-/// The package that Bevy makes of the values of its shader definitions.
-pub(super) const CONSTANTS: &str = "constants";
 
 /// Parsed modules that a process keeps: more than any package has, and a bound for long-lived ones.
 const MOST_KEPT: usize = 10_000;
@@ -438,7 +434,7 @@ fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, Pac
     if let Some(module) = lock().get(&key) {
         return Ok(Arc::clone(module));
     }
-    let module = Arc::new(Module::parse(file, &key.1)?);
+    let module = Arc::new(parse(file, &key.1)?);
     let mut known = lock();
     if known.len() >= MOST_KEPT {
         known.clear();

@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::feature::{Feature, Features};
-use super::functions::functions_of;
+use super::function_item::functions_of;
 use super::library::{Library, ModulePath};
 use super::linked::{Linked, author_path};
 use super::linker::Linker;
+use super::parse::{asks_for_nothing, parse};
 use super::splice::Spliced;
-use super::syntax::{Module, asks_for_nothing};
 use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
@@ -143,7 +143,7 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());
     let mut names = BTreeMap::new();
-    if let Ok(parsed) = Module::parse(file, &BTreeMap::new()) {
+    if let Ok(parsed) = parse(file, &BTreeMap::new()) {
         names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
     let (file, sources) = (Arc::clone(file), library.sources(root, file));

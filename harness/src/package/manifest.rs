@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
-use super::functions::functions_of;
+use super::function_item::functions_of;
 use super::limits::Limits;
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
@@ -159,6 +159,14 @@ type Printed = HashMap<(PathBuf, blake3::Hash, Vec<String>), String>;
 static PRINTED: LazyLock<Mutex<Printed>> = LazyLock::new(Mutex::default);
 
 impl Package {
+    /// The sections of the folder's `karat.toml`.
+    pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
+        let manifest = Manifest::of(self)?;
+        let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
+        let require_tint = manifest.compilers.require_tint || self.requires_tint;
+        Ok(Compilers { file, require_tint, ..manifest.compilers })
+    }
+
     /// Forgets what programs have printed of modules (`preprocess` in `karat.toml`): whoever lives on between
     /// edits doesn't know what else they read.
     ///

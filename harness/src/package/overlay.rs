@@ -186,7 +186,7 @@ impl Package {
         if matches!(self.origin, Origin::File { .. }) {
             return (root.file_name() == Some(file.as_os_str())).then_some(root);
         }
-        let known = library::EXTENSIONS.iter().any(|e| file.extension().is_some_and(|f| f == *e));
+        let known = super::EXTENSIONS.iter().any(|e| file.extension().is_some_and(|f| f == *e));
         known.then(|| root.join(file))
     }
 

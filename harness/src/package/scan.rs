@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::{PackageError, library, manifest};
+use super::{PackageError, manifest};
 use crate::diagnostic::shown;
 
 /// The modules and the other files below a folder, in no order.
@@ -48,7 +48,7 @@ impl Contents {
                 continue;
             }
             let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-            let is_shader = library::EXTENSIONS.iter().any(|known| extension == *known);
+            let is_shader = super::EXTENSIONS.iter().any(|known| extension == *known);
             if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
                 let reason =
                     "only the one in the package's own folder is read: move it there".to_owned();

@@ -7,22 +7,9 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use super::brackets::{after_attribute, end_of_item};
 use super::lexer::Kind;
-use super::syntax::{Declaration, DeclarationKind, Module, after_attribute, end_of_item};
-
-/// A name that isn't declared where it is used, `PI`, or a path to one, `package::math::PI`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Reference {
-    /// Its tokens: words, and two colons between them.
-    pub(super) tokens: Range<usize>,
-}
-
-impl Reference {
-    /// The words of the path.
-    pub(super) fn words<'a>(&self, module: &'a Module) -> Vec<&'a str> {
-        self.tokens.clone().step_by(3).map(|token| module.text(token)).collect()
-    }
-}
+use super::syntax::{Declaration, DeclarationKind, Module, Reference};
 
 /// The names in a declaration that it doesn't declare itself.
 pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Reference> {

@@ -8,14 +8,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::PackageError;
-use super::conditions::{Conditions, Inactive};
-use super::directives::{self, Directed, Include};
-use super::expectations;
-use super::feature::Features;
-use super::lexer::{Kind, Token, lex};
-use super::scope::{Reference, references};
+use super::brackets::{after_attribute, end_of, syntax_error};
+use super::conditions::Inactive;
+use super::directives::Include;
+use super::lexer::{Kind, Token};
 use super::splice::Edit;
-use crate::diagnostic::{Diagnostic, SourceFile, Span};
+use crate::diagnostic::{SourceFile, Span};
 
 /// A declaration of a module.
 #[derive(Clone, Debug)]
@@ -41,6 +39,20 @@ pub(super) enum DeclarationKind {
     Assertion,
 }
 
+/// A name that isn't declared where it is used, `PI`, or a path to one, `package::math::PI`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Reference {
+    /// Its tokens: words, and two colons between them.
+    pub(super) tokens: Range<usize>,
+}
+
+impl Reference {
+    /// The words of the path.
+    pub(super) fn words<'a>(&self, module: &'a Module) -> Vec<&'a str> {
+        self.tokens.clone().step_by(3).map(|token| module.text(token)).collect()
+    }
+}
+
 /// One file of a package, without what its conditions leave out.
 #[derive(Clone, Debug)]
 pub(super) struct Module {
@@ -60,7 +72,8 @@ pub(super) struct Module {
     /// Tokens of each directive: `enable`, `requires`, `diagnostic`.
     pub(super) directives: Vec<Range<usize>>,
     pub(super) declarations: Vec<Declaration>,
-    by_name: HashMap<String, Vec<usize>>,
+    /// Declarations by their names.
+    pub(super) by_name: HashMap<String, Vec<usize>>,
     /// For each bracket among the tokens, its partner.
     pub(super) brackets: Vec<usize>,
     /// All words of the tokens.
@@ -72,62 +85,6 @@ pub(super) struct Module {
 }
 
 impl Module {
-    /// Reads a file under conditions.
-    pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Self, PackageError> {
-        let directed = directives::read(file, features)?;
-        let mut tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
-        for end in directed.iter().flat_map(|directed| &directed.ends) {
-            let at = tokens.partition_point(|token| token.range().start < *end);
-            tokens.insert(at, Token::end(*end));
-        }
-        if let Some(token) = tokens.iter().find(|token| token.kind == Kind::Unknown) {
-            let what = &file.text[token.range()];
-            let message = if what.starts_with("/*") {
-                "a block comment isn't closed".to_owned()
-            } else {
-                format!("WGSL has no token `{}`", what.escape_debug())
-            };
-            return Err(syntax_error(file, token.range().start..token.range().start + 1, &message));
-        }
-        let brackets = partners(file, &tokens)?;
-        let Conditions { live, mut removed, mut inactive, .. } =
-            Conditions::apply(file, &tokens, &brackets, features)?;
-        let directed = directed.unwrap_or_default();
-        let Directed { replaced, includes, composes, .. } = directed;
-        removed.extend(directed.removed);
-        removed.sort_by_key(|range| range.start);
-        inactive.extend(directed.inactive);
-        let mut module = Self {
-            replaced,
-            includes,
-            composes,
-            file: Arc::clone(file),
-            tokens: live,
-            removed,
-            imports: Vec::new(),
-            directives: Vec::new(),
-            declarations: Vec::new(),
-            by_name: HashMap::new(),
-            brackets: Vec::new(),
-            words: HashSet::new(),
-            references: Vec::new(),
-            inactive,
-        };
-        module.brackets = partners(file, &module.tokens)?;
-        module.find_items()?;
-        expectations::prepare(&mut module);
-        for (index, declaration) in module.declarations.iter().enumerate() {
-            if let Some(name) = &declaration.name {
-                module.by_name.entry(name.clone()).or_default().push(index);
-            }
-        }
-        let words = (0..module.tokens.len()).filter(|token| module.is_word(*token));
-        module.words = words.map(|token| module.text(token).to_owned()).collect();
-        let declarations = module.declarations.iter();
-        module.references = declarations.map(|d| references(&module, d)).collect();
-        Ok(module)
-    }
-
     /// What conditions and directives change among some bytes.
     pub(super) fn changes(&self, from: &Range<usize>) -> impl Iterator<Item = Edit> {
         let from = from.clone();
@@ -170,7 +127,8 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
-    fn find_items(&mut self) -> Result<(), PackageError> {
+    /// Finds imports, directives and declarations among the tokens.
+    pub(super) fn find_items(&mut self) -> Result<(), PackageError> {
         let brackets = std::mem::take(&mut self.brackets);
         let mut at = 0;
         while at < self.tokens.len() {
@@ -249,137 +207,4 @@ impl Module {
         self.brackets = brackets;
         Ok(())
     }
-}
-
-/// Whether nothing in a text, well formed or not, asks the linker to change it.
-pub(super) fn asks_for_nothing(text: &str) -> bool {
-    let tokens = lex(text);
-    if directives::concern(text, &tokens) {
-        return false;
-    }
-    let word = |index: usize| tokens.get(index).map_or("", |token| &text[token.range()]);
-    !(0..tokens.len()).any(|index| {
-        (tokens[index].is(b':') && word(index + 1) == ":")
-            || (tokens[index].is(b'@')
-                && matches!(word(index + 1), "if" | "elif" | "else" | "publish" | "test"))
-            || word(index) == "import"
-    })
-}
-
-/// For each bracket, the index of its partner; for other tokens, their own.
-pub(super) fn partners(
-    file: &Arc<SourceFile>,
-    tokens: &[Token],
-) -> Result<Vec<usize>, PackageError> {
-    let mut partners: Vec<usize> = (0..tokens.len()).collect();
-    let mut open: Vec<usize> = Vec::new();
-    for (index, token) in tokens.iter().enumerate() {
-        let Kind::Symbol(symbol) = token.kind else { continue };
-        match symbol {
-            b'(' | b'[' | b'{' => open.push(index),
-            b')' | b']' | b'}' => {
-                let wanted = match symbol {
-                    b')' => b'(',
-                    b']' => b'[',
-                    _ => b'{',
-                };
-                match open.pop() {
-                    Some(first) if tokens[first].is(wanted) => {
-                        (partners[first], partners[index]) = (index, first);
-                    }
-                    // Nearly always the inner one was forgotten.
-                    Some(first) => {
-                        let message =
-                            format!("this isn't closed: a `{}` comes first", char::from(symbol));
-                        return Err(syntax_error(file, tokens[first].range(), &message));
-                    }
-                    None => {
-                        let message = format!("this `{}` closes nothing", char::from(symbol));
-                        return Err(syntax_error(file, token.range(), &message));
-                    }
-                }
-            }
-            _ => {}
-        }
-    }
-    match open.last() {
-        None => Ok(partners),
-        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this isn't closed")),
-    }
-}
-
-/// The token after an attribute that begins at `at`.
-pub(super) fn after_attribute(
-    text: &str,
-    tokens: &[Token],
-    brackets: &[usize],
-    at: usize,
-) -> usize {
-    let name = tokens.get(at + 1).map_or("", |token| &text[token.range()]);
-    // These take no arguments: a bracket after them belongs to what follows.
-    let bare = matches!(
-        name,
-        "else"
-            | "vertex"
-            | "fragment"
-            | "compute"
-            | "must_use"
-            | "const"
-            | "invariant"
-            | "publish"
-            | "test"
-    );
-    match tokens.get(at + 2) {
-        Some(token) if token.is(b'(') && !bare => brackets[at + 2] + 1,
-        _ => (at + 2).min(tokens.len()),
-    }
-}
-
-/// The token after a declaration or statement: after its body's `}`, or after its `;`.
-pub(super) fn end_of(
-    tokens: &[Token],
-    brackets: &[usize],
-    from: usize,
-    body: bool,
-) -> Option<usize> {
-    let mut at = from;
-    while at < tokens.len() {
-        match tokens[at].kind {
-            Kind::Symbol(b'{') if body => return Some(brackets[at] + 1),
-            Kind::Symbol(b';') => return Some(at + 1),
-            Kind::Symbol(b'(' | b'[' | b'{') => at = brackets[at] + 1,
-            Kind::Symbol(b')' | b']' | b'}') => return None,
-            _ => at += 1,
-        }
-    }
-    None
-}
-
-/// The token that ends a member or a parameter: its comma, or what closes the list. A comma between
-/// `<` and `>` separates a type's arguments.
-pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
-    let (mut at, mut depth) = (from, 0_usize);
-    while at < tokens.len() {
-        match tokens[at].kind {
-            Kind::Symbol(b',') if depth == 0 => return Some(at),
-            Kind::Symbol(b')' | b']' | b'}') => return Some(at),
-            Kind::Symbol(b'(' | b'[' | b'{') => at = brackets[at],
-            Kind::Symbol(b'<') => depth += 1,
-            Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        at += 1;
-    }
-    None
-}
-
-/// A syntax error at its place.
-pub(super) fn syntax_error(
-    file: &Arc<SourceFile>,
-    range: Range<usize>,
-    message: &str,
-) -> PackageError {
-    let span = Span { file: Arc::clone(file), range };
-    let diagnostic = Diagnostic::new(format!("syntax error: {message}")).at(span, "");
-    PackageError::Shader(Box::new(diagnostic))
 }

@@ -7,7 +7,7 @@ use std::process::Command;
 use serde::Deserialize;
 
 use super::{ASKING, Crate, DEEPEST, Graph, hash_of};
-use crate::package::library::EXTENSIONS;
+use crate::package::EXTENSIONS;
 
 /// What is read of `cargo metadata`.
 #[derive(Deserialize)]

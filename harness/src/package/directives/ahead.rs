@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::is_mark;
+use crate::package::CONSTANTS;
 use crate::package::feature::{Feature, Features};
 use crate::package::lexer::{Kind, Token, lex};
-use crate::package::library::CONSTANTS;
 
 /// The directives of a text, in order: each word with what follows in its line.
 fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {

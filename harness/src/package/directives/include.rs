@@ -1,6 +1,6 @@
 //! What a file includes.
 
-use crate::package::library::EXTENSIONS;
+use crate::package::EXTENSIONS;
 
 /// What a file includes.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,0 +1,126 @@
+//! Walks over tokens by their brackets.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::PackageError;
+use super::lexer::{Kind, Token};
+use crate::diagnostic::{Diagnostic, SourceFile, Span};
+
+/// For each bracket, the index of its partner; for other tokens, their own.
+pub(super) fn partners(
+    file: &Arc<SourceFile>,
+    tokens: &[Token],
+) -> Result<Vec<usize>, PackageError> {
+    let mut partners: Vec<usize> = (0..tokens.len()).collect();
+    let mut open: Vec<usize> = Vec::new();
+    for (index, token) in tokens.iter().enumerate() {
+        let Kind::Symbol(symbol) = token.kind else { continue };
+        match symbol {
+            b'(' | b'[' | b'{' => open.push(index),
+            b')' | b']' | b'}' => {
+                let wanted = match symbol {
+                    b')' => b'(',
+                    b']' => b'[',
+                    _ => b'{',
+                };
+                match open.pop() {
+                    Some(first) if tokens[first].is(wanted) => {
+                        (partners[first], partners[index]) = (index, first);
+                    }
+                    // Nearly always the inner one was forgotten.
+                    Some(first) => {
+                        let message =
+                            format!("this isn't closed: a `{}` comes first", char::from(symbol));
+                        return Err(syntax_error(file, tokens[first].range(), &message));
+                    }
+                    None => {
+                        let message = format!("this `{}` closes nothing", char::from(symbol));
+                        return Err(syntax_error(file, token.range(), &message));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    match open.last() {
+        None => Ok(partners),
+        Some(index) => Err(syntax_error(file, tokens[*index].range(), "this isn't closed")),
+    }
+}
+
+/// The token after an attribute that begins at `at`.
+pub(super) fn after_attribute(
+    text: &str,
+    tokens: &[Token],
+    brackets: &[usize],
+    at: usize,
+) -> usize {
+    let name = tokens.get(at + 1).map_or("", |token| &text[token.range()]);
+    // These take no arguments: a bracket after them belongs to what follows.
+    let bare = matches!(
+        name,
+        "else"
+            | "vertex"
+            | "fragment"
+            | "compute"
+            | "must_use"
+            | "const"
+            | "invariant"
+            | "publish"
+            | "test"
+    );
+    match tokens.get(at + 2) {
+        Some(token) if token.is(b'(') && !bare => brackets[at + 2] + 1,
+        _ => (at + 2).min(tokens.len()),
+    }
+}
+
+/// The token after a declaration or statement: after its body's `}`, or after its `;`.
+pub(super) fn end_of(
+    tokens: &[Token],
+    brackets: &[usize],
+    from: usize,
+    body: bool,
+) -> Option<usize> {
+    let mut at = from;
+    while at < tokens.len() {
+        match tokens[at].kind {
+            Kind::Symbol(b'{') if body => return Some(brackets[at] + 1),
+            Kind::Symbol(b';') => return Some(at + 1),
+            Kind::Symbol(b'(' | b'[' | b'{') => at = brackets[at] + 1,
+            Kind::Symbol(b')' | b']' | b'}') => return None,
+            _ => at += 1,
+        }
+    }
+    None
+}
+
+/// The token that ends a member or a parameter: its comma, or what closes the list. A comma between
+/// `<` and `>` separates a type's arguments.
+pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
+    let (mut at, mut depth) = (from, 0_usize);
+    while at < tokens.len() {
+        match tokens[at].kind {
+            Kind::Symbol(b',') if depth == 0 => return Some(at),
+            Kind::Symbol(b')' | b']' | b'}') => return Some(at),
+            Kind::Symbol(b'(' | b'[' | b'{') => at = brackets[at],
+            Kind::Symbol(b'<') => depth += 1,
+            Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        at += 1;
+    }
+    None
+}
+
+/// A syntax error at its place.
+pub(super) fn syntax_error(
+    file: &Arc<SourceFile>,
+    range: Range<usize>,
+    message: &str,
+) -> PackageError {
+    let span = Span { file: Arc::clone(file), range };
+    let diagnostic = Diagnostic::new(format!("syntax error: {message}")).at(span, "");
+    PackageError::Shader(Box::new(diagnostic))
+}
