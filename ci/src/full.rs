@@ -70,15 +70,15 @@ fn on_swiftshader() -> Result<()> {
 
 /// The counts of libtest's lines, of all test programs together.
 #[derive(Debug, Default, PartialEq)]
-struct Sum {
-    passed: u64,
+pub(crate) struct Sum {
+    pub(crate) passed: u64,
     ignored: u64,
     failed: Vec<String>,
 }
 
 impl Sum {
     /// Adds a line: `test NAME ... FAILED`, or the closing one of a program.
-    fn read(&mut self, line: &str) {
+    pub(crate) fn read(&mut self, line: &str) {
         if let Some(name) =
             line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))
         {

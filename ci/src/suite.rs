@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
+use crate::full::Sum;
 use crate::record::Running;
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
@@ -90,7 +91,15 @@ fn second_driver() -> Result<()> {
 
 /// A sample of `cargo ci full`: functions of the shader library by an engine in another process.
 fn behind_a_pipe() -> Result<()> {
-    command::run_aside(&mut piped(&["fresnel::", "geometry::"]))
+    let output = piped(&["fresnel::", "geometry::"]).output().context("can't run `cargo`")?;
+    let said = String::from_utf8_lossy(&output.stdout);
+    let mut sum = Sum::default();
+    said.lines().for_each(|line| sum.read(line));
+    let told = || format!("{said}{}", String::from_utf8_lossy(&output.stderr));
+    ensure!(output.status.success(), "functions fail by an engine in another process:\n{}", told());
+    // Filters that fit no test pass without one.
+    ensure!(sum.passed >= 10, "only {} tests ran:\n{}", sum.passed, told());
+    Ok(())
 }
 
 /// Tests of the shader library, those of these modules, on Karat's engine in another process.

@@ -2,7 +2,7 @@
 //
 //   KARAT_EXECUTORS='dawn=node dawn.mjs node_modules/webgpu' KARAT_PATHS=process@dawn cargo test
 //
-// The first line that it writes is a greeting; then it reads a job a line, and writes a reply a line.
+// The first line that it writes is a greeting; then it reads a job a line, and writes an answer a line.
 // The data are described at `karat::job`.
 
 import { spawn } from 'node:child_process';
@@ -35,6 +35,8 @@ async function serve() {
         requiredFeatures: wanted,
         requiredLimits: { maxStorageBufferBindingSize, maxBufferSize },
     });
+    // Karat starts another process.
+    device.lost.then(() => process.exit(1));
     const { vendor, architecture, description } = adapter.info;
     say({
         jobs: 1,
@@ -44,12 +46,17 @@ async function serve() {
     });
     for await (const line of createInterface({ input: process.stdin })) {
         device.pushErrorScope('validation');
-        const reply = await run(device, JSON.parse(line)).catch((error) => {
+        device.pushErrorScope('out-of-memory');
+        const job = JSON.parse(line);
+        const reply = await run(device, job).catch((error) => {
             const { message, pass = 0, bytes = null, refused = false } = error;
             return { [refused ? 'refused' : 'failed']: { message, pass, bytes } };
         });
-        const invalid = await device.popErrorScope();
-        say(invalid && reply.done ? { refused: { message: invalid.message } } : reply);
+        const [first, second] = [await device.popErrorScope(), await device.popErrorScope()];
+        const wrong = first ?? second;
+        // A shader that was taken isn't refused.
+        const failed = wrong && reply.done && { failed: { message: wrong.message } };
+        say({ id: job.id, reply: failed || reply });
     }
     process.exit(0);
 }

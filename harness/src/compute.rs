@@ -627,7 +627,7 @@ fn words(
     passes: &Passes,
     number: usize,
 ) -> Result<Vec<u32>, DispatchError> {
-    let afterwards = executor.dispatch(passes)?;
+    let afterwards = executor::dispatch(executor, passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == number);
     let lanes = found.and_then(|(_, words)| passes.lanes(number, &words));
     lanes.ok_or(DispatchError::Unable { path: executor.path() })

@@ -82,8 +82,8 @@ pub enum DrawError {
     },
     /// The executor can only call functions, not draw.
     #[error(
-        "path `{path}` draws no frames; it calls functions only. Frames need a driver: `karat doctor` \
-         tells how to get one, and `karat test --functions` leaves frames out"
+        "path `{path}` draws no frames. They need a driver: `karat doctor` tells how to get one, and \
+         `karat test --functions` leaves frames out"
     )]
     Unable {
         /// The path.

@@ -31,6 +31,7 @@ use crate::interpret::Interpreted;
 use crate::job::{self, Job, Reply};
 use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
+use crate::reflect::{Binding, Program};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
 ///
@@ -87,9 +88,10 @@ pub trait Executor: Debug + Sync {
     /// Its description in records.
     fn adapter(&self) -> Adapter;
 
-    /// Whether it has what not every executor has. Unless it says more, it draws no frames.
+    /// True if it has an ability. One that it lacks is refused before it is asked.
     fn can(&self, ability: Ability) -> bool {
-        ability != Ability::Frames
+        let _ = ability;
+        true
     }
 
     /// Runs a job. What follows is made of jobs, unless an executor has a shorter way.
@@ -98,7 +100,7 @@ pub trait Executor: Debug + Sync {
     /// If it can't be asked. The default implementation runs nothing, and returns an error.
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let _ = job;
-        Err(PathError::Route { path: self.path(), message: "it runs no jobs".to_owned() })
+        Err(PathError::NoJobs { path: self.path() })
     }
 
     /// Prepares a function to be called.
@@ -114,9 +116,6 @@ pub trait Executor: Debug + Sync {
     /// # Errors
     /// If it can't be drawn here.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-        if !self.can(Ability::Frames) {
-            return Err(DrawError::Unable { path: self.path() });
-        }
         jobs::draw(self.path(), &|job| self.run(job), drawing)
     }
 
@@ -129,11 +128,52 @@ pub trait Executor: Debug + Sync {
     }
 }
 
+/// Refuses what an executor lacks of what a function or an entry point needs, before it is asked.
+fn expect_able(
+    executor: &dyn Executor,
+    function: &str,
+    program: &Program,
+    bindings: &[Binding],
+) -> Result<(), ProbeError> {
+    let lacks = program.abilities(bindings).into_iter().find(|ability| !executor.can(*ability));
+    lacks.map_or(Ok(()), |ability| {
+        let (function, path) = (function.to_owned(), executor.path());
+        Err(ProbeError::Lacks { function, path, ability })
+    })
+}
+
+/// Dispatches passes on an executor that has what they need.
+pub(crate) fn dispatch(
+    executor: &dyn Executor,
+    passes: &Passes,
+) -> Result<Afterwards, DispatchError> {
+    for pass in &passes.passes {
+        let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
+        expect_able(executor, &pass.name, &pass.program, &bindings)?;
+    }
+    executor.dispatch(passes)
+}
+
+/// Draws on an executor that has what the frame needs.
+pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
+    if !executor.can(Ability::Frames) {
+        return Err(DrawError::Unable { path: executor.path() });
+    }
+    let needs = drawing.program().abilities(&drawing.all_bindings());
+    match needs.into_iter().find(|ability| !executor.can(*ability)) {
+        None => executor.draw(drawing),
+        Some(ability) => {
+            let (path, message) = (executor.path(), format!("it needs {ability}"));
+            Err(PathError::Route { path, message }.into())
+        }
+    }
+}
+
 /// Runs a job on an executor that has shorter ways than jobs.
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
-    let dispatch = &|passes: &Passes| executor.dispatch(passes);
-    let draw = &|drawing: &Drawing<'_>| executor.draw(drawing);
-    job::run(job, &job::By { dispatch, draw })
+    let passes = &|passes: &Passes| dispatch(executor, passes);
+    let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
+    job::run(job, &job::By { dispatch: passes, draw: frame })
 }
 
 /// A driver keeps the contract that each word is written once, by its case, by poison and canaries.

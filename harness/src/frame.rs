@@ -774,7 +774,7 @@ impl<'a> Frame<'a> {
 
 /// What an executor draws, as large as it should be.
 fn drawn(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-    let image = executor.draw(drawing)?;
+    let image = executor::draw(executor, drawing)?;
     let (expected, found) = (drawing.size(), (image.width(), image.height()));
     if found == expected {
         return Ok(image);

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then it reads a job a line, as JSON,
-//! and writes a [`Reply`] for each, as a line. It ends with its input. What it prints to stderr is told if it ends
-//! before. Calls of functions are jobs, too: the kernel around the function is in the text, and Karat judges whether
+//! and writes an [`Answer`] for each, as a line. It ends when its input ends. If it ends earlier, Karat shows its stderr.
+//! Calls of functions are jobs, too: the kernel around the function is in the text, and Karat judges whether
 //! each word was written, by the case that it belongs to.
 //!
 //! [`serve`](crate::executor::serve) makes such a program of one of Karat's own paths.
@@ -33,7 +33,7 @@ use crate::fixture::{Sampler, Texture};
 /// ```
 /// use karat::job::Job;
 ///
-/// let line = r#"{"jobs": 1, "resources": [{"buffer": {"words": [0]}}], "outputs": [0], "seconds": 60.0, "work": {"passes": [{
+/// let line = r#"{"jobs": 1, "id": 7, "resources": [{"buffer": {"words": [0]}}], "outputs": [0], "seconds": 60.0, "work": {"passes": [{
 ///     "shader": {"wgsl": "@group(0) @binding(0) var<storage, read_write> x: u32; @compute @workgroup_size(1) fn f() { x = 7u; }",
 ///                "sources": [], "overrides": {}},
 ///     "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}], "workgroups": [1, 1, 1]}]}}"#;
@@ -46,6 +46,8 @@ use crate::fixture::{Sampler, Texture};
 pub struct Job {
     /// The version of this data: 1.
     pub jobs: u32,
+    /// Its number, which its [`Answer`] repeats.
+    pub id: u64,
     /// What shaders read and write, by their numbers.
     pub resources: Vec<Resource>,
     /// The numbers of the resources whose contents are wanted. A frame's image is wanted anyway.
@@ -135,6 +137,18 @@ pub enum Resource {
     Sampler(Sampler),
 }
 
+impl Job {
+    /// The words of each output.
+    pub(crate) fn lengths(&self) -> Vec<usize> {
+        match &self.work {
+            Work::Passes(_) => {
+                self.outputs.iter().map(|number| self.resources[*number].words()).collect()
+            }
+            Work::Frame(frame) => vec![4 * frame.width as usize * frame.height as usize],
+        }
+    }
+}
+
 impl Resource {
     /// The words that it has when it is wanted back.
     pub(crate) fn words(&self) -> usize {
@@ -189,15 +203,25 @@ pub struct Drawn {
     pub bindings: Vec<Bound>,
 }
 
-/// What came of a job.
+/// The line that answers a job.
 ///
 /// ```
-/// use karat::job::Reply;
+/// use karat::job::{Answer, Reply};
 ///
-/// let reply: Reply = serde_json::from_str(r#"{"done": [[7]]}"#)?;
-/// assert_eq!(reply, Reply::Done(vec![vec![7]]));
+/// let answer: Answer = serde_json::from_str(r#"{"id": 7, "reply": {"done": [[7]]}}"#)?;
+/// assert_eq!(answer.reply, Reply::Done(vec![vec![7]]));
 /// # Ok::<(), serde_json::Error>(())
 /// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answer {
+    /// The job's number.
+    pub id: u64,
+    /// Its result.
+    pub reply: Reply,
+}
+
+/// The result of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Reply {

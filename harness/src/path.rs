@@ -15,7 +15,6 @@
 //! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
 //!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
 
-mod ability;
 #[cfg(feature = "engine")]
 pub(crate) mod cpu;
 mod deadline;
@@ -33,7 +32,7 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
-pub use ability::Ability;
+pub use crate::reflect::Ability;
 pub(crate) use deadline::{Guard, guard, guard_opening};
 #[cfg(feature = "routes")]
 pub(crate) use deadline::{Moment, watched};
@@ -137,6 +136,12 @@ pub enum PathError {
         /// Each path with its reason.
         reasons: Vec<String>,
     },
+    /// The executor runs no jobs.
+    #[error("path `{path}` runs no jobs")]
+    NoJobs {
+        /// The path.
+        path: Path,
+    },
     /// The path's route doesn't take the shader.
     #[error("path `{path}` doesn't take this shader: {message}")]
     Route {
@@ -167,7 +172,7 @@ impl PathError {
     /// True if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors of a
     /// driver that has taken the shader don't count.
     pub(crate) fn is_refusal(&self) -> bool {
-        matches!(self, Self::Route { .. } | Self::Refused { .. })
+        matches!(self, Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. })
     }
 }
 

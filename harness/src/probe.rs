@@ -42,7 +42,7 @@ use crate::diagnostic::Diagnostic;
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Ability, Path, PathError};
-use crate::reflect::{BindingKind, Function, Overrides, Program, ReflectError};
+use crate::reflect::{Function, Overrides, Program, ReflectError};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
@@ -160,22 +160,6 @@ impl Probed {
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
         let varying: Vec<bool> = parameters.map(|(_, shape)| floats(shape)).collect();
         self.with_quads(&varying)
-    }
-
-    /// What it needs of an executor beyond compute passes over buffers.
-    pub(crate) fn needs(&self) -> Vec<Ability> {
-        let mut shapes = self.function.parameters.iter().map(|(_, shape)| shape);
-        let f16 = shapes.any(Shape::needs_f16) || self.function.result.needs_f16();
-        let kinds = || self.function.bindings.iter().map(|binding| binding.kind);
-        let textures = kinds().any(|kind| {
-            use BindingKind as K;
-            matches!(kind, K::Texture(_) | K::StorageTexture { .. } | K::Sampler { .. })
-        });
-        let immediates = kinds().any(|kind| kind == BindingKind::Immediate);
-        [(Ability::F16, f16), (Ability::Textures, textures), (Ability::Immediates, immediates)]
-            .into_iter()
-            .filter_map(|(ability, needed)| needed.then_some(ability))
-            .collect()
     }
 
     /// Whether only fragment shaders may call it, so that each case is a quad of pixels.

@@ -3,6 +3,7 @@
 //! A [`Program`] holds the linked text, the IR and the source map. Whatever transforms or
 //! interprets shaders starts from it.
 
+mod ability;
 #[cfg(feature = "engine")]
 mod adapter;
 mod binding;
@@ -36,6 +37,7 @@ use naga::front::wgsl;
 use naga::proc::Layouter;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
+pub use ability::Ability;
 #[cfg(feature = "engine")]
 pub(crate) use adapter::ADAPTER;
 pub use binding::Binding;
@@ -280,6 +282,21 @@ impl Program {
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)
+    }
+
+    /// The abilities that it needs of what runs it, with these resources.
+    pub(crate) fn abilities(&self, bindings: &[Binding]) -> Vec<Ability> {
+        use BindingKind as K;
+        let has = |is: fn(K) -> bool| bindings.iter().any(|binding| is(binding.kind));
+        let textures = has(|kind| {
+            matches!(kind, K::Texture(_) | K::StorageTexture { .. } | K::Sampler { .. })
+        });
+        let immediates = has(|kind| kind == K::Immediate);
+        let f16 = self.linked.enables("f16");
+        [(Ability::F16, f16), (Ability::Textures, textures), (Ability::Immediates, immediates)]
+            .into_iter()
+            .filter_map(|(ability, needed)| needed.then_some(ability))
+            .collect()
     }
 
     /// The stretches of [`text`](Self::text) that authors wrote.

@@ -24,8 +24,9 @@ fn the_engine_behind_a_pipe_is_a_path() {
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines[..3], ["function: agrees", "texture: agrees", "pass: agrees"], "{text}");
     assert!(lines[3].starts_with("frame: path `process@mine` draws no frames"), "{text}");
+    assert_eq!(lines[4], "load: agrees", "{text}");
     assert!(
-        lines[4].contains("it takes derivatives, for which a quad of pixels has to be drawn"),
+        lines[5].contains("it takes derivatives, for which a quad of pixels has to be drawn"),
         "{text}"
     );
 }
@@ -35,7 +36,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
 fn a_driver_behind_a_pipe_draws_frames() {
     let text = piped("vulkan", "");
     let agrees = text.lines().filter(|line| line.ends_with(": agrees")).count();
-    assert_eq!(agrees, 4, "{text}");
+    assert_eq!(agrees, 5, "{text}");
     assert!(text.contains("frame: agrees"), "{text}");
 }
 
@@ -53,21 +54,13 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
         (
             "short",
-            "path `process@mine` returned 8191 words instead of 8192",
-            "path `process@mine` returned 1 words instead of 2",
+            "it returned outputs of [8191] words, and [8192] are wanted",
+            "it returned outputs of [1] words, and [2] are wanted",
         ),
-        (
-            "few",
-            "it returned 0 outputs, and 1 are wanted",
-            "it returned 0 outputs, and 1 are wanted",
-        ),
+        ("few", "it returned outputs of [] words, and [", "it returned outputs of [] words, and ["),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         ("fails", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
-        (
-            "garbage",
-            "its answer is no reply: all went well",
-            "its answer is no reply: all went well",
-        ),
+        ("garbage", "its answer is none: all went well", "its answer is none: all went well"),
         (
             "dies",
             "it ended (exit status: 3): out of memory",
@@ -77,7 +70,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         let text = piped("cpu", fault);
         let of = |name: &str| {
             let from = text.find(&format!("{name}: ")).expect("each is told");
-            let next = ["\ntexture: ", "\npass: ", "\nframe: "].map(|next| text[from..].find(next));
+            let next = ["\ntexture: ", "\npass: ", "\nframe: ", "\nload: "]
+                .map(|next| text[from..].find(next));
             &text[from..from + next.into_iter().flatten().min().unwrap_or(text.len() - from)]
         };
         assert!(of("function").contains(function), "{fault}: {text}");
@@ -91,7 +85,27 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
 fn a_program_that_hangs_is_ended() {
     let executor = format!("mine={} executor cpu hangs", env!("CARGO_BIN_EXE_planted"));
     let text = told(&executor, "process@mine", &[("KARAT_DEADLINE", "0.5")]);
-    assert_eq!(text.matches("did not finish within 0.5 s").count(), 3, "{text}");
+    assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
+    // It takes no job at all, and its pipe is full.
+    let executor = format!("mine={} executor cpu deaf", env!("CARGO_BIN_EXE_planted"));
+    let text = told(&executor, "process@mine", &[("KARAT_DEADLINE", "0.5")]);
+    assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
+}
+
+/// A line too many, a reply to another job and a place that is none are errors, and no verdict is another job's.
+#[test]
+fn a_line_belongs_to_its_job() {
+    let text = piped("cpu", "noisy");
+    assert!(
+        text.contains("function: the driver of path `process@mine` reports: its answer is none"),
+        "{text}"
+    );
+    // Another process is started, and it is noisy, too.
+    assert_eq!(text.matches("its answer is none: by the way").count(), 4, "{text}");
+    let text = piped("cpu", "late");
+    assert!(!text.contains(": agrees"), "{text}");
+    let text = piped("cpu", "backwards");
+    assert_eq!(text.matches("look there").count(), 4, "{text}");
 }
 
 /// What isn't such a program doesn't open, with the reason.
@@ -142,9 +156,10 @@ fn what_runs_no_jobs_does_not_open() {
 #[test]
 fn what_a_program_lacks_is_told() {
     let text = piped("cpu", "plain");
-    assert!(
-        text.contains("texture: `first` needs textures, which path `process@mine` doesn't have"),
-        "{text}"
-    );
+    for needs in
+        ["texture: `first` needs textures, which path", "load: `load` needs textures, which path"]
+    {
+        assert!(text.contains(needs), "{text}");
+    }
     assert!(text.contains("function: agrees"), "{text}");
 }

@@ -15,6 +15,10 @@ pub(crate) fn serve() -> Result<String, String> {
     let fault = arguments.next().unwrap_or_default();
     match &*fault {
         "silent" => return Ok("it says nothing".to_owned()),
+        "deaf" => {
+            say(r#"{"jobs": 1, "name": "a deaf one", "can": ["textures"]}"#)?;
+            std::thread::sleep(std::time::Duration::from_secs(600));
+        }
         "old" => say(r#"{"jobs": 0, "name": "an old one"}"#)?,
         "rude" => say("good morning")?,
         _ => {}
@@ -89,6 +93,22 @@ impl Executor for Faulty {
                 Reply::Done(outputs)
             }
             "few" => Reply::Done(Vec::new()),
+            // A line of its own, before the first reply alone.
+            "noisy" => {
+                static SAID: std::sync::Once = std::sync::Once::new();
+                SAID.call_once(|| say("by the way").expect("the pipe is open"));
+                Reply::Done(outputs)
+            }
+            "late" => {
+                // The reply to the job before.
+                static LAST: std::sync::Mutex<Vec<Vec<u32>>> = std::sync::Mutex::new(Vec::new());
+                let mut last = LAST.lock().expect("no thread panics");
+                Reply::Done(std::mem::replace(&mut *last, outputs))
+            }
+            "backwards" => Reply::Refused(Problem {
+                bytes: Some(std::ops::Range { start: 60, end: 1 }),
+                ..problem("look there")
+            }),
             "refuses" => Reply::Refused(named(&text)),
             "fails" => Reply::Failed(named(&text)),
             "garbage" => {
@@ -115,17 +135,20 @@ pub(crate) fn checks() -> Result<String, String> {
                 @group(0) @binding(1) var image: texture_2d<f32>;\n\
                 fn first(i: u32) -> f32 { return textureLoad(image, vec2u(i, 0u), 0).x; }\n\
                 @compute @workgroup_size(1) fn add() { data[1] += 3u; }\n\
+                @compute @workgroup_size(1) fn load() { data[0] = u32(textureLoad(image, vec2u(1u, 0u), 0).x); }\n\
                 @vertex fn corners(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n\
                     return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);\n\
                 }\n\
                 @fragment fn white() -> @location(0) vec4f { return vec4f(1.0); }\n";
     let package = Package::from_source("piped", wgsl);
     let half = package.function("half").over(0.0..=1.0).cases(10_000).unrecorded();
-    let texels = Texture::from_fn(2, 1, |x, _| x as f32);
+    let texels = || Texture::from_fn(2, 1, |x, _| x as f32);
     let first =
-        package.function("first").with("image", texels).over(Integers(0..=1_u32)).unrecorded();
+        package.function("first").with("image", texels()).over(Integers(0..=1_u32)).unrecorded();
     let passes =
         package.compute().with("data", Storage::new([1_u32, 2])).dispatch("add", [1, 1, 1]);
+    let loads = package.compute().with("data", Storage::new([7_u32, 2])).with("image", texels());
+    let loads = loads.dispatch("load", [1, 1, 1]);
     let frame = package.frame("", 4, 2).fullscreen("corners", "white").unrecorded();
     let whole = karat::metric::Rect::new(0, 0, 4, 2);
     let tiny = package.function("tiny").over(0.0..=1.0).unrecorded();
@@ -150,6 +173,15 @@ pub(crate) fn checks() -> Result<String, String> {
         (
             "frame",
             frame.try_expect_mean(whole, [1.0; 3], Abs(0.0)).map(drop).map_err(|e| e.to_string()),
+        ),
+        (
+            "load",
+            loads
+                .after("data")
+                .unrecorded()
+                .try_agrees_with([1_u32, 2], Ulp(0.0))
+                .map(drop)
+                .map_err(|e| e.to_string()),
         ),
         ("quad", tiny.try_agrees_with(|_: f64| 0.0, Ulp(0.0)).map(drop).map_err(|e| e.to_string())),
     ];

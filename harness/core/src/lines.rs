@@ -38,8 +38,9 @@ pub enum Answers {
 #[doc(hidden)]
 pub struct Lines {
     child: Child,
-    /// `None`: it was closed, so that the process ends.
-    to: Option<ChildStdin>,
+    /// To the thread that writes: a process that doesn't read stops nothing else. `None`: its input is closed, so
+    /// that it ends.
+    to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     /// Each message ends with it.
     end: u8,
@@ -90,16 +91,18 @@ impl Lines {
                 }
             }
         });
-        let to = child.stdin.take();
-        Ok(Self { child, to, from, end, said, silent })
+        let stdin = child.stdin.take().expect("it is piped");
+        let (to, written) = channel();
+        std::thread::spawn(move || write(stdin, &written));
+        Ok(Self { child, to: Some(to), from, end, said, silent })
     }
 
-    /// Sends a message.
+    /// Sends a message. A process that doesn't take it is found out by [`receive`](Self::receive).
     #[doc(hidden)]
     pub fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
-        let sent = self.to.as_mut().map(|to| to.write_all(&bytes).and_then(|()| to.flush()));
-        if matches!(sent, Some(Ok(()))) { Ok(()) } else { Err(self.ended()) }
+        let sent = self.to.as_ref().is_some_and(|to| to.send(bytes).is_ok());
+        if sent { Ok(()) } else { Err(self.ended()) }
     }
 
     /// Its next message, for which it has so long.
@@ -160,6 +163,15 @@ impl Drop for Lines {
             }
             drop(self.child.kill());
             drop(self.child.wait());
+        }
+    }
+}
+
+/// Writes messages until there are no more, or the process has closed its input.
+fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
+    for message in messages {
+        if stdin.write_all(&message).and_then(|()| stdin.flush()).is_err() {
+            break;
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::executor::{self, Executor, Results, Running};
 use crate::fixture::Fixtures;
 use crate::interpret::{Accuracy, Interpreted};
-use crate::path::Path;
+use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
@@ -171,8 +171,9 @@ impl<'a> Session<'a> {
 
     /// How exact the adapter is.
     pub(super) fn measured(&self) -> Result<Arc<Accuracy>, ProbeError> {
-        // An executor of one's own may be another one in the next run.
-        executor::measured(self.executor, !self.own_executors)
+        // An executor of one's own may be another one in the next run, and so may a program.
+        let is_program = self.executor.path().api() == Api::Process;
+        executor::measured(self.executor, !self.own_executors && !is_program)
     }
 
     /// How many cases the check declares, whether or not a replay selects one.

@@ -6,6 +6,7 @@ use super::{Executor, left_open};
 use crate::fixture::Fixtures;
 use crate::path::Path;
 use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
+use crate::reflect::Function;
 
 /// A function on one executor.
 pub(crate) struct Caller<'e> {
@@ -55,10 +56,8 @@ impl<'e> Caller<'e> {
         calls: usize,
     ) -> Result<Self, ProbeError> {
         let path = executor.path();
-        if let Some(ability) = probed.needs().into_iter().find(|need| !executor.can(*need)) {
-            let function = probed.function.name.clone();
-            return Err(ProbeError::Lacks { function, path, ability });
-        }
+        let Function { name, bindings, .. } = &probed.function;
+        super::expect_able(executor, name, &probed.program, bindings)?;
         let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
         if prepared.capacity() == 0 {
             let function = probed.function.name.clone();

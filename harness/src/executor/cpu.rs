@@ -4,7 +4,7 @@ use super::Executor;
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::interpret::{Alone, Interpreted};
 use crate::job::{Job, Reply};
-use crate::path::{Adapter, Path, PathError, cpu};
+use crate::path::{Ability, Adapter, Path, PathError, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
 /// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, and
@@ -19,6 +19,10 @@ impl Executor for Cpu {
 
     fn adapter(&self) -> Adapter {
         cpu::adapter()
+    }
+
+    fn can(&self, ability: Ability) -> bool {
+        ability != Ability::Frames
     }
 
     fn run(&self, job: &Job) -> Result<Reply, PathError> {

@@ -10,8 +10,9 @@ use crate::probe::evidence::Evidence;
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 use crate::reflect::Program;
 
-/// Cases of a job: some hundred kilobytes of JSON.
+/// Cases of a job, at most, and words of their arguments or of their results: some megabytes of JSON.
 const BATCH: usize = 4096;
+const WORDS: usize = 1 << 19;
 
 /// Cases of a batch where each is a job of its own.
 const ALONE: usize = 64;
@@ -43,7 +44,9 @@ pub(super) fn prepare<'e>(
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = Kernel::new(probed, fixtures)?;
-    let most = if form.alone { ALONE } else { BATCH.min(kernel.largest_batch()) };
+    let (words_in, words_out) = kernel.words();
+    let fit = (WORDS / words_in.max(words_out + 1)).clamp(1, BATCH);
+    let most = if form.alone { ALONE } else { fit.min(kernel.largest_batch()) };
     let (capacity, alone) = (cases.clamp(1, most), form.alone);
     let evidence = Evidence::of(probed.function(), path, kernel.words().1);
     let program = std::sync::Arc::clone(&probed.program);
@@ -69,26 +72,52 @@ impl ByJobs<'_> {
         let job = self.kernel.job(cases, arguments, canary, poison)?;
         let path = self.evidence.path;
         let place = |problem: &Problem| located(problem, |_, bytes| self.program.resolve(bytes));
-        let mut outputs = done((self.run)(&job)?, path, job.outputs.len(), place)?;
+        let mut outputs = done((self.run)(&job)?, path, &job, place)?;
         let words = outputs.remove(0);
         self.evidence.expect_canaries(&words, cases, canary)?;
         Ok((words, outputs))
     }
 
-    /// The same once each word of a result has been written.
-    fn written(
+    /// The words of all cases and the lanes of what each writes, case by case if each runs alone.
+    fn over(
         &self,
         cases: usize,
         arguments: &[u32],
+        poison: u32,
     ) -> Result<(Vec<u32>, Vec<Vec<u32>>), ProbeError> {
+        if !self.alone {
+            return Ok((self.outputs(cases, arguments, poison)?.0, Vec::new()));
+        }
+        let (words_in, _) = self.kernel.words();
+        let (mut words, mut written) = (Vec::new(), Vec::new());
+        for case in 0..cases {
+            let own = &arguments[case * words_in..][..words_in];
+            let (own, others) = self.outputs(1, own, poison)?;
+            words.extend(own);
+            written.push(self.kernel.written(&others));
+        }
+        Ok((words, written))
+    }
+
+    /// The rows of all cases once each word of a result has been written, and the words of a row.
+    fn rows(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, usize), ProbeError> {
         let [poison, other] = Kernel::POISON;
-        let (words, others) = self.outputs(cases, arguments, poison)?;
+        let (words, written) = self.over(cases, arguments, poison)?;
         let places = self.evidence.poisoned(&words);
         if !places.is_empty() {
-            let (again, _) = self.outputs(cases, arguments, other)?;
+            let (again, _) = self.over(cases, arguments, other)?;
             self.evidence.expect_written(&words, places, &self.evidence.poisoned(&again))?;
         }
-        Ok((words, others))
+        if !self.alone {
+            return Ok((words, self.evidence.stride));
+        }
+        let mut rows = Vec::new();
+        for (words, written) in words.chunks_exact(self.evidence.stride).zip(&written) {
+            rows.extend_from_slice(&words[..self.evidence.stride - 1]);
+            rows.extend_from_slice(written);
+        }
+        let stride = rows.len() / cases.max(1);
+        Ok((rows, stride))
     }
 }
 
@@ -98,24 +127,9 @@ impl Prepared for ByJobs<'_> {
     }
 
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
-        let (words_in, words_out) = self.kernel.words();
-        if !self.alone {
-            let (words, _) = self.written(cases, arguments)?;
-            let stride = self.evidence.stride;
-            return Ok(Box::new(move |read: Reader<'_>| {
-                read(&words, stride);
-                Ok(())
-            }));
-        }
-        let mut rows = Vec::new();
-        for case in 0..cases {
-            let own = &arguments[case * words_in..][..words_in];
-            let (words, others) = self.written(1, own)?;
-            rows.extend_from_slice(&words[..words_out]);
-            rows.extend(self.kernel.written(&others));
-        }
-        let stride = rows.len() / cases.max(1);
+        let arguments = arguments.to_vec();
         Ok(Box::new(move |read: Reader<'_>| {
+            let (rows, stride) = self.rows(cases, &arguments)?;
             read(&rows, stride);
             Ok(())
         }))
@@ -132,16 +146,12 @@ pub(super) fn dispatch(
     let place = |problem: &Problem| {
         located(problem, |pass, bytes| passes.passes.get(pass)?.program.resolve(bytes))
     };
-    let outputs = done(run(&job)?, path, job.outputs.len(), place)?;
-    let afterwards: Afterwards = job.outputs.iter().copied().zip(outputs).collect();
-    for (number, words) in &afterwards {
-        let expected = job.resources[*number].words();
-        if words.len() != expected {
-            let found = words.len();
-            return Err(ProbeError::Length { path, expected, found }.into());
-        }
-    }
-    Ok(afterwards)
+    let reply = run(&job).map_err(|error| match error {
+        PathError::NoJobs { path } => DispatchError::Unable { path },
+        error => error.into(),
+    })?;
+    let outputs = done(reply, path, &job, place)?;
+    Ok(job.outputs.iter().copied().zip(outputs).collect())
 }
 
 /// Draws a frame as a job.
@@ -152,29 +162,32 @@ pub(super) fn draw(
 ) -> Result<Image, DrawError> {
     let job = Job::of_drawing(drawing)?;
     let place = |problem: &Problem| located(problem, |_, bytes| drawing.program().resolve(bytes));
-    let words = done(run(&job)?, path, 1, place)?.remove(0);
+    let reply = run(&job).map_err(|error| match error {
+        PathError::NoJobs { path } => DrawError::Unable { path },
+        error => error.into(),
+    })?;
+    let words = done(reply, path, &job, place)?.remove(0);
     let (width, height) = drawing.size();
-    let expected = 4 * width as usize * height as usize;
-    if words.len() != expected {
-        let message = format!("it returned {} words of an image that has {expected}", words.len());
-        return Err(PathError::Driver { path, message }.into());
-    }
     let pixels = words.chunks_exact(4).map(|pixel| [0, 1, 2, 3].map(|k| f32::from_bits(pixel[k])));
     Ok(Image::new(width, height, pixels.collect()))
 }
 
-/// The outputs of a reply. `place` is where a problem is, in the author's file.
+/// The outputs of a reply, each as long as the job wants it. `place` is where a problem is, in the author's file.
 fn done(
     reply: Reply,
     path: Path,
-    expected: usize,
+    job: &Job,
     place: impl Fn(&Problem) -> String,
 ) -> Result<Vec<Vec<u32>>, PathError> {
     match reply {
-        Reply::Done(outputs) if outputs.len() == expected => Ok(outputs),
         Reply::Done(outputs) => {
+            let found: Vec<usize> = outputs.iter().map(Vec::len).collect();
+            let expected = job.lengths();
+            if found == expected {
+                return Ok(outputs);
+            }
             let message =
-                format!("it returned {} outputs, and {expected} are wanted", outputs.len());
+                format!("it returned outputs of {found:?} words, and {expected:?} are wanted");
             Err(PathError::Driver { path, message })
         }
         Reply::Refused(problem) => {

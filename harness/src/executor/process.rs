@@ -2,7 +2,7 @@
 
 use super::Executor;
 use crate::diagnostic::one_line;
-use crate::job::{Job, Reply};
+use crate::job::{Answer, Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Process};
 
 impl Executor for Process {
@@ -20,10 +20,13 @@ impl Executor for Process {
 
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let line = serde_json::to_string(job).expect("a job is plain data");
-        let answer = self.ask(&line)?;
-        serde_json::from_str(&answer).map_err(|error| {
-            let message = format!("its answer is no reply: {} ({error})", one_line(&answer));
-            PathError::Driver { path: Self::path(self), message }
+        self.ask(&line, |answer| {
+            let read: Answer = serde_json::from_str(answer)
+                .map_err(|error| format!("its answer is none: {} ({error})", one_line(answer)))?;
+            match read.id == job.id {
+                true => Ok(read.reply),
+                false => Err(format!("it answers job {}, and not job {}", read.id, job.id)),
+            }
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::io::{BufRead, Write};
 
 use super::Executor;
-use crate::job::{Problem, Reply};
+use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
 /// Reads jobs line by line, runs each, and writes the replies, after a greeting. It ends with its input.
@@ -34,11 +34,13 @@ pub fn serve(
     replies.flush()?;
     for line in jobs.lines() {
         let failed = |message| Reply::Failed(Problem { message, pass: 0, bytes: None });
-        let reply = match serde_json::from_str(&line?) {
-            Ok(job) => executor.run(&job).unwrap_or_else(|error| failed(error.to_string())),
-            Err(error) => failed(format!("this is no job: {error}")),
+        let job = serde_json::from_str(&line?).map(|job: Job| (job.id, executor.run(&job)));
+        let (id, reply) = match job {
+            Ok((id, reply)) => (id, reply.unwrap_or_else(|error| failed(error.to_string()))),
+            // No job has the number 0.
+            Err(error) => (0, failed(format!("this is no job: {error}"))),
         };
-        writeln!(replies, "{}", serde_json::to_string(&reply)?)?;
+        writeln!(replies, "{}", serde_json::to_string(&Answer { id, reply })?)?;
         replies.flush()?;
     }
     Ok(())

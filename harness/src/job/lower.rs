@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Bound, Drawn, Frame, Job, Pass, Resource, Shader, Source, Work};
 use crate::diagnostic::Span;
 use crate::dispatch::{MOST_WORKGROUPS, Passes};
 use crate::draw::{DrawError, Drawing};
-use crate::fixture::{Fixture, FixtureError, Fixtures, resolve};
+use crate::fixture::{Fixture, FixtureError, Fixtures, Sampler, resolve};
 use crate::path::JOBS;
 use crate::probe::{self, Inputs, ProbeError, Probed, UNIFORM_WORDS, WORKGROUP, evidence};
 use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
@@ -15,8 +16,10 @@ use crate::settings;
 
 impl Job {
     fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
+        static JOBS_OF_ALL: AtomicU64 = AtomicU64::new(1);
+        let id = JOBS_OF_ALL.fetch_add(1, Ordering::Relaxed);
         let seconds = settings::deadline().as_secs_f64();
-        Self { jobs: JOBS, resources, outputs, seconds, work }
+        Self { jobs: JOBS, id, resources, outputs, seconds, work }
     }
 
     /// Passes, with each resource that they write as an output.
@@ -43,6 +46,12 @@ impl Job {
     /// A frame.
     pub(crate) fn of_drawing(drawing: &Drawing<'_>) -> Result<Self, DrawError> {
         let program = drawing.program();
+        let scene = drawing.scene();
+        if !scene.clear.iter().chain([&scene.clear_depth]).all(|value| value.is_finite()) {
+            let reason =
+                "a job has finite numbers alone, and it is cleared to another one".to_owned();
+            return Err(DrawError::Unsound { setting: "clear", reason });
+        }
         let (mut resources, mut numbers) = (Vec::new(), BTreeMap::new());
         for (binding, fixture) in resolve(&drawing.all_bindings(), drawing.fixtures())? {
             if !numbers.contains_key(&binding.path) {
@@ -50,7 +59,6 @@ impl Job {
                 resources.push(Resource::of(program, binding, fixture)?);
             }
         }
-        let scene = drawing.scene();
         let mut draws = Vec::new();
         for (draw, bindings) in scene.draws.iter().zip(drawing.bindings()) {
             let covering = draw.covering().map(|fragment| program.covering(fragment));
@@ -126,7 +134,11 @@ impl Resource {
                 }
                 Self::Texture { format, texture }
             }
-            (Fixture::Sampler(sampler), _) => Self::Sampler(*sampler),
+            // JSON has no infinity, and no texture has more than 32 levels.
+            (Fixture::Sampler(sampler), _) => {
+                let (least, most) = sampler.lod;
+                Self::Sampler(Sampler { lod: (least.min(32.0), most.min(32.0)), ..*sampler })
+            }
             _ => unreachable!("a fixture is bytes, texels or a sampler"),
         })
     }

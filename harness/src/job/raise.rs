@@ -161,15 +161,27 @@ fn dispatched(job: &Job, passes: &[Pass], by: &By<'_>) -> Result<Vec<Vec<u32>>, 
         let workgroups = pass.workgroups;
         all.passes.push(dispatch::Pass { name, program, entry_point, workgroups, bindings });
     }
+    let most = 1..=dispatch::MOST_WORKGROUPS;
+    for Pass { entry_point, workgroups, .. } in passes {
+        if workgroups.iter().any(|count| !most.contains(count)) {
+            let (name, workgroups) = (entry_point.clone(), *workgroups);
+            return Err(DispatchError::Workgroups { name, workgroups }.into());
+        }
+    }
+    if passes.is_empty() {
+        return Err(DispatchError::Empty.into());
+    }
     // A resource that no pass uses can't be put on a device, which knows no variable for it.
     if let Some(unused) = (0..all.resources.len()).find(|n| all.uses(*n).next().is_none()) {
         return Err(Unraised::Job(format!("no pass uses resource {unused}")));
     }
-    let mut afterwards = (by.dispatch)(&all)?;
+    let afterwards = (by.dispatch)(&all)?;
     let output = |wanted: &usize| {
-        let place = afterwards.iter().position(|(number, _)| number == wanted);
+        let found = afterwards.iter().find(|(number, _)| number == wanted);
         let missing = || Unraised::Job(format!("no pass writes resource {wanted}"));
-        Ok(std::mem::take(&mut afterwards[place.ok_or_else(missing)?].1))
+        let (_, words) = found.ok_or_else(missing)?;
+        // A device may have made a buffer longer than the job has it.
+        Ok(words.iter().copied().take(job.resources[*wanted].words()).collect())
     };
     job.outputs.iter().map(output).collect()
 }

@@ -134,7 +134,7 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
         expect_ends(device, passes)?;
     }
     let executor = executor::of(path).map_err(DispatchError::from)?;
-    Ok(executor.dispatch(passes)?.into_iter().flat_map(|(_, words)| words).collect())
+    Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
 /// The one pass.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::depth::deepest;
+use super::lexer::lex;
 use super::library::{ModulePath, Sources};
 use super::splice::Spliced;
 use crate::diagnostic::{SourceFile, Span};
@@ -60,6 +61,18 @@ pub(crate) struct Linked {
 impl Linked {
     pub(crate) fn text(&self) -> &str {
         self.spliced.text()
+    }
+
+    /// True if the text has `enable` with this extension. Directives stand before all else (WGSL, 4).
+    pub(crate) fn enables(&self, extension: &str) -> bool {
+        let text = self.text();
+        if !text.contains(extension) {
+            return false;
+        }
+        let tokens = lex(text);
+        let words: Vec<&str> = tokens.iter().map(|token| &text[token.range()]).collect();
+        let mut statements = words.split(|word| *word == ";");
+        statements.any(|one| one.first() == Some(&"enable") && one.contains(&extension))
     }
 
     /// Where the text nests so deep, or has so long an expression, that compilers, which recurse over

@@ -92,7 +92,8 @@ impl Spliced {
         let index = self.pieces.partition_point(|piece| piece.at.end <= range.start);
         let piece = self.pieces.get(index).filter(|piece| piece.at.start <= range.start)?;
         let start = piece.original(range.start, false);
-        let end = piece.original(range.end.min(piece.at.end), true).max(start);
+        let last = range.end.clamp(range.start, piece.at.end);
+        let end = piece.original(last, true).max(start);
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 

@@ -90,9 +90,13 @@ impl Process {
         self.greeting.can.contains(&ability)
     }
 
-    /// Sends a line, and waits for the one that answers it. A process that doesn't answer is ended, and the next
-    /// question starts another one.
-    pub(crate) fn ask(&self, line: &str) -> Result<String, PathError> {
+    /// Sends a line, and reads the one that answers it. A process that doesn't answer, or whose answer can't be read,
+    /// is ended, and the next question starts another one.
+    pub(crate) fn ask<T>(
+        &self,
+        line: &str,
+        read: impl FnOnce(&str) -> Result<T, String>,
+    ) -> Result<T, PathError> {
         let failed = |reason: String| PathError::Driver { path: self.path, message: reason };
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut lines = match idle {
@@ -111,6 +115,7 @@ impl Process {
                 broken => broken.to_string(),
             })
         })?;
+        let answer = read(&answer).map_err(failed)?;
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(lines);
         Ok(answer)
     }
@@ -120,7 +125,9 @@ impl Process {
 fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
     let (program, arguments) = command.split_first().expect("a program has a name");
     let mut command = Command::new(program);
-    let lines = Lines::start(command.args(arguments), Answers::Stdout, b'\n', LONGEST);
+    // The record is of this process' tests.
+    command.args(arguments).env_remove("KARAT_RECORD");
+    let lines = Lines::start(&mut command, Answers::Stdout, b'\n', LONGEST);
     let mut lines = lines.map_err(|error| error.to_string())?;
     let first = lines.receive(settings::deadline()).map_err(|error| error.to_string())?;
     let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {

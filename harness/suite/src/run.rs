@@ -12,6 +12,7 @@ use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::FrameTolerance;
 use karat::made_up::Ranges;
 use karat::probe::{ProbeError, Probed};
+use karat::record::Subject;
 use karat::reflect::{Binding, Program, Stage};
 use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
@@ -126,14 +127,26 @@ impl Suite {
             |message: String, span: Span| Err(Wrong::from(Diagnostic::new(message).at(span, "")));
         match &test.kind {
             Kind::Wgsl(test) => {
+                let unbegun = |wrong: Wrong| {
+                    let location = wrong.place.clone().unwrap_or_default();
+                    wrong.recorded(Subject::Function {
+                        package: self.package.root().display().to_string(),
+                        function: test.name.clone(),
+                        check: "expects".to_owned(),
+                        assertion: String::new(),
+                        location,
+                        domain: String::new(),
+                        seed: 0,
+                    })
+                };
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,
                     // Invalid WGSL has its own place.
-                    None => test.probe().map_err(|error| Wrong::from(&*error))?,
+                    None => test.probe().map_err(|error| unbegun(Wrong::from(&*error)))?,
                 };
                 let nowhere = |_: Option<&str>| None;
-                let judged =
-                    wgsl(&self.package, test, probe).map_err(|w| w.told(&nowhere, whole))?;
+                let judged = wgsl(&self.package, test, probe)
+                    .map_err(|wrong| unbegun(wrong.told(&nowhere, whole)))?;
                 let Err(failure) = judged else { return Ok(()) };
                 match unbound(&failure) {
                     Some(unbound) => at(unbound, whole.clone()),
