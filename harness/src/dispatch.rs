@@ -334,7 +334,7 @@ impl Passes {
     }
 }
 
-/// What a resource that is written holds after all passes: its number, and the words of a buffer, or four words a
+/// The contents of resources that are written, after all passes: the number of each, and the words of a buffer, or four words a
 /// texel of a texture.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 

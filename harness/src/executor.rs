@@ -211,7 +211,7 @@ impl Executor for Device {
     }
 }
 
-/// What runs a path. Each opens once in a process.
+/// The executor of a path. Each opens once in a process.
 ///
 /// ```
 /// use karat::Path;

@@ -1,4 +1,4 @@
-//! What an executor runs, as data: linked WGSL, resources as words, and which of them are wanted back.
+//! Work for an executor, as data: linked WGSL, resources as words, and the numbers of those that are wanted back.
 //!
 //! A [`Job`] has nothing of wgpu, of naga or of the harness in it, so that anything can run it: another
 //! implementation of WebGPU, an engine, a device on another machine. KARAT_EXECUTORS names programs that do:
@@ -48,17 +48,17 @@ pub struct Job {
     pub jobs: u32,
     /// Its number, which its [`Answer`] repeats.
     pub id: u64,
-    /// What shaders read and write, by their numbers.
+    /// The resources that shaders read and write, by their numbers.
     pub resources: Vec<Resource>,
-    /// The numbers of the resources whose contents are wanted. A frame's image is wanted anyway.
+    /// The numbers of the resources whose contents are the result. A frame's result is its image.
     pub outputs: Vec<usize>,
     /// How long it may take.
     pub seconds: f64,
-    /// What is run.
+    /// Passes, or a frame.
     pub work: Work,
 }
 
-/// What a job runs.
+/// The work of a job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
@@ -101,7 +101,7 @@ pub struct Pass {
     pub shader: Shader,
     /// The name of its compute function.
     pub entry_point: String,
-    /// What the function uses.
+    /// The resources that the function uses.
     pub bindings: Vec<Bound>,
     /// Workgroups in each direction.
     pub workgroups: [u32; 3],
@@ -117,7 +117,7 @@ pub struct Bound {
     pub resource: usize,
 }
 
-/// What a shader reads or writes.
+/// A resource that a shader reads or writes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Resource {
@@ -172,22 +172,22 @@ pub struct Frame {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// What is drawn, in this order.
+    /// The draws, in this order.
     pub draws: Vec<Drawn>,
-    /// Whether depth alone is drawn first, and colour then where depth is equal.
+    /// True if depth alone is drawn first, and colour then where depth is equal.
     pub prepass: bool,
-    /// What happens to pixels that are drawn again, unless a draw says otherwise.
+    /// The blending of pixels that are drawn again, unless a draw says otherwise.
     pub blend: Blend,
     /// The formats of the colour targets; `float` is RGBA of 32 bits, or of 16 where a device can't blend or
     /// resolve these.
     pub formats: Vec<Format>,
-    /// What the image is made of.
+    /// The source of the image.
     pub result: FrameSource,
     /// Samples a pixel.
     pub samples: u32,
-    /// What colour targets are cleared to.
+    /// The colour that targets are cleared to.
     pub clear: [f32; 4],
-    /// What depth is cleared to.
+    /// The depth that pixels are cleared to.
     pub clear_depth: f32,
 }
 
@@ -199,7 +199,7 @@ pub struct Drawn {
     pub draw: Draw,
     /// A module whose vertex function covers the frame with a triangle.
     pub covering: Option<String>,
-    /// What its functions use.
+    /// The resources that its functions use.
     pub bindings: Vec<Bound>,
 }
 

@@ -83,7 +83,7 @@ pub mod tint;
 pub use karat_core::{
     diagnostic, domain, image, metric, output, settings, shareable, stats, tolerance, value,
 };
-// What answers line by line is plumbing.
+// Processes that answer line by line are plumbing.
 use karat_core::lines;
 
 pub use check::{Check, Directions, Limit, Trend};

@@ -231,7 +231,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
         let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
         opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
     };
-    // What is open stays open as long as the process.
+    // A path that is open stays open as long as the process.
     let open = || match path.api() {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
         _ => Ok(Opened::Device(Box::leak(Box::new(Device::open(path)?)))),

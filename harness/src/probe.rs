@@ -241,7 +241,7 @@ pub enum ProbeError {
         function: String,
         /// The path.
         path: Path,
-        /// What it lacks.
+        /// The ability that it lacks.
         ability: Ability,
     },
     /// The arguments can't come from this source.

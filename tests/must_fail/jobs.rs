@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-/// What the checks of `planted pipe` say with `planted executor` as their path, on a path of its own and with a
+/// The output of `planted pipe` with `planted executor` as their path, on a path of its own and with a
 /// fault.
 fn piped(path: &str, fault: &str) -> String {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
@@ -69,7 +69,7 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
     ] {
         let text = piped("cpu", fault);
         let of = |name: &str| {
-            let from = text.find(&format!("{name}: ")).expect("each is told");
+            let from = text.find(&format!("{name}: ")).expect("each has a line");
             let next = ["\ntexture: ", "\npass: ", "\nframe: ", "\nload: "]
                 .map(|next| text[from..].find(next));
             &text[from..from + next.into_iter().flatten().min().unwrap_or(text.len() - from)]
@@ -108,7 +108,7 @@ fn a_line_belongs_to_its_job() {
     assert_eq!(text.matches("look there").count(), 4, "{text}");
 }
 
-/// What isn't such a program doesn't open, with the reason.
+/// Another program doesn't open, and the reason says why.
 #[test]
 fn what_runs_no_jobs_does_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
@@ -152,9 +152,9 @@ fn what_runs_no_jobs_does_not_open() {
     }
 }
 
-/// What a program says that it lacks is refused before anything runs.
+/// A check that needs more than a program says that it can is refused before anything runs.
 #[test]
-fn what_a_program_lacks_is_told() {
+fn a_check_that_needs_more_is_refused() {
     let text = piped("cpu", "plain");
     for needs in
         ["texture: `first` needs textures, which path", "load: `load` needs textures, which path"]

@@ -276,12 +276,12 @@ impl Drawing<'_> {
         self.bindings.iter().flat_map(Bindings::all).cloned().collect()
     }
 
-    /// What is drawn, as its author says it.
+    /// The scene, as its author says it.
     pub(crate) fn scene(&self) -> &Scene<'_> {
         &self.scene
     }
 
-    /// What each draw reads.
+    /// The variables that each draw reads.
     pub(crate) fn bindings(&self) -> &[Bindings] {
         &self.bindings
     }

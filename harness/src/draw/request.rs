@@ -404,7 +404,6 @@ impl Draw {
         self
     }
 
-    /// True if it is a triangle of Karat's own, which covers the frame.
     /// The name of its fragment function, if it has Karat's vertex function, which covers the frame.
     pub(crate) fn covering(&self) -> Option<&str> {
         self.fragment.as_deref().filter(|_| self.covers())
@@ -418,6 +417,7 @@ impl Draw {
         self
     }
 
+    /// True if it is a triangle of Karat's own, which covers the frame.
     pub(super) fn covers(&self) -> bool {
         self.vertex.is_none()
     }

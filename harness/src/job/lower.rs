@@ -237,6 +237,6 @@ impl Kernel {
         Ok(Job::new(work, resources, outputs.collect()))
     }
 
-    /// What results are before a job, and before it runs again.
+    /// The words of results before a job, and before it runs again.
     pub(crate) const POISON: [u32; 2] = [evidence::WORD, evidence::OTHER];
 }

@@ -11,7 +11,7 @@ use crate::package::Package;
 use crate::path::JOBS;
 use crate::reflect::{Binding, Program, ReflectError};
 
-/// What runs passes, and what draws frames.
+/// Two functions: one runs passes, the other draws frames.
 pub(crate) struct By<'b> {
     pub(crate) dispatch: &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>,
     pub(crate) draw: &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>,

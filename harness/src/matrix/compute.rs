@@ -165,7 +165,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let mut buffers = bindings.iter().map(bytes).collect::<Result<Vec<_>, DispatchError>>()?;
     buffers.push((count, vec![0; 4 * loops.len()]));
     let counted = Passes::over(program.into(), entry_point, *workgroups, &buffers);
-    // What is left after so few rounds isn't left by a driver.
+    // After so few rounds no driver leaves a loop by itself.
     let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
     let (_, counts) = afterwards.last().expect("the counts are written");
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);

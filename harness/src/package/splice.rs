@@ -78,7 +78,7 @@ impl Spliced {
         self.text.push_str(text);
     }
 
-    /// What was copied: where it is in the text, and where it is in its file.
+    /// The stretches that were copied: their place in the text, and in their file.
     pub(crate) fn stretches(&self) -> Vec<(Range<usize>, Span)> {
         let of = |piece: &Piece| {
             let span = Span { file: Arc::clone(&piece.file), range: piece.from.clone() };

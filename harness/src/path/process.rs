@@ -32,15 +32,15 @@ const LONGEST: u64 = 1 << 30;
 pub struct Greeting {
     /// The version of jobs that it reads.
     pub jobs: u32,
-    /// What runs them: `Dawn on llvmpipe`.
+    /// The name of the implementation: `Dawn on llvmpipe`.
     pub name: String,
     /// Its version.
     #[serde(default)]
     pub driver: String,
-    /// Whether it is no hardware.
+    /// True if it is no hardware.
     #[serde(default)]
     pub software: bool,
-    /// What it has beyond compute passes over buffers.
+    /// Its abilities beyond compute passes over buffers.
     #[serde(default)]
     pub can: Vec<Ability>,
 }

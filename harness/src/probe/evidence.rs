@@ -1,4 +1,4 @@
-//! Shows that each word of a batch was written once, by its case: whatever has run the kernel.
+//! Shows that each word of a batch was written once, by its case.
 //!
 //! Behind each result its case writes a canary that only this dispatch knows, and all words are poison before.
 
@@ -11,16 +11,16 @@ use crate::reflect::Function;
 /// not.
 pub(crate) const WORD: u32 = 0x7fc0_dead;
 
-/// What results are set to before they are computed again.
+/// The other poison, for results that are computed again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// What is known of the results of a function on a path.
+/// The results of a function on a path: their shape and their names.
 pub(crate) struct Evidence {
     pub(crate) function: String,
     pub(crate) path: Path,
     /// Words from one case to the next: those of a result, and the canary.
     pub(crate) stride: usize,
-    /// What the words of a result are called: `""` of a scalar, `.x`.
+    /// The names of a result's words: `""` of a scalar, `.x`.
     lane_names: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a shader may need beyond compute passes over buffers.
+//! Abilities that a shader may need beyond compute passes over buffers.
 
 use std::fmt;
 

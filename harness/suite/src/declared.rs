@@ -277,7 +277,7 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// What its record is about, where it couldn't begin.
+    /// The subject of its record, where it couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -310,7 +310,7 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// What its record is about, where it couldn't begin.
+    /// The subject of its record, where it couldn't begin.
     pub(crate) fn subject(&self, package: &Package, location: Option<&str>) -> Subject {
         Subject::Function {
             package: package.root().display().to_string(),
