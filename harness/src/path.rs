@@ -51,7 +51,7 @@ use crate::settings::{self, Settings, SettingsError};
 #[non_exhaustive]
 pub enum PathError {
     /// No path of this name.
-    #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl or cpu{}",
+    #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl, cpu or process@NAME{}",
         guess(nearest.as_deref()))]
     Unknown {
         /// What was asked for.
@@ -232,11 +232,15 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
         opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
     };
     // A path that is open stays open as long as the process.
-    let open = || match path.api() {
+    let opened = once.get_or_init(|| match path.api() {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
         _ => Ok(Opened::Device(Box::leak(Box::new(Device::open(path)?)))),
-    };
-    once.get_or_init(open).clone()
+    });
+    // A program that its author mends is tried again.
+    if opened.is_err() && path.api() == Api::Process {
+        OPENED.lock().expect("no thread panics while it holds the lock").remove(&path);
+    }
+    opened.clone()
 }
 
 /// The adapter of a path.

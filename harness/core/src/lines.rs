@@ -2,12 +2,14 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Bytes that are kept of a process's log: its last words.
 const LAST_WORDS: usize = 2 << 10;
+/// Messages that wait to be read. A process that goes on to talk waits, too.
+const MOST_UNREAD: usize = 256;
 /// How often a process is asked whether it has ended.
 const POLL: Duration = Duration::from_millis(50);
 /// How long a process may take to end when nothing more is asked.
@@ -78,7 +80,7 @@ impl Lines {
             keep(logging, &kept);
             drop::<Sender<()>>(told);
         });
-        let (sender, from) = channel();
+        let (sender, from) = sync_channel(MOST_UNREAD);
         std::thread::spawn(move || {
             let mut reader = BufReader::new(answering);
             loop {

@@ -4,7 +4,7 @@ use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::domain::Source;
 use crate::draw::{DrawError, Drawing};
 use crate::image::Image;
-use crate::job::{Job, Kernel, Problem, Reply};
+use crate::job::{Job, Kernel, Problem, Reply, unheard_of};
 use crate::path::{Path, PathError};
 use crate::probe::evidence::Evidence;
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
@@ -53,11 +53,9 @@ pub(super) fn prepare<'e>(
     Ok(Box::new(ByJobs { run, kernel, program, evidence, capacity, alone }))
 }
 
-/// A word that another job of the process writes back by chance only, once in 2^32.
+/// A word that another job writes back by chance only, once in 2^32.
 fn canary() -> u32 {
-    use std::sync::atomic::{AtomicU64, Ordering};
-    static JOBS: AtomicU64 = AtomicU64::new(0);
-    Source::new(1, JOBS.fetch_add(1, Ordering::Relaxed)).bits()
+    Source::new(1, unheard_of()).bits()
 }
 
 impl ByJobs<'_> {

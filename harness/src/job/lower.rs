@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Bound, Drawn, Frame, Job, Pass, Resource, Shader, Source, Work};
 use crate::diagnostic::Span;
@@ -16,8 +15,7 @@ use crate::settings;
 
 impl Job {
     fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
-        static JOBS_OF_ALL: AtomicU64 = AtomicU64::new(1);
-        let id = JOBS_OF_ALL.fetch_add(1, Ordering::Relaxed);
+        let id = super::unheard_of();
         let seconds = settings::deadline().as_secs_f64();
         Self { jobs: JOBS, id, resources, outputs, seconds, work }
     }

@@ -290,7 +290,10 @@ impl Parts {
 }
 
 fn unknown(name: &str, api: &str) -> PathError {
-    let nearest = nearest(api, Api::ALL.map(Api::name)).map(str::to_owned);
+    let nearest = nearest(api, Api::ALL.map(Api::name)).map(|known| match known {
+        "process" => "process@NAME".to_owned(),
+        known => known.to_owned(),
+    });
     PathError::Unknown { name: name.to_owned(), nearest }
 }
 
@@ -338,10 +341,13 @@ mod tests {
         for (name, message) in [
             (
                 "vulcan",
-                "there is no execution path `vulcan`; a path is vulkan, metal, dx12, gl or cpu; \
+                "there is no execution path `vulcan`; a path is vulkan, metal, dx12, gl, cpu or process@NAME; \
                  did you mean `vulkan`?",
             ),
-            ("", "there is no execution path ``; a path is vulkan, metal, dx12, gl or cpu"),
+            (
+                "",
+                "there is no execution path ``; a path is vulkan, metal, dx12, gl, cpu or process@NAME",
+            ),
             ("@llvmpipe", "there is no execution path `@llvmpipe`; a path is"),
             (
                 "vulkan:hlls",

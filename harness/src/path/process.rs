@@ -129,7 +129,14 @@ fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
     command.args(arguments).env_remove("KARAT_RECORD");
     let lines = Lines::start(&mut command, Answers::Stdout, b'\n', LONGEST);
     let mut lines = lines.map_err(|error| error.to_string())?;
-    let first = lines.receive(settings::deadline()).map_err(|error| error.to_string())?;
+    let deadline = settings::deadline();
+    let first = lines.receive(deadline).map_err(|broken| match broken {
+        Broken::Hung(_) => {
+            let seconds = deadline.as_secs_f64();
+            format!("it didn't greet within {seconds} s (KARAT_DEADLINE=seconds)")
+        }
+        broken => broken.to_string(),
+    })?;
     let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {
         format!("its first line is no greeting: {} ({error})", one_line(&first))
     })?;

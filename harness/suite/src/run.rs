@@ -106,6 +106,35 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
+    /// Puts into the record of the run that tests are broken: no check can say so.
+    ///
+    /// # Panics
+    /// If no thread can be started.
+    pub fn record_broken(&self, broken: &Broken) {
+        let Broken { name, wrong, .. } = broken;
+        let subject = self.unbegun(name, "declared", wrong.place.as_deref());
+        std::thread::scope(|scope| {
+            // Records are by the thread's name.
+            let thread = std::thread::Builder::new().name(name.clone());
+            let record = thread.spawn_scoped(scope, || drop(wrong.recorded(subject)));
+            let recorded = record.expect("a thread can be started").join();
+            recorded.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        });
+    }
+
+    /// The subject of a record that isn't about a function of the package.
+    fn unbegun(&self, name: &str, check: &str, location: Option<&str>) -> Subject {
+        Subject::Function {
+            package: self.package.root().display().to_string(),
+            function: name.to_owned(),
+            check: check.to_owned(),
+            assertion: String::new(),
+            location: location.unwrap_or_default().to_owned(),
+            domain: String::new(),
+            seed: 0,
+        }
+    }
+
     /// Tests that one kernel counts, of those that are about to run. On the path `cpu` alone there is
     /// nothing to compile, and no group.
     #[must_use]
@@ -128,16 +157,7 @@ impl Suite {
         match &test.kind {
             Kind::Wgsl(test) => {
                 let unbegun = |wrong: Wrong| {
-                    let location = wrong.place.clone().unwrap_or_default();
-                    wrong.recorded(Subject::Function {
-                        package: self.package.root().display().to_string(),
-                        function: test.name.clone(),
-                        check: "expects".to_owned(),
-                        assertion: String::new(),
-                        location,
-                        domain: String::new(),
-                        seed: 0,
-                    })
+                    wrong.recorded(self.unbegun(&test.name, "expects", wrong.place.as_deref()))
                 };
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,

@@ -95,6 +95,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     writeln!(out, "running {}", counted(tests.len() + broken.len(), "test"))?;
     let mut failures: Vec<(String, String)> = Vec::new();
     for broken in &broken {
+        suite.record_broken(broken);
         writeln!(out, "test {} ... FAILED", broken.name)?;
         failures.push((broken.name.clone(), broken.wrong.message.clone()));
     }
