@@ -69,9 +69,12 @@ fn known() -> Known {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in a folder");
     let mut tests = BTreeSet::new();
     // The paths of tests of the library begin in `tests/`, those of others in the repository.
-    for (folder, prefix) in
-        [("tests", ""), ("shaders", "shaders/"), ("harness/src", "harness/src/")]
-    {
+    for (folder, prefix) in [
+        ("tests", ""),
+        ("shaders", "shaders/"),
+        ("harness/core/src", "harness/core/src/"),
+        ("harness/src", "harness/src/"),
+    ] {
         find_tests(&root.join(folder), prefix, &mut tests);
     }
     let functions = PBR.functions().expect("the library is readable");
