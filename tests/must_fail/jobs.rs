@@ -102,6 +102,8 @@ fn a_line_belongs_to_its_job() {
     );
     // Another process is started, and it is noisy, too.
     assert_eq!(text.matches("its answer is none: by the way").count(), 4, "{text}");
+    let text = piped("cpu", "other");
+    assert_eq!(text.matches("reports: it answers job ").count(), 4, "{text}");
     let text = piped("cpu", "late");
     assert!(!text.contains(": agrees"), "{text}");
     let text = piped("cpu", "backwards");

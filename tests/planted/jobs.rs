@@ -24,15 +24,31 @@ pub(crate) fn serve() -> Result<String, String> {
         _ => {}
     }
     let inner = karat::executor::of(path).map_err(|error| error.to_string())?;
-    let executor = Faulty { inner, fault };
-    let served =
-        karat::executor::serve(&executor, std::io::stdin().lock(), std::io::stdout().lock());
+    let (stdin, stdout) = (std::io::stdin().lock(), std::io::stdout().lock());
+    let served = match &*fault {
+        "other" => karat::executor::serve(inner, stdin, OfAnother(stdout)),
+        _ => karat::executor::serve(&Faulty { inner, fault }, stdin, stdout),
+    };
     served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
 }
 
 /// Writes a line that isn't the protocol's.
 fn say(line: &str) -> Result<(), String> {
     writeln!(std::io::stdout(), "{line}").map_err(|error| error.to_string())
+}
+
+/// Writes answers with the number of another job.
+struct OfAnother<W>(W);
+
+impl<W: Write> Write for OfAnother<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes).replace("{\"id\":", "{\"id\":1");
+        self.0.write_all(text.as_bytes()).map(|()| bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// An executor whose replies are wrong.
