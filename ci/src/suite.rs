@@ -1,7 +1,7 @@
 //! `cargo ci test`: all of CI.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, ensure};
 
@@ -89,30 +89,56 @@ fn second_driver() -> Result<()> {
     command::run_aside(&mut test)
 }
 
-/// A sample of `cargo ci full`: functions of the shader library by an engine in another process.
+/// A sample of `cargo ci full`: functions of the shader library by the engine in another process; and resources,
+/// passes and frames of every kind by a driver in another process.
 fn behind_a_pipe() -> Result<()> {
-    let output = piped(&["fresnel::", "geometry::"]).output().context("can't run `cargo`")?;
-    let said = String::from_utf8_lossy(&output.stdout);
-    let mut sum = Sum::default();
-    said.lines().for_each(|line| sum.read(line));
-    let told = || format!("{said}{}", String::from_utf8_lossy(&output.stderr));
-    ensure!(output.status.success(), "functions fail by an engine in another process:\n{}", told());
-    // Filters that fit no test pass without one.
-    ensure!(sum.passed >= 10, "only {} tests ran:\n{}", sum.passed, told());
+    for (mut test, least) in [(piped(&["fresnel::", "geometry::"]), 10), (strangers(), 50)] {
+        let output = test.output().context("can't run `cargo`")?;
+        let said = String::from_utf8_lossy(&output.stdout);
+        let mut sum = Sum::default();
+        said.lines().for_each(|line| sum.read(line));
+        let told = || format!("{said}{}", String::from_utf8_lossy(&output.stderr));
+        ensure!(output.status.success(), "tests fail in another process:\n{}", told());
+        // Filters that fit no test pass without one.
+        ensure!(sum.passed >= least, "only {} tests ran:\n{}", sum.passed, told());
+    }
     Ok(())
 }
 
 /// Tests of the shader library, those of these modules, on Karat's engine in another process.
-pub(crate) fn piped(modules: &[&str]) -> std::process::Command {
-    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
-    test.args(["--test", "library", "--"]).args(modules);
+pub(crate) fn piped(modules: &[&str]) -> Command {
+    let mut test = in_another_process("library", "cpu");
     // Frames need a driver, and so does a fault of a driver's `pow`.
+    test.args(modules);
     test.args(["--skip", "overdraw::", "--skip", "split_sum_fragment", "--skip", "pow_is_less"]);
+    test
+}
+
+/// Tests of resources, passes and frames on Vulkan in another process.
+fn strangers() -> Command {
+    let mut test = in_another_process("strangers", "vulkan");
+    // Derivatives need a quad that is drawn.
+    for quads in [
+        "derivatives_over_quads",
+        "implicit_levels_of_detail",
+        "loops_that_a_driver_leaves",
+        "structures_vary_over_quads",
+        "textures_are_parameters",
+    ] {
+        test.args(["--skip", quads]);
+    }
+    test
+}
+
+/// Runs a test program whose path is another one in a process of its own.
+fn in_another_process(program: &str, path: &str) -> Command {
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    test.args(["--test", program, "--"]);
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     let planted = command::root().join(target).join("debug").join("planted");
-    let program = format!("engine={} executor cpu", planted.display());
-    const PATH: &str = "process@engine";
-    test.env("KARAT_EXECUTORS", program).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
+    let executor = format!("other={} executor {path}", planted.display());
+    const PATH: &str = "process@other";
+    test.env("KARAT_EXECUTORS", executor).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
     test
 }
 
