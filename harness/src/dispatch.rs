@@ -334,8 +334,8 @@ impl Passes {
     }
 }
 
-/// The contents of resources that are written, after all passes: the number of each, and the words of a buffer, or four words a
-/// texel of a texture.
+/// The contents of resources that are written, after all passes: the number of each, and the words of a
+/// buffer, or four words a texel of a texture.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
 /// An entry point that isn't there has the nearest name of its module.

@@ -173,7 +173,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
     let passes = &|passes: &Passes| dispatch(executor, passes);
     let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
-    job::run(job, &job::By { dispatch: passes, draw: frame })
+    job::run(job, passes, frame)
 }
 
 /// A driver keeps the contract that each word is written once, by its case, by poison and canaries.

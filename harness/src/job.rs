@@ -22,22 +22,11 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-pub(crate) use lower::Kernel;
-pub(crate) use raise::{By, run};
+pub(crate) use lower::KernelJobs;
+pub(crate) use raise::run;
 
 use crate::draw::{Blend, Draw, Format, Source as FrameSource};
 use crate::fixture::{Sampler, Texture};
-
-/// A number that no earlier run of Karat had, so that an answer that is kept from then is seen: one for each call.
-pub(crate) fn unheard_of() -> u64 {
-    use std::hash::{BuildHasher, RandomState};
-    use std::sync::LazyLock;
-    use std::sync::atomic::{AtomicU64, Ordering};
-    static FIRST: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    // JavaScript's numbers have 53 bits.
-    FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
-}
 
 /// Something to run, and the resources whose contents are its result.
 ///

@@ -1,14 +1,12 @@
 //! Calls, passes and frames for what runs jobs.
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
-use crate::domain::Source;
 use crate::draw::{DrawError, Drawing};
 use crate::image::Image;
-use crate::job::{Job, Kernel, Problem, Reply, unheard_of};
+use crate::job::{Job, KernelJobs, Problem, Reply};
 use crate::path::{Path, PathError};
-use crate::probe::evidence::Evidence;
+use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
-use crate::reflect::Program;
 
 /// Cases of a job, at most, and words of their arguments or of their results: some megabytes of JSON.
 const BATCH: usize = 4096;
@@ -23,8 +21,7 @@ type Run<'e> = Box<dyn Fn(&Job) -> Result<Reply, PathError> + Sync + 'e>;
 /// A function whose calls are jobs.
 struct ByJobs<'e> {
     run: Run<'e>,
-    kernel: Kernel,
-    program: std::sync::Arc<Program>,
+    kernel: KernelJobs,
     evidence: Evidence,
     capacity: usize,
     alone: bool,
@@ -43,19 +40,13 @@ pub(super) fn prepare<'e>(
                        and Karat's engine do that";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
-    let kernel = Kernel::new(probed, fixtures)?;
+    let kernel = KernelJobs::new(probed, fixtures)?;
     let (words_in, words_out) = kernel.words();
     let fit = (WORDS / words_in.max(words_out + 1)).clamp(1, BATCH);
     let most = if form.alone { ALONE } else { fit.min(kernel.largest_batch()) };
     let (capacity, alone) = (cases.clamp(1, most), form.alone);
-    let evidence = Evidence::of(probed.function(), path, kernel.words().1);
-    let program = std::sync::Arc::clone(&probed.program);
-    Ok(Box::new(ByJobs { run, kernel, program, evidence, capacity, alone }))
-}
-
-/// A word that another job writes back by chance only, once in 2^32.
-fn canary() -> u32 {
-    Source::new(1, unheard_of()).bits()
+    let evidence = Evidence::of(probed.function(), path, words_out);
+    Ok(Box::new(ByJobs { run, kernel, evidence, capacity, alone }))
 }
 
 impl ByJobs<'_> {
@@ -69,7 +60,7 @@ impl ByJobs<'_> {
         let canary = canary();
         let job = self.kernel.job(cases, arguments, canary, poison)?;
         let path = self.evidence.path;
-        let place = |problem: &Problem| located(problem, |_, bytes| self.program.resolve(bytes));
+        let place = |problem: &Problem| located(problem, |_, bytes| self.kernel.resolve(bytes));
         let mut outputs = done((self.run)(&job)?, path, &job, place)?;
         let words = outputs.remove(0);
         self.evidence.expect_canaries(&words, cases, canary)?;
@@ -99,11 +90,10 @@ impl ByJobs<'_> {
 
     /// The rows of all cases once each word of a result has been written, and the words of a row.
     fn rows(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, usize), ProbeError> {
-        let [poison, other] = Kernel::POISON;
-        let (words, written) = self.over(cases, arguments, poison)?;
+        let (words, written) = self.over(cases, arguments, evidence::WORD)?;
         let places = self.evidence.poisoned(&words);
         if !places.is_empty() {
-            let (again, _) = self.over(cases, arguments, other)?;
+            let (again, _) = self.over(cases, arguments, evidence::OTHER)?;
             self.evidence.expect_written(&words, places, &self.evidence.poisoned(&again))?;
         }
         if !self.alone {

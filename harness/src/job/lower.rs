@@ -9,13 +9,14 @@ use crate::dispatch::{MOST_WORKGROUPS, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::fixture::{Fixture, FixtureError, Fixtures, Sampler, resolve};
 use crate::path::JOBS;
-use crate::probe::{self, Inputs, ProbeError, Probed, UNIFORM_WORDS, WORKGROUP, evidence};
+use crate::probe::evidence::unheard_of;
+use crate::probe::{self, Inputs, ProbeError, Probed, UNIFORM_WORDS, WORKGROUP};
 use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
     fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
-        let id = super::unheard_of();
+        let id = unheard_of();
         let seconds = settings::deadline().as_secs_f64();
         Self { jobs: JOBS, id, resources, outputs, seconds, work }
     }
@@ -143,7 +144,7 @@ impl Resource {
 }
 
 /// The kernel of a function, with what it reads: one job a batch.
-pub(crate) struct Kernel {
+pub(crate) struct KernelJobs {
     probed: Probed,
     /// The fixtures, and where they are bound.
     resources: Vec<Resource>,
@@ -152,7 +153,7 @@ pub(crate) struct Kernel {
     written: Vec<(usize, Binding)>,
 }
 
-impl Kernel {
+impl KernelJobs {
     pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         let (mut resources, mut bindings, mut written) = (Vec::new(), Vec::new(), Vec::new());
         for (binding, fixture) in resolve(&probed.function().bindings, fixtures)? {
@@ -173,6 +174,11 @@ impl Kernel {
     /// Words of a case's arguments, and of its results without the canary.
     pub(crate) fn words(&self) -> (usize, usize) {
         self.probed.kernel.words()
+    }
+
+    /// The author's place for bytes of the kernel's text.
+    pub(crate) fn resolve(&self, bytes: Range<usize>) -> Option<Span> {
+        self.probed.program().resolve(bytes)
     }
 
     /// The lanes of what the function writes, from the outputs behind the results.
@@ -234,7 +240,4 @@ impl Kernel {
         let outputs = [results].into_iter().chain(self.written.iter().map(|(number, _)| *number));
         Ok(Job::new(work, resources, outputs.collect()))
     }
-
-    /// The words of results before a job, and before it runs again.
-    pub(crate) const POISON: [u32; 2] = [evidence::WORD, evidence::OTHER];
 }

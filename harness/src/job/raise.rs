@@ -11,11 +11,11 @@ use crate::package::Package;
 use crate::path::JOBS;
 use crate::reflect::{Binding, Program, ReflectError};
 
-/// Two functions: one runs passes, the other draws frames.
-pub(crate) struct By<'b> {
-    pub(crate) dispatch: &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>,
-    pub(crate) draw: &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>,
-}
+/// Runs passes.
+type Dispatch<'b> = &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>;
+
+/// Draws frames.
+type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 
 /// Why a job has no reply of [`Reply::Done`].
 enum Unraised {
@@ -44,14 +44,14 @@ impl From<ReflectError> for Unraised {
 }
 
 /// Runs a job.
-pub(crate) fn run(job: &Job, by: &By<'_>) -> Reply {
+pub(crate) fn run(job: &Job, dispatch: Dispatch<'_>, draw: Draw<'_>) -> Reply {
     let done = match &job.work {
         _ if job.jobs != JOBS => {
             let theirs = job.jobs;
             Err(Unraised::Job(format!("the job is of version {theirs}, and not of {JOBS}")))
         }
-        Work::Passes(passes) => dispatched(job, passes, by),
-        Work::Frame(frame) => drawn(job, frame, by),
+        Work::Passes(passes) => dispatched(job, passes, dispatch),
+        Work::Frame(frame) => drawn(job, frame, draw),
     };
     done.map_or_else(Unraised::reply, Reply::Done)
 }
@@ -133,7 +133,11 @@ fn bound(bindings: &[Bound], binding: &Binding) -> Result<usize, Unraised> {
     found.map(|bound| bound.resource).ok_or_else(missing)
 }
 
-fn dispatched(job: &Job, passes: &[Pass], by: &By<'_>) -> Result<Vec<Vec<u32>>, Unraised> {
+fn dispatched(
+    job: &Job,
+    passes: &[Pass],
+    dispatch: Dispatch<'_>,
+) -> Result<Vec<Vec<u32>>, Unraised> {
     let texts = passes.iter().enumerate().map(|(n, pass)| (module(n), pass.shader.wgsl.clone()));
     let package = Package::from_modules("job", texts);
     let held = |(number, resource): (usize, &Resource)| Held {
@@ -175,7 +179,7 @@ fn dispatched(job: &Job, passes: &[Pass], by: &By<'_>) -> Result<Vec<Vec<u32>>, 
     if let Some(unused) = (0..all.resources.len()).find(|n| all.uses(*n).next().is_none()) {
         return Err(Unraised::Job(format!("no pass uses resource {unused}")));
     }
-    let afterwards = (by.dispatch)(&all)?;
+    let afterwards = dispatch(&all)?;
     let output = |wanted: &usize| {
         let found = afterwards.iter().find(|(number, _)| number == wanted);
         let missing = || Unraised::Job(format!("no pass writes resource {wanted}"));
@@ -186,7 +190,7 @@ fn dispatched(job: &Job, passes: &[Pass], by: &By<'_>) -> Result<Vec<Vec<u32>>, 
     job.outputs.iter().map(output).collect()
 }
 
-fn drawn(job: &Job, frame: &Frame, by: &By<'_>) -> Result<Vec<Vec<u32>>, Unraised> {
+fn drawn(job: &Job, frame: &Frame, draw: Draw<'_>) -> Result<Vec<Vec<u32>>, Unraised> {
     let package = Package::from_modules("job", [(module(0), frame.shader.wgsl.clone())]);
     let program = frame.shader.program(&package, &module(0))?;
     let mut scene = Scene {
@@ -211,6 +215,6 @@ fn drawn(job: &Job, frame: &Frame, by: &By<'_>) -> Result<Vec<Vec<u32>>, Unraise
             }
         }
     }
-    let image = (by.draw)(&Drawing::of(Cow::Owned(scene))?)?;
+    let image = draw(&Drawing::of(Cow::Owned(scene))?)?;
     Ok(vec![image.pixels().iter().flatten().map(|x| x.to_bits()).collect()])
 }

@@ -20,7 +20,7 @@ pub struct FunctionItem {
     pub span: Span,
     /// All of it, with its attributes.
     pub whole: Span,
-    /// Whether it is a shader entry point, which can't be called.
+    /// True of a shader's entry point, which can't be called.
     pub entry_point: bool,
 }
 

@@ -69,7 +69,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     Ok(module)
 }
 
-/// Whether nothing in a text, well formed or not, asks the linker to change it.
+/// True of a text, well formed or not, that the linker has no reason to change.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
     if directives::concern(text, &tokens) {

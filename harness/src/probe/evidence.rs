@@ -3,6 +3,7 @@
 //! Behind each result its case writes a canary that only this dispatch knows, and all words are poison before.
 
 use super::{Partial, ProbeError};
+use crate::domain::Source;
 use crate::path::Path;
 use crate::reflect::Function;
 
@@ -13,6 +14,22 @@ pub(crate) const WORD: u32 = 0x7fc0_dead;
 
 /// The other poison, for results that are computed again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
+
+/// A number that no earlier run of Karat had, so that results that are kept from then are seen: one for each call.
+pub(crate) fn unheard_of() -> u64 {
+    use std::hash::{BuildHasher, RandomState};
+    use std::sync::LazyLock;
+    use std::sync::atomic::{AtomicU64, Ordering};
+    static FIRST: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    // JavaScript's numbers have 53 bits.
+    FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
+}
+
+/// A word that another dispatch writes back by chance only, once in 2^32.
+pub(crate) fn canary() -> u32 {
+    Source::new(0, unheard_of()).bits()
+}
 
 /// The results of a function on a path: their shape and their names.
 pub(crate) struct Evidence {

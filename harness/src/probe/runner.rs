@@ -2,9 +2,9 @@
 
 use super::bound::compile;
 use super::dispatcher::{Dispatch, Dispatcher};
+use super::evidence::canary;
 use super::rounds::{Rounds, VECTOR};
 use super::{Inputs, Prepared, ProbeError, Probed, Started};
-use crate::domain::Source;
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
@@ -42,13 +42,6 @@ impl Prepared for Runner<'_> {
     fn reads_half_floats(&self) -> bool {
         self.dispatcher.reads_half_floats()
     }
-}
-
-/// A word that another dispatch of the process writes back by chance only, once in 2^32.
-fn canary() -> u32 {
-    use std::sync::atomic::{AtomicU64, Ordering};
-    static DISPATCHES: AtomicU64 = AtomicU64::new(0);
-    Source::new(0, DISPATCHES.fetch_add(1, Ordering::Relaxed)).bits()
 }
 
 impl<'d> Runner<'d> {

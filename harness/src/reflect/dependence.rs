@@ -105,7 +105,7 @@ pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>
     program
 }
 
-/// Whether a module is valid, of which something is, and nothing else of it.
+/// An error if a module isn't valid of which something is linked already.
 pub(super) fn validity(
     package: &Package,
     module: &str,

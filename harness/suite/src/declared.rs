@@ -48,7 +48,6 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use karat::Package;
 use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::record::Subject;
 use serde::Deserialize;
@@ -310,19 +309,6 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The subject of its record, where it couldn't begin.
-    pub(crate) fn subject(&self, package: &Package, location: Option<&str>) -> Subject {
-        Subject::Function {
-            package: package.root().display().to_string(),
-            function: self.function.clone(),
-            check: self.what.key().to_owned(),
-            assertion: String::new(),
-            location: location.unwrap_or_default().to_owned(),
-            domain: String::new(),
-            seed: 0,
-        }
-    }
-
     /// The place of a key, or of what is asserted.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
@@ -341,7 +327,7 @@ impl Assertion {
 
 impl What {
     /// As it is written.
-    fn key(&self) -> &'static str {
+    pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "agrees_with",
             Self::Table(_) => "table",

@@ -178,7 +178,8 @@ impl Suite {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
                 let judged = function(&self.package, assertion).map_err(|wrong| {
                     let wrong = wrong.told(&place_of, whole);
-                    wrong.recorded(assertion.subject(&self.package, wrong.place.as_deref()))
+                    let Assertion { function, what, .. } = &**assertion;
+                    wrong.recorded(self.unbegun(function, what.key(), wrong.place.as_deref()))
                 })?;
                 let Err(failure) = judged else { return Ok(()) };
                 let found = diagnostic_of(&failure);

@@ -30,7 +30,7 @@ const BEGINNINGS: [(&[u8], &str); 10] = [
 ];
 pub(super) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// What a file is that isn't what was expected.
+/// The name of a file's format, for a file of another format than was expected.
 pub(super) fn found(bytes: &[u8]) -> &'static str {
     let known = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning));
     match known {

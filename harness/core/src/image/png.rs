@@ -12,7 +12,7 @@ use crate::diagnostic::shown;
 /// Where the key of an image is mapped to: middle grey.
 const MIDDLE_GREY: f32 = 0.18;
 
-/// What the samples of a PNG stand for.
+/// The meaning of a PNG's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Samples {
     /// Light, encoded for screens.
