@@ -196,7 +196,7 @@ impl Passes {
             for (binding, fixture) in fixture::resolve(&bindings, &fixtures)? {
                 // One fixture is one resource, whichever passes use it.
                 let place = fixtures.iter().position(|(_, one)| std::ptr::eq(one, fixture));
-                let place = given_as(place.unwrap_or_default());
+                let place = given_as(place.expect("it is one of the fixtures"));
                 let known = resources.iter().position(|(fixture, _)| *fixture == place);
                 let number = known.unwrap_or_else(|| {
                     let (name, fixture) = (fixtures[place].0.clone(), fixture.clone());

@@ -298,115 +298,108 @@ impl Goldens {
         }
     }
 
-    /// Compares a frame with its golden.
+    /// Compares a frame with its golden: it is loaded, compared, and what follows is settled.
     pub(crate) fn check(
         &self,
         case: &str,
         frame: &Rendered<'_>,
     ) -> Result<FrameMargin, GoldenError> {
+        let loaded = self.load(case, frame)?;
+        let compared = loaded.compare(frame);
+        self.settle(case, frame, &loaded, compared)
+    }
+
+    /// The golden of a frame, if there is one.
+    fn load(&self, case: &str, frame: &Rendered<'_>) -> Result<Loaded, GoldenError> {
         if !is_name(case) {
             return Err(GoldenError::Name(case.to_owned()));
         }
         let profile = Profile::of(frame.adapter);
         let (file, own) = self.used(case, &profile);
+        let case = || case.to_owned();
         let golden = match Reference::read(&file, frame.variance.is_some()) {
-            Ok(golden) => golden,
-            Err(ReferenceError::Image(ImageError::Missing { .. })) => {
-                return Err(self.missing(case, frame));
-            }
+            Ok(golden) => Some(golden),
+            Err(ReferenceError::Image(ImageError::Missing { .. })) => None,
             Err(ReferenceError::Image(source)) => {
-                return Err(GoldenError::Unreadable { case: case.to_owned(), source });
+                return Err(GoldenError::Unreadable { case: case(), source });
             }
             Err(ReferenceError::Provenance(source)) => {
-                return Err(GoldenError::Provenance { case: case.to_owned(), source });
+                return Err(GoldenError::Provenance { case: case(), source });
             }
         };
-        match golden.compare(frame) {
-            Ok(margin) => {
-                if !frame.other_waits {
-                    self.remove_pending(case, &profile);
-                }
-                let profile = own.then_some(profile);
-                Ok(FrameMargin { golden: shown(&file), profile, ..margin })
-            }
-            Err(difference) => {
-                let base_passes = own && self.base_passes(case, frame);
-                let against = Against {
-                    hash: golden.hash(),
-                    profile: if own { profile.to_string() } else { String::new() },
-                    tolerance: golden.tolerance(frame).to_string(),
-                    finding: Some(FrameFinding { base_passes, ..FrameFinding::from(&difference) }),
-                };
-                Err(self.differs(case, frame, &file, &against, difference))
-            }
-        }
+        Ok(Loaded { file, golden, profile: own.then_some(profile) })
     }
 
-    /// A frame that has no golden. One with NaN is wrong with and without.
-    fn missing(&self, case: &str, frame: &Rendered<'_>) -> GoldenError {
-        let tolerance = frame.tolerance.cloned().unwrap_or_default();
-        let against = Against { tolerance: tolerance.to_string(), ..Against::default() };
-        let terms = Terms { mask: frame.mask, ..Terms::of(&tolerance) };
-        if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
-            let case = case.to_owned();
-            if let FrameDifference::Mask(source) = difference {
-                return GoldenError::Mask { case, source };
+    /// Removes what waits of a frame that agrees, or leaves the frame to be looked at.
+    fn settle(
+        &self,
+        case: &str,
+        frame: &Rendered<'_>,
+        loaded: &Loaded,
+        compared: Result<FrameMargin, FrameDifference>,
+    ) -> Result<FrameMargin, GoldenError> {
+        let (golden, profile) = (shown(&loaded.file), loaded.profile.clone());
+        let name = || case.to_owned();
+        let difference = match compared {
+            Err(FrameDifference::Mask(source)) => {
+                return Err(GoldenError::Mask { case: name(), source });
             }
-            let finding = Some(FrameFinding::from(&difference));
-            return match self.write_pending(&case, frame, &Against { finding, ..against }) {
-                Ok(pending) => {
-                    let (difference, pending) = (Box::new(difference), shown(&pending.path));
-                    GoldenError::Unacceptable { case, difference, pending }
+            Ok(margin) if loaded.golden.is_some() => {
+                if !frame.other_waits {
+                    self.remove_pending(case, &Profile::of(frame.adapter));
                 }
-                Err(source) => unwritten(&case, &difference.to_string(), source),
+                return Ok(FrameMargin { golden, profile, ..margin });
+            }
+            compared => compared.err(),
+        };
+        // A frame that is known to differ has nothing to be decided about.
+        let is_known = loaded.golden.is_some()
+            && frame.known_issue
+            && difference.as_ref().is_some_and(FrameDifference::is_of_values);
+        let pending = if is_known {
+            None
+        } else {
+            let base_passes = loaded.profile.is_some() && self.base_passes(case, frame);
+            let finding = difference
+                .as_ref()
+                .map(|difference| FrameFinding { base_passes, ..FrameFinding::from(difference) });
+            let against = loaded.against(frame, finding);
+            let unwritten = |source| GoldenError::Pending {
+                case: name(),
+                failure: difference
+                    .as_ref()
+                    .map_or("it has no golden".to_owned(), FrameDifference::to_string),
+                source,
             };
-        }
-        match self.write_pending(case, frame, &against) {
-            Ok(pending) => GoldenError::Missing {
-                case: case.to_owned(),
-                pending: shown(&pending.path),
-                arguments: pending.accept_arguments() + &self.arguments(),
-            },
-            Err(source) => unwritten(case, "it has no golden", source),
-        }
+            Some(self.write_pending(case, frame, &against).map_err(unwritten)?)
+        };
+        let file = pending.as_ref().map_or_else(String::new, |pending| shown(&pending.path));
+        Err(match difference.map(Box::new) {
+            Some(difference) if loaded.golden.is_some() => {
+                let advice = match &pending {
+                    None => String::new(),
+                    Some(_) if frame.other_waits => {
+                        "which is the frame of another path: decide about that one first".to_owned()
+                    }
+                    Some(pending) => self.advice(pending, &difference, &loaded.file),
+                };
+                GoldenError::Differs { case: name(), golden, difference, pending: file, advice }
+            }
+            Some(difference) => {
+                GoldenError::Unacceptable { case: name(), difference, pending: file }
+            }
+            None => {
+                let accept = pending.as_ref().map(Pending::accept_arguments).unwrap_or_default();
+                let arguments = accept + &self.arguments();
+                GoldenError::Missing { case: name(), pending: file, arguments }
+            }
+        })
     }
 
     /// Whether the golden for all serves a profile that has one of its own.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())
-    }
-
-    /// Leaves the frame to be looked at.
-    fn differs(
-        &self,
-        case: &str,
-        frame: &Rendered<'_>,
-        golden: &Path,
-        against: &Against,
-        difference: FrameDifference,
-    ) -> GoldenError {
-        if let FrameDifference::Mask(source) = difference {
-            return GoldenError::Mask { case: case.to_owned(), source };
-        }
-        let known = frame.known_issue && difference.is_of_values();
-        let (advice, pending) = if known {
-            // What is known to differ isn't to be decided about.
-            (String::new(), None)
-        } else {
-            match self.write_pending(case, frame, against) {
-                Ok(pending) if frame.other_waits => {
-                    let of_another =
-                        "which is the frame of another path: decide about that one first";
-                    (of_another.to_owned(), Some(pending))
-                }
-                Ok(pending) => (self.advice(&pending, &difference, golden), Some(pending)),
-                Err(source) => return unwritten(case, &difference.to_string(), source),
-            }
-        };
-        let pending = pending.map_or_else(String::new, |pending| shown(&pending.path));
-        let (case, golden, difference) = (case.to_owned(), shown(golden), Box::new(difference));
-        GoldenError::Differs { case, golden, difference, pending, advice }
     }
 
     /// What to do with a frame that differs.
@@ -434,8 +427,44 @@ fn is_name(case: &str) -> bool {
     case.split('/').all(|part| !part.is_empty() && part.chars().all(sound))
 }
 
-fn unwritten(case: &str, failure: &str, source: ImageError) -> GoldenError {
-    GoldenError::Pending { case: case.to_owned(), failure: failure.to_owned(), source }
+/// What a frame is compared with.
+struct Loaded {
+    file: PathBuf,
+    /// `None`: there is no golden yet.
+    golden: Option<Reference>,
+    /// The profile of the frame's adapter, if the golden is its own.
+    profile: Option<Profile>,
+}
+
+impl Loaded {
+    /// A frame without a golden is compared with itself: one with NaN is wrong with and without.
+    fn compare(&self, frame: &Rendered<'_>) -> Result<FrameMargin, FrameDifference> {
+        match &self.golden {
+            Some(golden) => golden.compare(frame),
+            None => {
+                let tolerance = self.tolerance(frame);
+                let terms = Terms { mask: frame.mask, ..Terms::of(&tolerance) };
+                compare::compare(frame.image, frame.image, &terms)
+            }
+        }
+    }
+
+    fn tolerance(&self, frame: &Rendered<'_>) -> FrameTolerance {
+        match &self.golden {
+            Some(golden) => golden.tolerance(frame),
+            None => frame.tolerance.cloned().unwrap_or_default(),
+        }
+    }
+
+    /// What a pending frame says of its comparison.
+    fn against(&self, frame: &Rendered<'_>, finding: Option<FrameFinding>) -> Against {
+        Against {
+            hash: self.golden.as_ref().map_or_else(String::new, Reference::hash),
+            profile: self.profile.as_ref().map_or_else(String::new, Profile::to_string),
+            tolerance: self.tolerance(frame).to_string(),
+            finding,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -408,7 +408,7 @@ impl Look<'_> {
                 count = rows.len().checked_div(width).unwrap_or(1);
                 match engine.hazards(count, &rows) {
                     Err(ProbeError::Rounds { case, diagnostic }) => {
-                        let row = rows.get(case * width..(case + 1) * width).unwrap_or_default();
+                        let row = &rows[case * width..(case + 1) * width];
                         let hazard = endless(self.probed, &diagnostic, row, count);
                         found.insert((hazard.location.clone(), hazard.kind), (hazard, true));
                         // The loop ends the search for all of them.

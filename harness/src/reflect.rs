@@ -81,6 +81,9 @@ struct Checked {
 /// Texts of which a process keeps what naga made: as many as a large package has functions and tests.
 const MOST_CHECKED: usize = 2048;
 
+/// Why a name of naga's IR is there: its WGSL front end names functions, arguments, members, variables and overrides.
+const NAMED: &str = "WGSL names it";
+
 /// A stage of a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -310,7 +313,8 @@ impl Program {
             BindingKind::StorageTexture { .. } => words.to_vec(),
             _ => {
                 let bytes = bytemuck::cast_slice(words);
-                lanes_of(self.module(), binding.ty, bytes).unwrap_or_default()
+                lanes_of(self.module(), binding.ty, bytes)
+                    .expect("a resource is as large as its type, which has a shape")
             }
         }
     }

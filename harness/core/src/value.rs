@@ -345,7 +345,7 @@ impl Shape {
             };
         match self {
             Self::Scalar(scalar) => {
-                text.push_str(&format_lane(*scalar, lanes.get(*at).copied().unwrap_or_default()));
+                text.push_str(&format_lane(*scalar, lanes[*at]));
                 *at += 1;
             }
             Self::Vector { size, scalar } => {

@@ -89,7 +89,7 @@ impl<A: Arithmetic> Results<A> {
                     Scalar::I32 | Scalar::U32 => ints.next().map(|x| A::int_word(*x)),
                     Scalar::Bool => bools.next().map(|x| A::bool_word(*x)),
                 };
-                words.push(word.unwrap_or_default());
+                words.push(word.expect("a case has a value for each of its scalars"));
             }
         }
         words

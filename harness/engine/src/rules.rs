@@ -107,7 +107,7 @@ macro_rules! integer_rules {
                 // One integer each has one result, whatever the rule.
                 let words = x.map(|x| x.word());
                 if words.iter().all(|word| word.is_some()) {
-                    let word = Self::exact(words.map(|word| word.unwrap_or_default()));
+                    let word = Self::exact(words.map(|word| word.expect("each has one")));
                     return crate::interval::Range::of_word(word, $signed);
                 }
                 $(if let Some(range) = (|$xr: [crate::interval::Range; $i]| $range)(x) { return range; })?

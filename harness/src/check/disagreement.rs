@@ -308,7 +308,7 @@ impl CaseFailure {
             arguments,
             lane,
             component,
-            actual: actual.get(lane).copied().unwrap_or_default(),
+            actual: actual[lane],
             expected: expected.and_then(|expected| expected.get(lane)).copied(),
             scalar,
             result: function.result.format(actual),

@@ -96,7 +96,7 @@ impl Alone {
         self.lowered
             .dispatch::<F32>([1; 3], &mut resources, &options, &())
             .map_err(|stop| stopped(&self.program, &self.name, &stop))?;
-        let results = resources.buffer(0, self.first + 1).unwrap_or_default();
+        let results = resources.buffer(0, self.first + 1).expect("it is bound above");
         let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
         words.truncate(self.words_out);
         self.written.iter().for_each(|binding| {
@@ -113,5 +113,5 @@ pub(super) fn after(resources: &Resources, binding: &Binding) -> Vec<u32> {
         let texture = resources.texture(group, number);
         return texture.and_then(|t| t.texels().first()).map_or_else(Vec::new, supply::words);
     }
-    bytemuck::pod_collect_to_vec(resources.buffer(group, number).unwrap_or_default())
+    bytemuck::pod_collect_to_vec(resources.buffer(group, number).expect("each binding is bound"))
 }

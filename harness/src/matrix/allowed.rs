@@ -37,7 +37,7 @@ impl Allowed {
             allowed.outside += 1;
             allowed.first.get_or_insert_with(|| {
                 let row = &rows[case * arguments.len()..][..arguments.len()];
-                let (least, most) = ends[lane].unwrap_or_default();
+                let (least, most) = ends[lane].expect("what has no ends allows all");
                 let (at, result) = (shown(&arguments, row), shown(&scalars, words));
                 format!("at {at} it returns {result}, of which WGSL allows {least} to {most}")
             });

@@ -167,10 +167,11 @@ fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) 
             }
             About::Function(_) => Vec::new(),
         };
-        let text = translation.code.text().unwrap_or_default().to_owned();
+        let text = translation.code.text().expect("Tint is asked about WGSL").to_owned();
         Question { text, pipelines, ..Question::default() }
     };
     let questions: Vec<Question> = translations.iter().zip(about).map(question).collect();
+    // Without a version it gives no verdict, either.
     let version = tint.version().unwrap_or_default();
     let answers = tint.ask(&questions).into_iter();
     let said = answers.map(|answer| {

@@ -84,7 +84,7 @@ pub(super) fn is_read_back(column: Column) -> bool {
 
 /// Links, reflects and translates.
 pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
-    let text = item.whole.file.text.get(item.whole.range.clone()).unwrap_or_default();
+    let text = &item.whole.file.text[item.whole.range.clone()];
     let (line, _) = item.whole.file.line_column(item.whole.range.start);
     let row = |kind: &str, error: Option<String>| Row {
         name: item.name.clone(),

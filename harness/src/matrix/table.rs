@@ -159,9 +159,9 @@ pub(super) fn make(
         let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
         let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
         let judged = Judged::of(&ready, &request.columns, &request.package);
-        let mut rows = 0..;
+        let mut rows = 0_usize..;
         let mut of = |ready: &Ready| {
-            let row = rows.next().unwrap_or_default();
+            let row = rows.next().expect("it has no end");
             request.columns.iter().map(|c| judged.cell(row, ready, *c)).collect()
         };
         let cells: Vec<Option<Vec<Cell>>> =

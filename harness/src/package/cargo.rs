@@ -295,7 +295,7 @@ fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Resul
     }
     let graph = ask()?;
     // What can't be kept is asked for again.
-    let text = serde_json::to_vec(&graph).unwrap_or_default();
+    let text = serde_json::to_vec(&graph).expect("a graph has names and paths of UTF-8");
     let new = kept.with_extension(format!("{}.new", std::process::id()));
     let folder = kept.parent().map_or(Ok(()), std::fs::create_dir_all);
     if folder.and_then(|()| std::fs::write(&new, text)).is_ok() {

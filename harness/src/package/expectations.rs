@@ -492,7 +492,7 @@ impl TestItem {
 }
 
 fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, PackageError> {
-    let own = test.name.as_deref().unwrap_or_default();
+    let own = test.name.as_deref().expect("a test is a function, which has a name");
     let name = if name.is_empty() { own.to_owned() } else { format!("{name}::{own}") };
     let span = |tokens: &std::ops::Range<usize>| Span {
         range: module.bytes(tokens),

@@ -127,6 +127,7 @@ impl<'a> Linker<'a> {
         let from = module.bytes(&declaration.tokens);
         let mut text = Spliced::default();
         text.copy(&module.file, from.clone(), in_order(module.changes(&from).collect()));
+        // `const_assert` has none.
         let name = declaration.name.as_deref().unwrap_or_default();
         let part = |hasher: &mut Hasher, part: &str| {
             hasher.update(&(part.len() as u64).to_le_bytes()).update(part.as_bytes());

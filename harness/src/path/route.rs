@@ -73,9 +73,10 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     let layout = layout(path.via(), &translation.bindings).map_err(on_route)?;
     let words = compile(&translation).map_err(|error| on_route(error.to_string()))?;
     let name = translation.entry_points.first().map(|e| e.name.clone());
+    let name = name.ok_or_else(|| on_route("the translation has no entry point".to_owned()))?;
     Ok(Routed::Spirv(Box::new(Foreign {
         words,
-        entry_point: name.unwrap_or_default(),
+        entry_point: name,
         workgroup_size: shader.workgroup_size(entry_point),
         bindings: translation.bindings,
         layout,

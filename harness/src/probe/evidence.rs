@@ -96,7 +96,7 @@ impl Evidence {
         Err(ProbeError::ResultNotWritten {
             function: self.function.clone(),
             path: self.path,
-            component: self.lane_names.get(first % self.stride).cloned().unwrap_or_default(),
+            component: self.lane_names[first % self.stride].clone(),
             first: u32::try_from(first / self.stride).expect("a batch fits in 32 bits"),
             count: unwritten.len(),
             words: words.len() / self.stride * (self.stride - 1),

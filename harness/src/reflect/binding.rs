@@ -1,6 +1,6 @@
 //! The resource variables of functions and entry points.
 
-use super::{BindingKind, Program, Stage};
+use super::{BindingKind, NAMED, Program, Stage};
 use crate::diagnostic::Span;
 use crate::value::Shape;
 
@@ -160,7 +160,7 @@ impl Program {
                 let nowhere = (Binding::NOWHERE, Binding::NOWHERE);
                 let place = place.or((kind == BindingKind::Immediate).then_some(nowhere));
                 let (group, binding) = place?;
-                let name = global.name.clone().unwrap_or_default();
+                let name = global.name.clone().expect(NAMED);
                 let path = self.linked.names.get(&name).cloned().unwrap_or(name);
                 let range = self.checked.module.global_variables.get_span(handle).to_range();
                 let declared = range.and_then(|range| self.resolve(range));

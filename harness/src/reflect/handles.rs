@@ -9,7 +9,7 @@ use std::fmt::Write;
 use naga::common::wgsl::TypeContext as _;
 use naga::{Function, Handle, Statement, Type, TypeInner};
 
-use super::Program;
+use super::{NAMED, Program};
 use crate::package::Linked;
 
 /// The function that is called in place of one that takes textures or samplers.
@@ -30,7 +30,7 @@ impl Program {
         let mut linked = self.linked.clone();
         let mut binding = self.free_binding();
         for (index, argument) in function.arguments.iter().enumerate() {
-            let own = argument.name.as_deref().unwrap_or_default();
+            let own = argument.name.as_deref().expect(NAMED);
             if self.is_handle(argument.ty) {
                 let variable = format!("{VARIABLE}{index}");
                 write!(variables, "@group(0) @binding({binding}) var {variable}: ").ok()?;
@@ -79,7 +79,7 @@ impl Program {
         let arguments = function.arguments.iter().enumerate();
         let handles = arguments.filter(|(_, argument)| self.is_handle(argument.ty));
         let one = |(place, argument): (usize, &naga::FunctionArgument)| {
-            (place, argument.name.clone().unwrap_or_default(), types.type_to_string(argument.ty))
+            (place, argument.name.clone().expect(NAMED), types.type_to_string(argument.ty))
         };
         handles.map(one).collect()
     }

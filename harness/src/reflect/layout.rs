@@ -102,7 +102,7 @@ pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> 
     match &module.types[ty].inner {
         TypeInner::Struct { members, .. } => {
             let own = |member: &naga::StructMember| {
-                let path = format!("{path}.{}", member.name.as_deref().unwrap_or_default());
+                let path = format!("{path}.{}", member.name.as_deref().expect(super::NAMED));
                 places(module, member.ty, &path, at + member.offset)
             };
             members.iter().flat_map(own).collect()

@@ -7,7 +7,7 @@ use naga::{
     ShaderStage, StorageAccess, Type, TypeInner,
 };
 
-use super::Program;
+use super::{NAMED, Program};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
@@ -162,7 +162,7 @@ impl Program {
         let Some(binding) = variable.binding else { return };
         let range = self.checked.module.global_variables.get_span(handle).to_range();
         let span = range.and_then(|range| self.resolve(range)).map(|span| span.first_line());
-        let name = variable.name.as_deref().unwrap_or_default();
+        let name = variable.name.as_deref().expect(NAMED);
         let who = format!("`{}`", self.author_path(name).unwrap_or(name));
         let mut push = |limit: Limit, amount: u64, what: String| {
             let (who, span) = (who.clone(), span.clone());
@@ -276,7 +276,7 @@ impl Program {
                 if uses[handle].is_empty() || !access.contains(StorageAccess::STORE) {
                     continue;
                 }
-                let name = variable.name.as_deref().unwrap_or_default();
+                let name = variable.name.as_deref().expect(NAMED);
                 let name = self.author_path(name).unwrap_or(name);
                 let message = format!(
                     "the vertex entry point `{}` uses `{name}`, which can be written, and WebGPU gives vertex \

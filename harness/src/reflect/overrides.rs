@@ -6,7 +6,7 @@ use std::sync::Arc;
 use naga::{Arena, Expression, Handle, Literal, Module, Override, ScalarKind, TypeInner};
 
 use super::signature::scalar_of;
-use super::{Program, ReflectError};
+use super::{NAMED, Program, ReflectError};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::value::Scalar;
 
@@ -37,7 +37,7 @@ impl Program {
             values.insert(text_name, *value);
         }
         for (handle, declared) in declared.iter() {
-            let name = declared.name.as_deref().unwrap_or_default();
+            let name = declared.name.as_deref().expect(NAMED);
             if declared.init.is_none() && !values.contains_key(name) {
                 let name = self.author_path(name).unwrap_or(name);
                 let name = name.rsplit("::").next().unwrap_or(name);
@@ -88,7 +88,7 @@ impl Program {
     fn text_name(&self, name: &str) -> Result<String, ReflectError> {
         let overrides = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
         let path = |declared: &Override| {
-            let text = declared.name.as_deref().unwrap_or_default();
+            let text = declared.name.as_deref().expect(NAMED);
             self.author_path(text).unwrap_or(text).to_owned()
         };
         let last = |path: &str| path.rsplit("::").next().unwrap_or_default().to_owned();
@@ -99,7 +99,7 @@ impl Program {
                 || declared.id.is_some_and(|id| id.to_string() == name)
         };
         if let Some(found) = overrides().find(is_it) {
-            return Ok(found.name.clone().unwrap_or_default());
+            return Ok(found.name.clone().expect(NAMED));
         }
         let known: Vec<String> = overrides().map(|declared| last(&path(declared))).collect();
         let nearest = nearest(name, known.iter().map(String::as_str));
@@ -126,7 +126,7 @@ pub(super) fn set(
 ) -> Result<(), (Handle<Override>, String)> {
     let mut given = Vec::new();
     for (handle, declared) in module.overrides.iter() {
-        let name = declared.name.clone().unwrap_or_default();
+        let name = declared.name.clone().expect(NAMED);
         let Some(value) = values.get(&name) else { continue };
         let TypeInner::Scalar(scalar) = module.types[declared.ty].inner else { continue };
         let literal = literal(scalar, *value).ok_or_else(|| {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
-use super::{BindingKind, Program, ReflectError, Texels};
+use super::{BindingKind, NAMED, Program, ReflectError, Texels};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
@@ -163,7 +163,7 @@ impl Program {
         let own =
             function.arguments.iter().filter(|own| instead.is_none() || !self.is_handle(own.ty));
         let (handle, called) = instead.unwrap_or((handle, function));
-        let linked = called.name.clone().unwrap_or_default();
+        let linked = called.name.clone().expect(NAMED);
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
         if fragment && self.discards(handle) {
@@ -183,7 +183,7 @@ impl Program {
         }
         let mut parameters = Vec::new();
         for (argument, own) in called.arguments.iter().zip(own) {
-            let name = own.name.clone().unwrap_or_default();
+            let name = own.name.clone().expect(NAMED);
             let (ty, passed) = self.passed(argument.ty);
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
@@ -277,10 +277,10 @@ impl Program {
                 let members = members.iter().map(|member| {
                     let rest = bytes.saturating_sub(member.offset as usize);
                     let shape = self.memory_shape(member.ty, rest)?;
-                    Some((member.name.clone().unwrap_or_default(), shape))
+                    Some((member.name.clone().expect(NAMED), shape))
                 });
                 let members = members.collect::<Option<_>>()?;
-                Some(Shape::Struct { name: declared.name.clone().unwrap_or_default(), members })
+                Some(Shape::Struct { name: declared.name.clone().expect(NAMED), members })
             }
             _ => self.shape(ty).ok(),
         }
@@ -318,7 +318,7 @@ impl Program {
             return Err(refuse(what, "a case must not depend on its neighbours"));
         }
         let parameters = function.arguments.iter().map(|argument| {
-            let name = argument.name.clone().unwrap_or_default();
+            let name = argument.name.clone().expect(NAMED);
             if self.is_handle(argument.ty) {
                 let what = format!("nothing binds its parameter `{name}`, a texture or sampler");
                 let note = format!(
@@ -420,7 +420,7 @@ impl Program {
             return Some("waits at a barrier".to_owned());
         }
         self.checked.module.global_variables.iter().find_map(|(handle, global)| {
-            let name = global.name.as_deref().unwrap_or_default();
+            let name = global.name.as_deref().expect(NAMED);
             let inner = &self.checked.module.types[global.ty].inner;
             if !info[handle].is_empty()
                 && let kind @ BindingKind::StorageTexture { .. } = BindingKind::of(global, inner)
@@ -465,10 +465,10 @@ impl Program {
             return None;
         };
         let member = |member: &naga::StructMember| {
-            Some((member.name.clone().unwrap_or_default(), self.shape(member.ty).ok()?))
+            Some((member.name.clone().expect(NAMED), self.shape(member.ty).ok()?))
         };
         let members = head.iter().map(member).collect::<Option<_>>()?;
-        let name = types[ty].name.clone().unwrap_or_default();
+        let name = types[ty].name.clone().expect(NAMED);
         Some((Shape::Struct { name, members }, self.shape(base).ok()?))
     }
 
@@ -532,12 +532,10 @@ impl Program {
                 return Err("a pointer, which has no value outside the shader".to_owned());
             }
             TypeInner::Struct { members, .. } => {
-                let name = ty.name.clone().unwrap_or_default();
+                let name = ty.name.clone().expect(NAMED);
                 let members = members
                     .iter()
-                    .map(|member| {
-                        Ok((member.name.clone().unwrap_or_default(), self.shape(member.ty)?))
-                    })
+                    .map(|member| Ok((member.name.clone().expect(NAMED), self.shape(member.ty)?)))
                     .collect::<Result<_, String>>()?;
                 Shape::Struct { name, members }
             }

@@ -130,7 +130,10 @@ impl Memory {
         }
         // Two paths may fail on the same input; whole lines are appended, so processes may share
         // the file.
-        let text = std::fs::read_to_string(&self.file).unwrap_or_default();
+        let text = match std::fs::read_to_string(&self.file) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            read => read?,
+        };
         let same = |line: &str| {
             Entry::parse(line).is_some_and(|old| {
                 (&old.function, &old.check) == (&entry.function, &entry.check) && old.is_same(entry)

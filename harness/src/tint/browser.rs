@@ -74,7 +74,9 @@ impl Page {
         let target = target.ok_or_else(|| Broken::Start("it opens no page".to_owned()))?;
         page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
         let attached = page.answer(patience)?;
-        page.session = attached["sessionId"].as_str().unwrap_or_default().to_owned();
+        let session = attached["sessionId"].as_str();
+        let session = session.ok_or_else(|| Broken::Start("it opens no session".to_owned()))?;
+        page.session = session.to_owned();
         page.load(patience)?;
         page.evaluate(&format!("{JUDGE}{PAGE}"))?;
         Ok(page)

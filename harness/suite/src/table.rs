@@ -87,13 +87,12 @@ pub(crate) fn read(
         }
         let record = record.map_err(|error| at(format!("`{name}`: {error}")))?;
         let wrong = |column: usize, what: &str| {
-            let cell = record.get(column).unwrap_or_default();
-            let column = head.get(column).unwrap_or_default();
+            let (cell, column) = (&record[column], &head[column]);
             at(format!("column `{column}`: `{cell}` {what}"))
         };
         let mut words = Vec::with_capacity(arguments.len());
         for (column, scalar) in &arguments {
-            let cell = record.get(*column).unwrap_or_default();
+            let cell = &record[*column];
             let word = numbers::argument(*scalar, cell);
             words.push(
                 word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?,
@@ -101,7 +100,7 @@ pub(crate) fn read(
         }
         let mut lanes = Vec::with_capacity(results.len());
         for (column, scalar) in &results {
-            let cell = record.get(*column).unwrap_or_default();
+            let cell = &record[*column];
             let value = numbers::expected(*scalar, cell, compared);
             lanes.push(value.ok_or_else(|| wrong(*column, "is no finite number"))?);
         }

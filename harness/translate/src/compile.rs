@@ -180,8 +180,12 @@ pub(crate) fn run(
     let file = arguments.last().expect("the file is the last argument");
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
-    let written = std::fs::read(folder.path().join(OUTPUT)).unwrap_or_default();
-    let words = spirv(&written).filter(|_| ran.end == End::Good);
+    // A compiler that rejects a text writes no file, and one that doesn't may write none, either.
+    let written = match std::fs::read(folder.path().join(OUTPUT)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        read => Some(read?),
+    };
+    let words = written.and_then(|bytes| spirv(&bytes)).filter(|_| ran.end == End::Good);
     let compiled = Arc::new(Compiled { ran, words });
     let mut last = last();
     last.push_front((arguments.to_vec(), text.to_owned(), Arc::clone(&compiled)));

@@ -223,7 +223,7 @@ impl<'m> Lower<'m> {
                     values.push(self.value(scope, argument)?);
                 }
                 let called = &self.module.functions[function];
-                let name = called.name.clone().unwrap_or_default();
+                let name = called.name.clone().expect("WGSL names it");
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
                 if let Some(result) = result {

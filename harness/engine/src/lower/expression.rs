@@ -98,7 +98,7 @@ impl<'m> Lower<'m> {
             Expression::Override(handle) => match self.overrides.get(&handle) {
                 Some(value) => Ok(value.clone()),
                 None => {
-                    let name = self.module.overrides[handle].name.clone().unwrap_or_default();
+                    let name = self.module.overrides[handle].name.clone().expect("WGSL names it");
                     Err(self.refuse(format!("the override `{name}`, which has no value")))
                 }
             },
