@@ -1,6 +1,6 @@
 //! What can go wrong inside of the library's functions is mended, or accepted with a reason.
 
-use karat::hazards::Kind;
+use karat::unstable::hazards::Kind;
 use shaders::PBR;
 
 #[test]
@@ -22,7 +22,8 @@ fn the_documents_formulas_light_up() {
         (Kind::Unbounded, "cos(phi)"),
         (Kind::Infinite, "1.0 / (1.0 + n.z)"),
     ] {
-        let is = |hazard: &&karat::hazards::Hazard| hazard.kind == kind && hazard.text == text;
+        let is =
+            |hazard: &&karat::unstable::hazards::Hazard| hazard.kind == kind && hazard.text == text;
         assert!(found.iter().any(|hazard| is(&hazard)), "no {kind:?} at {text}: {found:#?}");
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use karat::check::{Agreement, Failure};
 use karat::prelude::*;
-use karat::probe::Probed;
+use karat::unstable::probe::Probed;
 use shaders::{PBR, radiometry};
 
 /// Results below the smallest normal f32, which WGSL may flush.
@@ -183,7 +183,7 @@ fn the_texels_of_a_cube_cover_the_sphere() {
         for size in 1..=64_u32 {
             let texels: Vec<Vec<u32>> =
                 (0..size * size).map(|index| vec![size, index % size, index / size]).collect();
-            let results = karat::executor::call(&probed, path, &texels, &Vec::new())
+            let results = karat::unstable::executor::call(&probed, path, &texels, &Vec::new())
                 .expect("the kernel runs");
             let face: f64 = results.iter().map(|lanes| f64::from(f32::from_bits(lanes[0]))).sum();
             let sphere = 6.0 * face / (4.0 * PI);

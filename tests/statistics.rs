@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use karat::check::{Failure, Finding, Fit, Rejection};
 use karat::domain::Source;
 use karat::prelude::*;
-use karat::stats::{
+use karat::unstable::stats::{
     Cells, ChiSquare, Kolmogorov, Mean, Moments, Place, Rate, accepts, binomial_tail,
     chi_square_power,
 };

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use karat::Package;
-use karat::matrix::{Column, Matrix, Status};
+use karat::unstable::matrix::{Column, Matrix, Status};
 use shaders::PBR;
 
 /// The routes that CI runs.
@@ -121,7 +121,8 @@ fn each_row_gets_as_far_as_the_page_says() {
     }
     let gl = || elsewhere.iter().all(|column| column != "gl");
     assert!(!outside.is_empty() || !gl(), "naga divides as WGSL does now: delete this");
-    let bounded = |cell: &karat::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
+    let bounded =
+        |cell: &karat::unstable::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
     let bounded: usize = matrix.rows.iter().flat_map(|row| &row.cells).map(bounded).sum();
     assert!(bounded > 400_000, "WGSL bounds {bounded} results only");
     let mut made = words(&matrix.markdown());

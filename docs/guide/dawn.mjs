@@ -3,7 +3,7 @@
 //   KARAT_EXECUTORS='dawn=node dawn.mjs node_modules/webgpu' KARAT_PATHS=process@dawn cargo test
 //
 // The first line that it writes is a greeting; then it reads a job a line, and writes an answer a line.
-// The data are described at `karat::job`.
+// The data are described at `karat::unstable::job`.
 
 import { spawn } from 'node:child_process';
 import { writeSync } from 'node:fs';

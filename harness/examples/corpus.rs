@@ -26,9 +26,9 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use karat::Package;
-use karat::package::FunctionItem;
-use karat::probe::{ProbeError, Probed};
-use karat::reflect::{Program, ReflectError};
+use karat::unstable::package::FunctionItem;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use serde::Serialize;
 

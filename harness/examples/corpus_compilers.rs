@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use karat::reflect::{Invalid, Opinion};
-use karat::tint::Tint;
+use karat::unstable::reflect::{Invalid, Opinion};
+use karat::unstable::tint::Tint;
 
 #[path = "corpus/list.rs"]
 mod list;

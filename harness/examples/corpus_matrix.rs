@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use karat::matrix::{Column, Matrix, Status, Stop, restarted};
+use karat::unstable::matrix::{Column, Matrix, Status, Stop, restarted};
 use serde::{Deserialize, Serialize};
 
 #[path = "corpus/list.rs"]

@@ -13,7 +13,7 @@ mod companion;
 mod conclusion;
 mod demand;
 mod disagreement;
-mod dynamic;
+pub(crate) mod dynamic;
 mod effort;
 mod equivariance;
 mod expects;
@@ -49,7 +49,7 @@ mod trial;
 mod vacuous;
 mod validity;
 mod verdict;
-mod wgsl_test;
+pub(crate) mod wgsl_test;
 
 #[doc(inline)]
 pub use crate::value::Reference;
@@ -59,7 +59,6 @@ pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
-pub use dynamic::{ExpectWords, Words};
 pub use integral::Integral;
 pub use limit::Limit;
 pub use mismatch::Mismatch;
@@ -73,7 +72,6 @@ pub use sampling::{
 pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
-pub use wgsl_test::{TestGroup, WgslTest};
 
 use std::marker::PhantomData;
 use std::path::PathBuf;
@@ -198,7 +196,7 @@ impl<'a> Probe<'a> {
     /// not be that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
     ///
     /// ```no_run
-    /// use karat::executor::Executor;
+    /// use karat::unstable::executor::Executor;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     ///
@@ -281,7 +279,7 @@ impl<C> std::fmt::Debug for Check<'_, C> {
     }
 }
 
-/// The way of a [`Check`] that calls a function with values of the type `V`, or with [words](Words).
+/// The way of a [`Check`] that calls a function with values of the type `V`, or with [words](crate::unstable::check::Words).
 ///
 /// ```
 /// use karat::check::{Calls, Check};

@@ -9,7 +9,7 @@
 //! use karat::Package;
 //!
 //! let (before, after) = (Package::open("old").unwrap(), Package::open("new").unwrap());
-//! for one in karat::compare::Request::new(before, after).run().unwrap() {
+//! for one in karat::unstable::compare::Request::new(before, after).run().unwrap() {
 //!     println!("{}: {:?}", one.function, one.change);
 //! }
 //! ```
@@ -45,7 +45,7 @@ const ROUNDS: usize = 64;
 ///
 /// ```
 /// use karat::Package;
-/// use karat::compare::{Change, Request};
+/// use karat::unstable::compare::{Change, Request};
 ///
 /// let package = |text| Package::from_source("m", text);
 /// let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");

@@ -379,7 +379,7 @@ impl<'a> Compute<'a> {
     /// Dispatches on this executor instead of the environment's paths. Further calls add more.
     ///
     /// ```no_run
-    /// use karat::executor::Executor;
+    /// use karat::unstable::executor::Executor;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     ///

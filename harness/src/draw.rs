@@ -7,7 +7,7 @@
 
 mod blend;
 mod depths;
-mod drawing;
+pub(crate) mod drawing;
 mod format;
 mod mesh;
 mod painter;
@@ -19,8 +19,7 @@ mod state;
 mod targets;
 
 pub use blend::{Blend, Component, Factor, Operation};
-pub(crate) use drawing::Scene;
-pub use drawing::{Drawing, Source};
+pub(crate) use drawing::{Drawing, Scene, Source};
 pub use format::Format;
 pub use mesh::{Attribute, Mesh};
 pub use request::Draw;

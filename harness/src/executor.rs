@@ -40,10 +40,10 @@ use crate::reflect::{Binding, Program};
 /// other executor.
 ///
 /// ```
-/// use karat::executor::Executor;
+/// use karat::unstable::executor::Executor;
 /// use karat::path::Adapter;
 /// use karat::prelude::*;
-/// use karat::probe::{Call, Prepared, ProbeError, Started};
+/// use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 ///
 /// /// Doubles a number, whatever it is to call.
 /// #[derive(Debug)]
@@ -216,7 +216,7 @@ impl Executor for Device {
 /// ```
 /// use karat::Path;
 ///
-/// let engine = karat::executor::of(Path::CPU)?;
+/// let engine = karat::unstable::executor::of(Path::CPU)?;
 /// assert_eq!(engine.path(), Path::CPU);
 /// # Ok::<(), karat::path::PathError>(())
 /// ```
@@ -240,14 +240,14 @@ fn opened(opened: Opened) -> &'static dyn Executor {
 /// `cases` holds the lanes of each case, one after the other.
 ///
 /// ```
-/// use karat::probe::Probed;
+/// use karat::unstable::probe::Probed;
 /// use karat::{Package, Path};
 ///
 /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
 /// let cases = [vec![1.0_f32.to_bits()], vec![3.0_f32.to_bits()]];
-/// let results = karat::executor::call(&Probed::new(&package, "half")?, Path::CPU, &cases, &Vec::new())?;
+/// let results = karat::unstable::executor::call(&Probed::new(&package, "half")?, Path::CPU, &cases, &Vec::new())?;
 /// assert_eq!(results, [[0.5_f32.to_bits()], [1.5_f32.to_bits()]]);
-/// # Ok::<(), karat::probe::ProbeError>(())
+/// # Ok::<(), karat::unstable::probe::ProbeError>(())
 /// ```
 ///
 /// # Errors

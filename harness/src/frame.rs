@@ -716,7 +716,7 @@ impl<'a> Frame<'a> {
     /// executors: see [`Probe::on`](crate::check::Probe::on).
     ///
     /// ```no_run
-    /// use karat::executor::Executor;
+    /// use karat::unstable::executor::Executor;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");

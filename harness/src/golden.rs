@@ -5,20 +5,20 @@
 //! fails, and leaves `<case>.new.exr` or `<case>.new.csv` beside the golden (if `CI` is set, in the folder
 //! of build output instead). Only accepting writes a golden.
 
-mod acceptance;
-mod changes;
-mod compare;
+pub(crate) mod acceptance;
+pub(crate) mod changes;
+pub(crate) mod compare;
 mod content;
 mod lock;
 mod message;
 mod number;
 mod parts;
-mod pending;
-mod place;
-mod profile;
-mod provenance;
+pub(crate) mod pending;
+pub(crate) mod place;
+pub(crate) mod profile;
+pub(crate) mod provenance;
 mod reference;
-mod table;
+pub(crate) mod table;
 mod tolerance;
 mod values;
 
@@ -27,18 +27,19 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 
-pub use crate::metric::MASK;
-pub use acceptance::{AcceptError, Acceptance, Accepted};
-pub use changes::ChangedRow;
-pub use compare::{Deviation, FrameDifference, FrameMargin};
+pub(crate) use crate::metric::MASK;
+pub(crate) use acceptance::AcceptError;
+pub(crate) use compare::{FrameDifference, FrameMargin};
 pub use parts::COLOR;
 pub(crate) use parts::VARIANCE;
-pub use pending::{Pending, PendingFrames, Unusable};
-pub use place::{build_output, in_ci};
+pub(crate) use pending::Pending;
+pub(crate) use place::in_ci;
 pub(crate) use place::{leave_in, output};
-pub use profile::Profile;
-pub use provenance::{FrameFinding, Provenance, ProvenanceError};
-pub use table::{Column, Table, TableError, TableFacts};
+pub(crate) use profile::Profile;
+pub use provenance::ProvenanceError;
+pub(crate) use provenance::{FrameFinding, Provenance};
+pub use table::TableError;
+pub(crate) use table::{Column, Table};
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
 pub use values::ValuesError;
 pub(crate) use values::{Made, other_columns};

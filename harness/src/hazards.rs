@@ -48,7 +48,7 @@ const RARE: usize = 100;
 /// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
 /// let hazards = package.hazards().input("x", 0.0..=1.0).run()?;
 /// assert_eq!(hazards.found[0].text, "1.0 / x");
-/// # Ok::<(), karat::hazards::HazardError>(())
+/// # Ok::<(), karat::unstable::hazards::HazardError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Request {
@@ -168,7 +168,7 @@ impl Package {
     /// # static SHADERS: Package = karat::package!("shaders");
     /// let hazards = SHADERS.hazards().run()?;
     /// assert!(hazards.found.is_empty(), "{hazards}");
-    /// # Ok::<(), karat::hazards::HazardError>(())
+    /// # Ok::<(), karat::unstable::hazards::HazardError>(())
     /// ```
     #[must_use]
     pub fn hazards(&self) -> Request {

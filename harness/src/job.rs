@@ -31,7 +31,7 @@ use crate::fixture::{Sampler, Texture};
 /// Something to run, and the resources whose contents are its result.
 ///
 /// ```
-/// use karat::job::Job;
+/// use karat::unstable::job::Job;
 ///
 /// let line = r#"{"jobs": 1, "id": 7, "resources": [{"buffer": {"words": [0]}}], "outputs": [0], "seconds": 60.0, "work": {"passes": [{
 ///     "shader": {"wgsl": "@group(0) @binding(0) var<storage, read_write> x: u32; @compute @workgroup_size(1) fn f() { x = 7u; }",
@@ -206,7 +206,7 @@ pub struct Drawn {
 /// The line that answers a job.
 ///
 /// ```
-/// use karat::job::{Answer, Reply};
+/// use karat::unstable::job::{Answer, Reply};
 ///
 /// let answer: Answer = serde_json::from_str(r#"{"id": 7, "reply": {"done": [[7]]}}"#)?;
 /// assert_eq!(answer.reply, Reply::Done(vec![vec![7]]));

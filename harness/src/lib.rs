@@ -46,45 +46,95 @@
 //!
 //! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.
 //!
-//! Names that tests need are at the root and in [`prelude`]. Names that other programs need, such
-//! as verdicts, records and images, are in the modules.
+//! Names that tests need are at the root, in [`prelude`] and in the modules: a version that changes one
+//! has another first number. What programs around tests use, such as records and what naga knows of a
+//! shader, is in [`unstable`].
 
 pub mod check;
 #[cfg(feature = "engine")]
-pub mod compare;
+mod compare;
 pub mod compute;
-pub mod dispatch;
+mod dispatch;
 pub mod draw;
-pub mod executor;
+mod executor;
 pub mod fixture;
 pub mod frame;
 pub mod golden;
 #[cfg(feature = "engine")]
-pub mod hazards;
+mod hazards;
 #[cfg(feature = "engine")]
 mod interpret;
 #[cfg(not(feature = "engine"))]
 #[path = "interpret/none.rs"]
 mod interpret;
-pub mod job;
+mod job;
 #[cfg(any(feature = "engine", feature = "routes"))]
-pub mod made_up;
+mod made_up;
 #[cfg(feature = "routes")]
-pub mod matrix;
+mod matrix;
 pub mod package;
 pub mod path;
-pub mod probe;
-pub mod record;
-pub mod reflect;
-pub mod run;
-pub mod tint;
+mod probe;
+mod record;
+mod reflect;
+mod run;
+mod tint;
+pub mod unstable;
+
+use karat_core::{diagnostic, lines, output, settings};
 
 #[doc(inline)]
-pub use karat_core::{
-    diagnostic, domain, image, metric, output, settings, shareable, stats, tolerance, value,
-};
-// Processes that answer line by line are plumbing.
-use karat_core::lines;
+pub use karat_core::shareable;
+
+/// Where arguments come from: closed, edge-biased, seeded.
+pub mod domain {
+    pub(crate) use karat_core::domain::*;
+    #[doc(inline)]
+    pub use karat_core::domain::{
+        Above, AnyF32, Composed, Domain, Edges, Emptiness, Filter, Grid, Hemisphere, Integers,
+        Just, LatinHypercube, Map, OneOf, Origin, Shrinkable, Source, UnitRgb, UnitVector,
+    };
+}
+
+/// Float images, from EXR and PNG.
+pub mod image {
+    pub(crate) use karat_core::image::*;
+    #[doc(inline)]
+    pub use karat_core::image::{Image, ImageError, ImageFormat, NonFinite, Precision};
+}
+
+/// How far a frame is from its golden: the gate, HDR-FLIP by tiles, noise; masks.
+pub mod metric {
+    pub(crate) use karat_core::metric::*;
+    #[doc(inline)]
+    pub use karat_core::metric::{
+        DEFAULT_RELATIVE, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
+        Metric, Noise, Outliers, Pair, PairError, Pool, Rect,
+    };
+}
+
+/// Where samples lie, and quadrature for references.
+pub mod stats {
+    pub(crate) use karat_core::stats::*;
+    #[doc(inline)]
+    pub use karat_core::stats::{Support, gauss_legendre};
+}
+
+/// How far a result may be from its reference.
+pub mod tolerance {
+    pub(crate) use karat_core::tolerance::*;
+    #[doc(inline)]
+    pub use karat_core::tolerance::{
+        Abs, Criterion, Device, Granting, LaneError, Rel, Spec, Tolerance, Ulp, Unit, ulp_distance,
+    };
+}
+
+/// Values of WGSL in Rust, and the types that they have there.
+pub mod value {
+    pub(crate) use karat_core::value::*;
+    #[doc(inline)]
+    pub use karat_core::value::{Arguments, Mirror, Quad, Reference, Scalar, Shape, Shareable};
+}
 
 pub use check::{Check, Directions, Limit, Trend};
 pub use domain::{
@@ -101,12 +151,6 @@ pub use probe::Inputs;
 pub use stats::Support;
 pub use tolerance::{Abs, Device, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
-
-/// Each intermediate of one call: a debugger's view without a debugger.
-#[cfg(feature = "engine")]
-pub mod trace {
-    pub use crate::interpret::trace::{Step, Value, trace};
-}
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {

@@ -271,11 +271,11 @@ const WITHIN: f64 = 1e-3;
 
 impl Package {
     /// A matrix of the package's functions and entry points on every column; see
-    /// [`matrix`](crate::matrix).
+    /// [`matrix`](crate::unstable::matrix).
     ///
     /// ```no_run
     /// use karat::Package;
-    /// use karat::matrix::Status;
+    /// use karat::unstable::matrix::Status;
     ///
     /// static SHADERS: Package = karat::package!("shaders");
     ///

@@ -9,7 +9,7 @@
 //!   names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
 //! - `KARAT_EXECUTORS`: programs that run jobs, `dawn=node dawn.mjs`; each is a path, `process@dawn`. See
-//!   [`job`](crate::job).
+//!   [`job`](crate::unstable::job).
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
 //! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
@@ -21,7 +21,7 @@ mod deadline;
 mod device;
 mod driver;
 mod name;
-mod process;
+pub(crate) mod process;
 #[cfg(feature = "routes")]
 mod route;
 #[cfg(not(feature = "routes"))]
@@ -32,14 +32,14 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
-pub use crate::reflect::Ability;
+pub(crate) use crate::reflect::Ability;
 pub(crate) use deadline::{Guard, guard, guard_opening};
 #[cfg(feature = "routes")]
 pub(crate) use deadline::{Moment, watched};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};
-pub use process::Greeting;
+pub(crate) use process::Greeting;
 pub(crate) use process::{JOBS, Process};
 pub(crate) use selector::Selected;
 pub use selector::Selector;

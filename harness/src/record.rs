@@ -282,11 +282,11 @@ impl Run {
     /// of runs, it is the run that ended last.
     ///
     /// ```no_run
-    /// use karat::record::Run;
+    /// use karat::unstable::record::Run;
     ///
     /// let run = Run::read("target/karat/last".as_ref())?;
     /// println!("it passed: {}", run.is_some_and(|run| run.passed));
-    /// # Ok::<(), karat::record::RecordError>(())
+    /// # Ok::<(), karat::unstable::record::RecordError>(())
     /// ```
     ///
     /// # Errors
@@ -435,7 +435,7 @@ impl Recorded {
     /// ```
     /// # let folder = tempfile::tempdir()?;
     /// # let record = folder.path();
-    /// use karat::record::{Recorded, Run};
+    /// use karat::unstable::record::{Recorded, Run};
     ///
     /// assert!(Recorded::read(record)?.is_none(), "nothing has run");
     /// Run::default().write(record)?;
@@ -475,12 +475,12 @@ pub fn was_killed(records: &Path) -> bool {
 /// Reads the verdicts of a folder as [`Recorded::read`] does.
 ///
 /// ```no_run
-/// use karat::record::Verdict;
+/// use karat::unstable::record::Verdict;
 ///
-/// let records = karat::record::read("target/karat/last".as_ref())?;
+/// let records = karat::unstable::record::read("target/karat/last".as_ref())?;
 /// let failures = records.iter().filter(|record| record.verdict == Verdict::Fail).count();
 /// println!("{failures} of {} fail", records.len());
-/// # Ok::<(), karat::record::RecordError>(())
+/// # Ok::<(), karat::unstable::record::RecordError>(())
 /// ```
 ///
 /// # Errors

@@ -153,12 +153,12 @@ impl Program {
     ///
     /// ```
     /// use karat::Package;
-    /// use karat::reflect::Program;
+    /// use karat::unstable::reflect::Program;
     ///
     /// let text = "fn f() -> f32 { return 1.0; } fn g() -> f32 { return 2.0; }";
     /// let program = Program::of_function(&Package::from_source("m", text), "f")?;
     /// assert!(!program.text().contains("2.0")); // only what it uses
-    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// # Ok::<(), karat::unstable::reflect::ReflectError>(())
     /// ```
     ///
     /// # Errors

@@ -4,7 +4,7 @@
 use insta::assert_snapshot;
 use karat::package::Feature;
 use karat::prelude::*;
-use karat::probe::Probed;
+use karat::unstable::probe::Probed;
 
 fn linked(package: &Package, function: &str) -> String {
     match Probed::new(package, function) {

@@ -1,12 +1,13 @@
 //! A check on an executor of one's own: the seam between checks and what runs shaders.
 
 use karat::check::Failure;
-use karat::draw::{DrawError, Drawing};
-use karat::executor::Executor;
+use karat::draw::DrawError;
 use karat::metric::Rect;
 use karat::path::Adapter;
 use karat::prelude::*;
-use karat::probe::{Call, Prepared, ProbeError, Started};
+use karat::unstable::draw::Drawing;
+use karat::unstable::executor::Executor;
+use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 use karat::{Image, Path};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";

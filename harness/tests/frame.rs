@@ -3,10 +3,12 @@
 use glam::{Vec2, Vec3, Vec4};
 use karat::draw::Mesh;
 use karat::frame::FrameError;
-use karat::golden::{FrameTolerance, GoldenError, Provenance};
-use karat::image::{ExrFile, Precision};
+use karat::golden::{FrameTolerance, GoldenError};
+use karat::image::Precision;
 use karat::metric::Rect;
 use karat::prelude::*;
+use karat::unstable::golden::Provenance;
+use karat::unstable::image::ExrFile;
 use karat::{Frame, Goldens, Image};
 
 const SHADER: &str = "

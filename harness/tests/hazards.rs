@@ -1,8 +1,8 @@
 //! Hazards, each planted and found at its line.
 
 use karat::check::Failure;
-use karat::hazards::{Hazard, HazardError, Kind};
 use karat::prelude::*;
+use karat::unstable::hazards::{Hazard, HazardError, Kind};
 
 fn found(text: &str) -> Vec<Hazard> {
     Package::from_source("planted", text).hazards().run().expect("it is looked at").found
@@ -75,12 +75,12 @@ fn each_is_found_where_it_is_born() {
 }
 
 /// The hazard of a kind, wherever it is, with the package's other hazards.
-fn of_kind(hazards: &karat::hazards::Hazards, kind: Kind) -> Hazard {
+fn of_kind(hazards: &karat::unstable::hazards::Hazards, kind: Kind) -> Hazard {
     let one = hazards.found.iter().find(|hazard| hazard.kind == kind);
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-fn look(text: &str) -> karat::hazards::Hazards {
+fn look(text: &str) -> karat::unstable::hazards::Hazards {
     Package::from_source("planted", text).hazards().run().expect("it is looked at")
 }
 

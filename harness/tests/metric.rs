@@ -5,9 +5,9 @@ use karat::Image;
 use karat::golden::FrameTolerance;
 use karat::image::Precision;
 use karat::metric::{
-    ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Metric, Noise, Pair,
-    PairError, Rect, TILE,
+    ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Metric, Noise, Pair, PairError, Rect,
 };
+use karat::unstable::metric::{ErrorMap, TILE};
 
 const WIDTH: u32 = 48;
 const HEIGHT: u32 = 40;

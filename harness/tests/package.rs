@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use karat::check::Failure;
-use karat::probe::{ProbeError, Probed};
+use karat::unstable::probe::{ProbeError, Probed};
 use karat::{Package, Ulp};
 
 fn error(package: &Package, function: &str) -> String {
@@ -296,7 +296,7 @@ fn one_file_is_a_package_and_both_extensions_are_read() {
 #[test]
 fn errors_carry_their_place_as_data() {
     let package = Package::from_source("s", "fn f() -> f32 {\n  return 1u;\n}");
-    let Err(ProbeError::Reflect(karat::reflect::ReflectError::Invalid(diagnostic))) =
+    let Err(ProbeError::Reflect(karat::unstable::reflect::ReflectError::Invalid(diagnostic))) =
         Probed::new(&package, "f")
     else {
         panic!("a type error is found by naga");

@@ -4,16 +4,17 @@
 use glam::{DQuat, Vec3};
 use karat::check::{Agreement, Calls, Failure};
 use karat::compute::ComputeError;
-use karat::dispatch::{Afterwards, DispatchError, Passes};
-use karat::domain::{Dynamic, Part};
-use karat::draw::{DrawError, Drawing};
-use karat::executor::Executor;
+use karat::draw::DrawError;
 use karat::frame::FrameError;
 use karat::image::Precision;
 use karat::metric::Rect;
 use karat::path::Adapter;
 use karat::prelude::*;
-use karat::probe::{Call, Prepared, ProbeError, Started};
+use karat::unstable::dispatch::{Afterwards, DispatchError, Passes};
+use karat::unstable::domain::{Dynamic, Part};
+use karat::unstable::draw::Drawing;
+use karat::unstable::executor::Executor;
+use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 use karat::value::{Scalar, Shape};
 use karat::{Goldens, Image};
 

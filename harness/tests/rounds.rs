@@ -1,10 +1,10 @@
 //! Loops that a driver leaves before they end are errors and no results.
 
 use karat::draw::DrawError;
-use karat::executor::call;
 use karat::frame::FrameError;
 use karat::path::adapter;
-use karat::probe::{ProbeError, Probed};
+use karat::unstable::executor::call;
+use karat::unstable::probe::{ProbeError, Probed};
 use karat::{Package, Path, Uniform};
 
 const SPIN: &str = "\

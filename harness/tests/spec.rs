@@ -1,11 +1,11 @@
 //! What WGSL allows, as a tolerance; and what a failing check says of it.
 
 use karat::check::{Census, Disagreement, Failure, Vacuous};
-use karat::executor::Executor;
 use karat::path::Adapter;
 use karat::prelude::*;
-use karat::probe::{Call, Prepared, ProbeError, Started};
 use karat::tolerance::Criterion;
+use karat::unstable::executor::Executor;
+use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 fn package(text: &str) -> Package {
     Package::from_source("spec", text)

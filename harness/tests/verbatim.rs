@@ -4,10 +4,10 @@
 use std::path::{Path, PathBuf};
 
 use karat::Package;
-use karat::executor::call;
 use karat::package::PackageError;
-use karat::probe::{ProbeError, Probed};
-use karat::reflect::{Program, ReflectError};
+use karat::unstable::executor::call;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// naga's own verdict on a file, as wgpu would have it.

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use karat::Goldens;
 use karat::check::Failure;
 use karat::prelude::*;
-use karat::probe::ProbeError;
+use karat::unstable::probe::ProbeError;
 use shaders::{PBR, geometry};
 
 use crate::{disagreement, mutant, schlick};

@@ -1,8 +1,8 @@
 //! Frames and goldens.
 
-use karat::golden::Acceptance;
 use karat::image::Precision;
 use karat::prelude::*;
+use karat::unstable::golden::Acceptance;
 use karat::{Goldens, Image};
 use std::path::Path as FilePath;
 

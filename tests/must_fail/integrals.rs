@@ -265,9 +265,9 @@ fn an_integral_is_replayed_and_recorded() {
     let folder_name = folder.path().display().to_string();
     let (output, text) = planted(&["integral"], &[("KARAT_RECORD", &folder_name)]);
     assert!(!output.status.success(), "{text}");
-    let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+    let records = karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
     let [record] = &*records else { panic!("one check, {} records", records.len()) };
-    assert_eq!(record.verdict, karat::record::Verdict::Fail);
+    assert_eq!(record.verdict, karat::unstable::record::Verdict::Fail);
     for path in &record.paths {
         assert_eq!((path.cases, &*path.asserted), (256, "rel 1e-6 (2560 nodes)"));
         assert!(0 < path.failures && path.failures < 256, "{path:?}");

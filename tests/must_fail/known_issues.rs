@@ -4,7 +4,7 @@ use karat::Goldens;
 use karat::check::Failure;
 use karat::image::Precision;
 use karat::prelude::*;
-use karat::run::WrongDeclaration;
+use karat::unstable::run::WrongDeclaration;
 
 use crate::disagreement;
 use crate::processes::planted;
@@ -200,18 +200,19 @@ fn samples_and_means_that_are_declared_to_fail() {
 #[test]
 fn known_issues_are_recorded() {
     for (fault, verdict) in [
-        ("known_issue", karat::record::Verdict::KnownIssue),
-        ("unexpected_pass", karat::record::Verdict::Fail),
+        ("known_issue", karat::unstable::record::Verdict::KnownIssue),
+        ("unexpected_pass", karat::unstable::record::Verdict::Fail),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let folder_name = folder.path().display().to_string();
         let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
         assert_eq!(
             output.status.success(),
-            verdict == karat::record::Verdict::KnownIssue,
+            verdict == karat::unstable::record::Verdict::KnownIssue,
             "{text}"
         );
-        let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+        let records =
+            karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
         let [record] = &*records else { panic!("one check, {} records", records.len()) };
         assert_eq!(record.verdict, verdict);
         for path in &record.paths {
@@ -245,9 +246,9 @@ fn what_is_returned_is_recorded_unless_it_is_left_out() {
         let (output, text) = planted(&[fault], &environment);
         assert!(output.status.success(), "{text}");
         assert!(text.contains(&format!("{failures} failures")), "{fault}: {text}");
-        let records = karat::record::read(folder.path()).unwrap_or_default();
+        let records = karat::unstable::record::read(folder.path()).unwrap_or_default();
         let failed = records.iter().filter(|record| {
-            record.verdict == karat::record::Verdict::Fail && record.fault.is_some()
+            record.verdict == karat::unstable::record::Verdict::Fail && record.fault.is_some()
         });
         assert_eq!((records.len(), failed.count()), (expected, expected), "{records:?}");
     }
@@ -264,7 +265,8 @@ fn records_name_the_overlay() {
         environment.extend(named.map(|overlay| ("KARAT_OVERLAY", overlay)));
         let (output, text) = planted(&["records"], &environment);
         assert!(output.status.success(), "{text}");
-        let records = karat::record::read(folder.path()).expect("the verdicts were recorded");
+        let records =
+            karat::unstable::record::read(folder.path()).expect("the verdicts were recorded");
         let own: Vec<_> = records.iter().filter(|r| r.overlay.as_deref() == named).collect();
         assert_eq!(own.len(), 3, "{records:?}");
     }

@@ -36,9 +36,9 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let (output, text) = planted(&["signature"], &[("KARAT_RECORD", &folder_name)]);
     let told = "member 1 of the function's `Pair` is `a: f32`, of the other one it is `b: f32`";
     assert!(!output.status.success() && text.contains(told), "{text}");
-    let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+    let records = karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
     let [record] = &*records else { panic!("one check, {} records", records.len()) };
-    let karat::record::Subject::Function { location, .. } = &record.subject else {
+    let karat::unstable::record::Subject::Function { location, .. } = &record.subject else {
         panic!("{record:?}")
     };
     assert_eq!(location, "<planted>:2:1");
@@ -47,17 +47,20 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
 /// That a package is valid as a whole is a check, which a record has like others.
 #[test]
 fn that_a_package_is_valid_is_recorded() {
-    for (fault, verdict, failures) in
-        [("valid", karat::record::Verdict::Pass, 0), ("invalid", karat::record::Verdict::Fail, 1)]
-    {
+    for (fault, verdict, failures) in [
+        ("valid", karat::unstable::record::Verdict::Pass, 0),
+        ("invalid", karat::unstable::record::Verdict::Fail, 1),
+    ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let folder_name = folder.path().display().to_string();
         let alone = [("KARAT_RECORD", &*folder_name), ("KARAT_TINT", "off")];
         let (output, text) = planted(&[fault], &alone);
         assert_eq!(output.status.success(), failures == 0, "{text}");
-        let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+        let records =
+            karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
         let [record] = &*records else { panic!("one check, {} records", records.len()) };
-        let karat::record::Subject::Function { function, check, location, .. } = &record.subject
+        let karat::unstable::record::Subject::Function { function, check, location, .. } =
+            &record.subject
         else {
             panic!("{record:?}")
         };

@@ -4,12 +4,12 @@ use std::collections::HashSet;
 use std::sync::Mutex;
 
 use karat::check::Failure;
-use karat::compare::{Change, Request};
 use karat::compute::ComputeError;
 use karat::draw::Mesh;
 use karat::golden::FrameTolerance;
 use karat::image::Precision;
 use karat::prelude::*;
+use karat::unstable::compare::{Change, Request};
 use karat::{Goldens, Image};
 
 use crate::disagreement;

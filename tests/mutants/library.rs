@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
-use karat::record::{self, Record, Subject, Verdict};
+use karat::unstable::record::{self, Record, Subject, Verdict};
 use shaders::PBR;
 use tempfile::TempDir;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 
 use karat::Package;
-use karat::reflect::Program;
+use karat::unstable::reflect::Program;
 
 use crate::library;
 use crate::maker::{self, Mutant};

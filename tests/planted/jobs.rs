@@ -2,10 +2,11 @@
 
 use std::io::Write;
 
-use karat::executor::Executor;
-use karat::job::{Job, Problem, Reply, Resource};
-use karat::path::{Ability, Adapter, PathError};
+use karat::path::{Adapter, PathError};
 use karat::prelude::*;
+use karat::unstable::executor::Executor;
+use karat::unstable::job::{Job, Problem, Reply, Resource};
+use karat::unstable::path::Ability;
 
 /// Runs jobs on the path that the second argument names, with the fault that the third one names.
 pub(crate) fn serve() -> Result<String, String> {
@@ -23,11 +24,11 @@ pub(crate) fn serve() -> Result<String, String> {
         "rude" => say("good morning")?,
         _ => {}
     }
-    let inner = karat::executor::of(path).map_err(|error| error.to_string())?;
+    let inner = karat::unstable::executor::of(path).map_err(|error| error.to_string())?;
     let (stdin, stdout) = (std::io::stdin().lock(), std::io::stdout().lock());
     let served = match &*fault {
-        "other" => karat::executor::serve(inner, stdin, OfAnother(stdout)),
-        _ => karat::executor::serve(&Faulty { inner, fault }, stdin, stdout),
+        "other" => karat::unstable::executor::serve(inner, stdin, OfAnother(stdout)),
+        _ => karat::unstable::executor::serve(&Faulty { inner, fault }, stdin, stdout),
     };
     served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
 }
@@ -84,8 +85,8 @@ impl Executor for Faulty {
             Problem { bytes: Some(at..at + 2), ..problem("it is too beautiful") }
         };
         let text = match &job.work {
-            karat::job::Work::Passes(passes) => passes[0].shader.wgsl.clone(),
-            karat::job::Work::Frame(frame) => frame.shader.wgsl.clone(),
+            karat::unstable::job::Work::Passes(passes) => passes[0].shader.wgsl.clone(),
+            karat::unstable::job::Work::Frame(frame) => frame.shader.wgsl.clone(),
         };
         Ok(match &*self.fault {
             // It runs nothing.

@@ -45,10 +45,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail, ensure};
 use clap::{CommandFactory, Parser, Subcommand};
-use karat::golden::AcceptError;
 use karat::image::ImageError;
-use karat::output::{Output, tell, trusted, visible, visible_json};
 use karat::package::Feature;
+use karat::unstable::golden::AcceptError;
+use karat::unstable::output::{Output, tell, trusted, visible, visible_json};
 
 /// The exit code of a command that did its work: whether all was well.
 type Outcome = anyhow::Result<Ending>;
@@ -378,7 +378,7 @@ pub(crate) fn run() -> ExitCode {
 /// Runs a command in an environment that can be used: a setting with a slip would do nothing.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
-        karat::settings::check()?;
+        karat::unstable::settings::check()?;
     }
     command(wanted, out)
 }

@@ -392,7 +392,8 @@ impl fmt::Display for Shape {
 /// One lane in decimal: the shortest digits that read back to the same bits.
 ///
 /// ```
-/// use karat::value::{Scalar, format_lane};
+/// use karat::value::Scalar;
+/// use karat::unstable::value::format_lane;
 ///
 /// assert_eq!(format_lane(Scalar::I32, u32::MAX), "-1");
 /// ```
@@ -410,7 +411,7 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
 /// where plain digits would be long. `-0`, `NaN` and `inf` keep their names.
 ///
 /// ```
-/// use karat::value::format_f32;
+/// use karat::unstable::value::format_f32;
 ///
 /// assert_eq!(format_f32(0.1), "0.1");
 /// ```
@@ -427,7 +428,7 @@ pub fn format_f32(value: f32) -> String {
 /// An `f32` in C99 hexadecimal, which shows every bit: `0x1.99999ap-4`.
 ///
 /// ```
-/// use karat::value::hexfloat;
+/// use karat::unstable::value::hexfloat;
 ///
 /// assert_eq!(hexfloat(0.1), "0x1.99999ap-4");
 /// ```

@@ -20,11 +20,11 @@ pub use arguments::{ExposureArguments, RenderArguments};
 use karat::Frame;
 use karat::Image;
 use karat::Path;
-use karat::diagnostic::{nearest, shown};
-use karat::golden::build_output;
 use karat::image::{ImageError, NonFinite, Precision};
-use karat::output::{Output, Style, counted};
 use karat::path::{self, PathError};
+use karat::unstable::diagnostic::{nearest, shown};
+use karat::unstable::golden::build_output;
+use karat::unstable::output::{Output, Style, counted};
 
 const BAD: Style = Style::BAD;
 const HEAD: Style = Style::HEAD;

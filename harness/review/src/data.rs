@@ -4,10 +4,11 @@ use serde_json::{Value, json};
 
 use super::{Case, Failure, MOST_ROWS, Map, Part, Rows, facts, packed};
 use karat::Image;
-use karat::golden::{ChangedRow, Column, Criterion, CriterionMargin, Provenance, Table};
-use karat::image::ExrFile;
+use karat::golden::{Criterion, CriterionMargin};
 use karat::metric::DEFAULT_RELATIVE;
-use karat::value::format_lane;
+use karat::unstable::golden::{ChangedRow, Column, Provenance, Table};
+use karat::unstable::image::ExrFile;
+use karat::unstable::value::format_lane;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
 pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
@@ -48,7 +49,7 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
         Some(Err(error)) => (Vec::new(), error.to_string()),
         None => (Vec::new(), "the golden doesn't say what made it".to_owned()),
     };
-    let part = |part: &karat::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
+    let part = |part: &karat::unstable::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
     received(&json!({
         "index": index,
         "name": name,

@@ -5,8 +5,8 @@ use std::fmt;
 use serde::Serialize;
 use serde_json::Value;
 
-use karat::golden::Provenance;
 use karat::metric::ExposureRange;
+use karat::unstable::golden::Provenance;
 
 /// What is different between a golden and a frame, other than their pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use std::io::Write;
 use std::path::Path;
 
 use karat::Image;
-use karat::golden::Table;
-use karat::image::ExrFile;
+use karat::unstable::golden::Table;
+use karat::unstable::image::ExrFile;
 use serde_json::{Value, json};
 
 use super::git;
@@ -91,6 +91,7 @@ fn read<T, E: Display>(
     let mut file = tempfile::NamedTempFile::new()?;
     file.write_all(&bytes)?;
     // The name of a temporary file says nothing to anybody.
-    let unnamed = |error: String| error.replace(&karat::diagnostic::shown(file.path()), &place);
+    let unnamed =
+        |error: String| error.replace(&karat::unstable::diagnostic::shown(file.path()), &place);
     read(file.path()).map_err(|error| VersionError::Damaged(unnamed(error.to_string())))
 }

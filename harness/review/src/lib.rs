@@ -29,11 +29,12 @@ pub use facts::Cause;
 pub use last_run::{Failure, FrameRun, LastRun};
 pub use server::Server;
 
-use karat::diagnostic::shown;
-use karat::golden::{
-    AcceptError, ChangedRow, CriterionMargin, Pending, PendingFrames, Provenance, Table, Unusable,
+use karat::golden::CriterionMargin;
+use karat::unstable::diagnostic::shown;
+use karat::unstable::golden::{
+    AcceptError, ChangedRow, Pending, PendingFrames, Provenance, Table, Unusable,
 };
-use karat::image::ExrFile;
+use karat::unstable::image::ExrFile;
 use karat::{Goldens, Image};
 use serde_json::json;
 
@@ -263,7 +264,7 @@ impl Review {
     pub fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
         let put = |name: &str, text: &str| {
             let path = folder.join(name);
-            karat::image::write_whole(&path, text.as_bytes())
+            karat::unstable::image::write_whole(&path, text.as_bytes())
                 .map_err(|source| ReviewError::Write { path: shown(&path), source })
         };
         let pending = self.pending();

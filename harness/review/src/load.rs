@@ -2,9 +2,12 @@
 
 use super::maps::maps;
 use super::{Case, Cause, MOST_ROWS, Part, Rows};
-use karat::golden::{AcceptError, COLOR, ChangedRow, MASK, Pending, Provenance, Table, TableError};
-use karat::image::{self, ExrFile, ImageError};
+use karat::golden::{COLOR, TableError};
+use karat::image::ImageError;
 use karat::metric::{Mask, Pair};
+use karat::unstable::golden::{AcceptError, ChangedRow, Pending, Provenance, Table};
+use karat::unstable::image::ExrFile;
+use karat::unstable::metric::MASK;
 use karat::{Goldens, Image};
 
 impl Case {
@@ -125,7 +128,7 @@ impl Rows {
 /// The parts of both sides by name, the frame first.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
     // The first part of another tool's golden has a name of its own, or none.
-    let named = |(index, part): (usize, image::Part)| {
+    let named = |(index, part): (usize, karat::unstable::image::Part)| {
         (if index == 0 { COLOR.to_owned() } else { part.name }, part.image)
     };
     let mut golden: Vec<_> =

@@ -2,7 +2,8 @@
 
 use super::Map;
 use karat::Image;
-use karat::metric::{ErrorMap, Flip, Pair};
+use karat::metric::{Flip, Pair};
+use karat::unstable::metric::ErrorMap;
 
 /// What can be computed of golden and frame. Of images that FLIP can't compare there is nothing.
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {

@@ -4,8 +4,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use karat::diagnostic::text_hash;
-use karat::golden::Provenance;
+use karat::unstable::diagnostic::text_hash;
+use karat::unstable::golden::Provenance;
 use serde_json::{Value, json};
 
 use super::git;

@@ -4,8 +4,9 @@ use serde_json::{Value, json};
 
 use super::data::embedded;
 use super::{Entry, FrameRun, Review, golden_name};
-use karat::diagnostic::shown;
-use karat::golden::{Criterion, CriterionMargin, Pending, PendingFrames};
+use karat::golden::{Criterion, CriterionMargin};
+use karat::unstable::diagnostic::shown;
+use karat::unstable::golden::{Pending, PendingFrames};
 
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::http::{Answer, Http, Request, Stopper};
 use super::{Entry, Review, ReviewError, data, page, version_script};
-use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames};
+use karat::unstable::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
 /// Longest decision that is read; a reason is a sentence.
 const LONGEST_BODY: u64 = 64 << 10;
@@ -272,7 +272,7 @@ impl Desk {
         };
         let accepted = self.review.goldens.accept(pending, &acceptance)?;
         for warning in accepted.warnings {
-            karat::output::tell(&format!("note: {}: {warning}", pending.case));
+            karat::unstable::output::tell(&format!("note: {}: {warning}", pending.case));
         }
         Ok(())
     }

@@ -15,7 +15,8 @@ use crate::value::Shape;
 /// Arguments and results as words: the lanes of all arguments in turn, and those of the result.
 ///
 /// ```
-/// use karat::check::{Agreement, Calls, Check, Failure, Words};
+/// use karat::check::{Agreement, Calls, Check, Failure};
+/// use karat::unstable::check::Words;
 ///
 /// fn is_bounded(check: Check<'_, Calls<Words>>) -> Result<Agreement, Failure> {
 ///     check.cases(1000).try_stays_within(0.0, 1.0)
@@ -32,7 +33,7 @@ impl<'a> Probe<'a> {
     ///
     /// ```
     /// # use karat::prelude::*;
-    /// use karat::domain::{Dynamic, Part};
+    /// use karat::unstable::domain::{Dynamic, Part};
     /// use karat::value::{Scalar, Shape};
     ///
     /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
@@ -110,11 +111,11 @@ impl Check<'_, Calls<Words>> {
         self.plan.has_limit(stream, demand, approach, &expected, tolerance.into())
     }
 
-    /// Runs a test that is written in WGSL: see [`WgslTest`](super::WgslTest).
+    /// Runs a test that is written in WGSL: see [`WgslTest`](crate::unstable::check::WgslTest).
     ///
     /// ```
     /// # use karat::prelude::*;
-    /// use karat::domain::{Dynamic, Part};
+    /// use karat::unstable::domain::{Dynamic, Part};
     /// use karat::value::Scalar;
     ///
     /// let text = "import karat::expect_in_range;

@@ -17,7 +17,7 @@ impl<V> Check<'_, Calls<V>> {
     /// array, or comes of an operation that WGSL doesn't bound.
     ///
     /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
-    /// See [`hazards`](mod@crate::hazards) for what is found without a domain.
+    /// See [`hazards`](mod@crate::unstable::hazards) for what is found without a domain.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -14,8 +14,8 @@ use crate::path::{Ability, Adapter, Greeting, JOBS};
 /// // A program for KARAT_EXECUTORS: the path that its first argument names, behind a pipe.
 /// fn main() -> Result<(), Box<dyn std::error::Error>> {
 ///     let path: Path = std::env::args().nth(1).ok_or("name a path")?.parse()?;
-///     let executor = karat::executor::of(path)?;
-///     Ok(karat::executor::serve(executor, std::io::stdin().lock(), std::io::stdout().lock())?)
+///     let executor = karat::unstable::executor::of(path)?;
+///     Ok(karat::unstable::executor::serve(executor, std::io::stdin().lock(), std::io::stdout().lock())?)
 /// }
 /// ```
 ///

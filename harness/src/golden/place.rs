@@ -160,7 +160,7 @@ fn tidy(folder: &Path) {
 /// Whether this is a CI run, as its systems say: `CI` is set, and not to `false` or `0`.
 ///
 /// ```
-/// if karat::golden::in_ci() {
+/// if karat::unstable::golden::in_ci() {
 ///     println!("the folder of goldens stays as it is");
 /// }
 /// ```
@@ -196,7 +196,7 @@ pub(super) fn root(folder: &Path) -> Option<&Path> {
 /// wasn't built by Cargo, the working directory.
 ///
 /// ```
-/// let leftovers = karat::golden::build_output().join("karat");
+/// let leftovers = karat::unstable::golden::build_output().join("karat");
 /// println!("frames may wait in {}", leftovers.display());
 /// ```
 pub fn build_output() -> PathBuf {

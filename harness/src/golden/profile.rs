@@ -11,7 +11,7 @@ use crate::path::Adapter;
 ///
 /// ```
 /// # use karat::path::Adapter;
-/// use karat::golden::Profile;
+/// use karat::unstable::golden::Profile;
 ///
 /// # let (path, name, driver) = ("gl".to_owned(), "llvmpipe (LLVM 15)".to_owned(), "Mesa".to_owned());
 /// # let adapter = Adapter { path, name, driver, software: true };
@@ -25,7 +25,7 @@ impl Profile {
     /// word of the adapter's name instead.
     ///
     /// ```
-    /// use karat::golden::Profile;
+    /// use karat::unstable::golden::Profile;
     /// use karat::path::Adapter;
     ///
     /// let [path, name, driver] = ["gl", "llvmpipe (LLVM 15.0.6, 256 bits)", "4.5 Mesa 22.3.6"].map(str::to_owned);

@@ -4,6 +4,9 @@ mod acceptance;
 mod kept;
 mod verdict;
 
+use super::acceptance::{Acceptance, Accepted};
+use super::pending::PendingFrames;
+use super::place::build_output;
 use super::*;
 use crate::image::ExrFile;
 use crate::metric::{ExposureRange, Gate, Measured, Metric, Pair, Rect};

@@ -166,13 +166,13 @@ impl Seen {
 ///
 /// ```
 /// use karat::Package;
-/// use karat::probe::Probed;
+/// use karat::unstable::probe::Probed;
 ///
 /// let text = "fn hidden(x: f32) -> f32 { let square = x * x; return 1.0 - square; }";
 /// let probed = Probed::new(&Package::from_source("m", text), "hidden")?;
-/// let steps = karat::trace::trace(&probed, &Vec::new(), &[0.5_f32.to_bits()])?;
+/// let steps = karat::unstable::trace::trace(&probed, &Vec::new(), &[0.5_f32.to_bits()])?;
 /// assert_eq!(steps[0].name.as_deref(), Some("square"));
-/// # Ok::<(), karat::probe::ProbeError>(())
+/// # Ok::<(), karat::unstable::probe::ProbeError>(())
 /// ```
 ///
 /// # Errors

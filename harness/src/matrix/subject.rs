@@ -5,7 +5,7 @@ use karat_translate::{Shader, TranslateError, Translation};
 use super::column::Written;
 use super::{Column, Request, Row, Source};
 use crate::made_up;
-use crate::package::FunctionItem;
+use crate::package::function_item::FunctionItem;
 use crate::path::Via;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError};

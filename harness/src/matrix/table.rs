@@ -13,7 +13,8 @@ use super::known::{Known, declare};
 use super::subject::{Ready, Subject, prepare};
 use super::{Cell, Column, Request, Row, Source, Status, row};
 use crate::diagnostic::nearest;
-use crate::package::{FunctionItem, KnownRows, Package, PackageError};
+use crate::package::function_item::FunctionItem;
+use crate::package::{KnownRows, Package, PackageError};
 use crate::path::{self, PathError};
 use crate::settings::{self, SettingsError};
 

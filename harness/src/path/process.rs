@@ -20,7 +20,7 @@ const LONGEST: u64 = 1 << 30;
 /// The first line of a program that runs jobs: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
 ///
 /// ```
-/// use karat::path::{Ability, Greeting};
+/// use karat::unstable::path::{Ability, Greeting};
 ///
 /// let line = r#"{"jobs": 1, "name": "Dawn", "can": ["f16"]}"#;
 /// let greeting: Greeting = serde_json::from_str(line)?;

@@ -5,7 +5,7 @@ use std::fmt;
 /// Something that not every executor has.
 ///
 /// ```
-/// use karat::path::Ability;
+/// use karat::unstable::path::Ability;
 ///
 /// assert_eq!(Ability::F16.to_string(), "f16");
 /// ```

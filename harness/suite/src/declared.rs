@@ -48,8 +48,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
-use karat::record::Subject;
+use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
+use karat::unstable::record::Subject;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};

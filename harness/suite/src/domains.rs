@@ -11,9 +11,9 @@
 //! Arguments that aren't named come from `[inputs]` of `karat.toml`, or from name and type, as in `karat hazards`:
 //! `n` is a unit vector, `roughness` is from 0 to 1.
 
-use karat::diagnostic::nearest;
-use karat::domain::Part;
-use karat::made_up::{Ranges, suggested};
+use karat::unstable::diagnostic::nearest;
+use karat::unstable::domain::Part;
+use karat::unstable::made_up::{Ranges, suggested};
 use karat::value::{Scalar, Shape};
 use toml::Value;
 

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use karat::diagnostic::read_file;
-use karat::reflect::Program;
+use karat::unstable::diagnostic::read_file;
+use karat::unstable::reflect::Program;
 use toml::Value;
 
 use crate::declared::What;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use karat::Package;
-use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
-use karat::output::name;
 use karat::package::PackageError;
+use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
+use karat::unstable::output::name;
 
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test, Wrong};

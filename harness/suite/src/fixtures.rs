@@ -16,9 +16,9 @@
 use std::path::Path;
 
 use glam::{IVec4, UVec4};
-use karat::diagnostic::read_file;
 use karat::fixture::{Buffer, Compare, Fixture};
-use karat::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
+use karat::unstable::diagnostic::read_file;
+use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 use karat::value::Shape;
 use karat::{CubeMap, Image, Sampler, Texture};
 use toml::Value;
@@ -434,7 +434,7 @@ fn is_left_empty(shape: &Shape) -> bool {
 mod tests {
     use super::*;
     use karat::Package;
-    use karat::probe::Probed;
+    use karat::unstable::probe::Probed;
 
     fn bound(declared: &str, value: &str) -> Result<(), String> {
         let text = format!(

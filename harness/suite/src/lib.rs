@@ -35,8 +35,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use karat::Package;
-use karat::check::WgslTest;
-use karat::diagnostic::Span;
+use karat::unstable::check::WgslTest;
+use karat::unstable::diagnostic::Span;
 
 pub use find::{FindError, is_meant};
 pub use fixtures::fixture;

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use karat::check::{Failure, Vacuous};
-use karat::diagnostic::{Diagnostic, Span, shown};
 use karat::draw::DrawError;
 use karat::fixture::FixtureError;
 use karat::frame::FrameError;
 use karat::path::Selector;
-use karat::probe::ProbeError;
-use karat::reflect::ReflectError;
+use karat::unstable::diagnostic::{Diagnostic, Span, shown};
+use karat::unstable::probe::ProbeError;
+use karat::unstable::reflect::ReflectError;
 
-use karat::run::WrongDeclaration;
+use karat::unstable::run::WrongDeclaration;
 
 use crate::Wrong;
 use crate::declared::{Assertion, Frame};

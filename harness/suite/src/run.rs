@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use karat::check::{Agreement, Calls, Check, Failure, Limit, Probe, TestGroup, WgslTest, Words};
-use karat::diagnostic::{Diagnostic, Span, shown};
-use karat::domain::{Dynamic, Part};
+use karat::check::{Agreement, Calls, Check, Failure, Limit, Probe};
 use karat::draw::{DrawError, Format};
 use karat::fixture::FixtureError;
 use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::FrameTolerance;
-use karat::made_up::Ranges;
-use karat::probe::{ProbeError, Probed};
-use karat::record::Subject;
-use karat::reflect::{Binding, Program, Stage};
+use karat::unstable::check::{TestGroup, WgslTest, Words};
+use karat::unstable::diagnostic::{Diagnostic, Span, shown};
+use karat::unstable::domain::{Dynamic, Part};
+use karat::unstable::made_up::Ranges;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::record::Subject;
+use karat::unstable::reflect::{Binding, Program, Stage};
 use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use toml::Value;
@@ -56,7 +57,7 @@ impl Suite {
             let thread = std::thread::Builder::new().name(test.name.clone());
             let run = || {
                 let verdict = self.verdict(test, groups);
-                karat::run::not_replayed().map_or(verdict, |text| Err(Wrong::of(text)))
+                karat::unstable::run::not_replayed().map_or(verdict, |text| Err(Wrong::of(text)))
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::diagnostic::{nearest, read_file};
-use karat::domain::Part;
+use karat::unstable::diagnostic::{nearest, read_file};
+use karat::unstable::domain::Part;
 use karat::value::{Scalar, Shape};
 
 use crate::misdeclared::Misdeclared;

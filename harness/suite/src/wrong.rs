@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use karat::diagnostic::Diagnostic;
 use karat::package::PackageError;
-use karat::record::Subject;
-use karat::reflect::ReflectError;
+use karat::unstable::diagnostic::Diagnostic;
+use karat::unstable::record::Subject;
+use karat::unstable::reflect::ReflectError;
 use serde::{Deserialize, Serialize};
 
 /// Why a test fails, or can't run.
@@ -36,7 +36,7 @@ impl Wrong {
 
     /// The same once it is in the record of the run: no check has put it there.
     pub(crate) fn recorded(&self, subject: Subject) -> Self {
-        karat::run::record_unbegun(subject, &self.headline, &self.message);
+        karat::unstable::run::record_unbegun(subject, &self.headline, &self.message);
         self.clone()
     }
 

@@ -1,7 +1,8 @@
 //! Files that the OpenEXR library wrote; `data/exr/make.py` says how, and with which values.
 
 use karat::Image;
-use karat::image::{ExrFile, Precision};
+use karat::image::Precision;
+use karat::unstable::image::ExrFile;
 
 use super::data;
 

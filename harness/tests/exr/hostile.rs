@@ -11,7 +11,8 @@ use exr::prelude::{
     MetaData, SampleType, SmallVec, Vec2,
 };
 use karat::Image;
-use karat::image::{ExrFile, ImageError};
+use karat::image::ImageError;
+use karat::unstable::image::ExrFile;
 
 use super::{CODECS, SIZE, data, encode, file, layer, message, place, rgba};
 

@@ -1,7 +1,8 @@
 //! Files of several parts.
 
 use karat::Image;
-use karat::image::{ExrFile, ImageError, Part, Precision};
+use karat::image::{ImageError, Precision};
+use karat::unstable::image::{ExrFile, Part};
 
 fn image(scale: f32) -> Image {
     let pixels = (0..12 * 18).map(|i| [i as f32 * scale, 0.5, i as f32, 1.0]);

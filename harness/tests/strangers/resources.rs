@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec4, IVec4, UVec2, UVec4, Vec2, Vec4};
 use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
-use karat::probe::ProbeError;
+use karat::unstable::probe::ProbeError;
 
 /// Weights of filters have 8 bits or more.
 const FILTERED: Abs = Abs(0.006);
@@ -470,8 +470,8 @@ fn a_path_that_compiles_nothing_is_declared() {
 #[test]
 fn errors_carry_their_source() {
     let package = package("", SAMPLED);
-    let probed = karat::probe::Probed::new(&package, "f").expect("valid");
-    let error = karat::executor::call(&probed, Path::CPU, &[vec![0, 0]], &Vec::new());
+    let probed = karat::unstable::probe::Probed::new(&package, "f").expect("valid");
+    let error = karat::unstable::executor::call(&probed, Path::CPU, &[vec![0, 0]], &Vec::new());
     let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error
     else {
         panic!("{error:?}");

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use karat::check::{Calls, Failure};
 use karat::compute::ComputeError;
 use karat::fixture::Buffer;
-use karat::golden::{AcceptError, Acceptance, Pending, Table, build_output, in_ci};
 use karat::prelude::*;
-use karat::run::WrongDeclaration;
+use karat::unstable::golden::{AcceptError, Acceptance, Pending, Table, build_output, in_ci};
+use karat::unstable::run::WrongDeclaration;
 use karat::{Check, Goldens};
 use tempfile::TempDir;
 

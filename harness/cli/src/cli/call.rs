@@ -11,10 +11,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::fixture::Fixtures;
-use karat::made_up::{MadeUp, Ranges};
-use karat::probe::Probed;
-use karat::reflect::Function;
-use karat::value::hexfloat;
+use karat::unstable::made_up::{MadeUp, Ranges};
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::Function;
+use karat::unstable::value::hexfloat;
 use karat::{Path, Tolerance};
 
 use super::project::Project;
@@ -194,7 +194,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     // Unless they are asked for, paths are left out that can't do what is needed.
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
     for path in paths {
-        match karat::executor::call(probed, path, &[], fixtures) {
+        match karat::unstable::executor::call(probed, path, &[], fixtures) {
             Err(error) if error.is_of_path() && !required.contains(&path) => {
                 reasons.push(error.to_string());
             }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
-use karat::diagnostic::Diagnostic;
-use karat::output::{counted, name};
-use karat::record::Recorded;
-use karat::reflect::{Dependence, Invalid, Opinion};
+use karat::unstable::diagnostic::Diagnostic;
+use karat::unstable::output::{counted, name};
+use karat::unstable::record::Recorded;
+use karat::unstable::reflect::{Dependence, Invalid, Opinion};
 
 use super::project::Project;
 use super::search::{self, Found};

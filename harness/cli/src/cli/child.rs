@@ -5,7 +5,7 @@ use std::process::{ChildStderr, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 
 use anyhow::Context;
-use karat::output::{Output, with_colours};
+use karat::unstable::output::{Output, with_colours};
 
 /// Runs a program whose output is ours. Terminals show it as it comes, with its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {

@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
-use karat::compare::{Change, Compared, PathChange, Request};
-use karat::output::{counted, tell, visible};
+use karat::unstable::compare::{Change, Compared, PathChange, Request};
+use karat::unstable::output::{counted, tell, visible};
 
 use super::project::Project;
 use super::search;

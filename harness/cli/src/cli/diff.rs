@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use karat::Image;
-use karat::golden::Provenance;
-use karat::image::{ExrFile, ImageError, ImageFormat};
+use karat::image::{ImageError, ImageFormat};
 use karat::metric::{ExposureRange, Mask, Pair, PairError};
+use karat::unstable::golden::Provenance;
+use karat::unstable::image::ExrFile;
 
 use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
 use super::heatmap::{self, Heatmap};

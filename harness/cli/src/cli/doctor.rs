@@ -5,10 +5,10 @@ pub(super) mod profile;
 use std::io::Write;
 
 use karat::Path;
-use karat::golden::Profile;
 use karat::path::{Adapter, Api, Via};
-use karat::settings::{Variable, variables};
-use karat::tint::{self, Tint};
+use karat::unstable::golden::Profile;
+use karat::unstable::settings::{Variable, variables};
+use karat::unstable::tint::{self, Tint};
 use karat_translate::{Missing, Target, Tool};
 use serde::Serialize;
 

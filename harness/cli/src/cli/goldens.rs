@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use karat::Goldens;
-use karat::diagnostic::{nearest, shown};
-use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames, Provenance, Unusable};
-use karat::output::{counted, tell};
+use karat::unstable::diagnostic::{nearest, shown};
+use karat::unstable::golden::{
+    AcceptError, Acceptance, Pending, PendingFrames, Provenance, Unusable,
+};
+use karat::unstable::output::{counted, tell};
 use serde::Serialize;
 
 use super::artefact::Artefact;
@@ -98,7 +100,7 @@ impl CiArgs {
     /// Refuses what writes into sources in CI, unless it may.
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
-            self.ci_may_write || !karat::golden::in_ci(),
+            self.ci_may_write || !karat::unstable::golden::in_ci(),
             "`CI` is set, and CI writes nothing into your sources: {what} on your own machine, or say \
              --ci-may-write"
         );
@@ -237,7 +239,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     // There, nothing may change the sources unasked.
-    if artefact.is_none() && !karat::golden::in_ci() {
+    if artefact.is_none() && !karat::unstable::golden::in_ci() {
         waiting.places.iter().for_each(Goldens::tidy);
     }
     let (frames, unusable) = waiting.all()?;

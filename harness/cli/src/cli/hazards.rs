@@ -6,9 +6,9 @@ use std::ops::RangeInclusive;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::hazards::{Hazard, HazardError, Hazards, Kind, Unseen};
-use karat::made_up::Drawn;
-use karat::output::counted;
+use karat::unstable::hazards::{Hazard, HazardError, Hazards, Kind, Unseen};
+use karat::unstable::made_up::Drawn;
+use karat::unstable::output::counted;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
@@ -105,7 +105,7 @@ fn look(
     bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
     let request = package.hazards().only(args.only.iter().map(String::as_str));
     let request = if args.accepted { request.with_accepted() } else { request };
-    let declare = |request: karat::hazards::Request, (name, range): &&Input| {
+    let declare = |request: karat::unstable::hazards::Request, (name, range): &&Input| {
         request.input(name, range.clone())
     };
     let request = inputs.iter().fold(request, declare).cases(args.cases as usize);

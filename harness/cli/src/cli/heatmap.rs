@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Image;
-use karat::image::{Precision, write_whole};
-use karat::metric::{ErrorMap, Flip, FlipFailure, Pair, Rect};
+use karat::image::Precision;
+use karat::metric::{Flip, FlipFailure, Pair, Rect};
+use karat::unstable::image::write_whole;
+use karat::unstable::metric::ErrorMap;
 
 use self::canvas::Canvas;
 use self::legend::Legend;

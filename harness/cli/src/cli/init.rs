@@ -7,12 +7,12 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
 use karat::Package;
-use karat::diagnostic::shown;
-use karat::output::counted;
-use karat::package::FunctionItem;
-use karat::probe::Probed;
-use karat::record::Recorded;
-use karat::tint::Tint;
+use karat::unstable::diagnostic::shown;
+use karat::unstable::output::counted;
+use karat::unstable::package::FunctionItem;
+use karat::unstable::probe::Probed;
+use karat::unstable::record::Recorded;
+use karat::unstable::tint::Tint;
 use karat::value::{Scalar, Shape};
 
 use super::doctor::profile::unoptimised;

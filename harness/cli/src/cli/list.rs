@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::Package;
-use karat::package::{FunctionItem, PackageError};
-use karat::record::{self, Subject};
-use karat::reflect::{Program, ReflectError};
+use karat::package::PackageError;
+use karat::unstable::package::FunctionItem;
+use karat::unstable::record::{self, Subject};
+use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Broken, Suite, Test, Wrong};
 use serde::Serialize;
 

@@ -10,10 +10,10 @@ use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::image::write_whole;
-use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
-use karat::record::{Record, Recorded};
 use karat::tolerance::{Abs, Rel};
+use karat::unstable::image::write_whole;
+use karat::unstable::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
+use karat::unstable::record::{Record, Recorded};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
@@ -156,7 +156,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         for (column, status) in &args.require {
             if let Err(missed) = matrix.try_expect_but(column, *status, &[]) {
                 ending = Ending::Bad;
-                karat::output::tell(&format!("{}: {missed}", matrix.package));
+                karat::unstable::output::tell(&format!("{}: {missed}", matrix.package));
             }
         }
     }
@@ -242,14 +242,14 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
         count => format!("{count} {many}"),
     };
     if !wrong.is_empty() {
-        karat::output::tell(&format!(
+        karat::unstable::output::tell(&format!(
             "{} wrong, and not declared to be: {}",
             counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
             places(&wrong)
         ));
     }
     if !outdated.is_empty() {
-        karat::output::tell(&format!(
+        karat::unstable::output::tell(&format!(
             "{} to work: delete what `karat.toml` declares of {}",
             counted(
                 outdated.len(),
@@ -297,7 +297,11 @@ fn write_files(args: &Args, matrices: &[Matrix]) -> anyhow::Result<()> {
     write(&args.junit, &|| junit::text(matrices, &args.require))?;
     if let Some(folder) = &args.reproduce {
         let written = reproduce::write(folder, matrices)?;
-        karat::output::tell(&format!("{} folders in `{}`", written.len(), folder.display()));
+        karat::unstable::output::tell(&format!(
+            "{} folders in `{}`",
+            written.len(),
+            folder.display()
+        ));
     }
     Ok(())
 }

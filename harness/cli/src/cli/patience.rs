@@ -12,7 +12,7 @@ pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work();
     }
-    after(PATIENCE, || karat::output::tell(doing), work)
+    after(PATIENCE, || karat::unstable::output::tell(doing), work)
 }
 
 /// Does work, and `say`s something if it isn't done after a while.

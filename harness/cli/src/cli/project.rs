@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
-use karat::record::{Recorded, Subject};
+use karat::unstable::record::{Recorded, Subject};
 use serde::Deserialize;
 
 use super::search::SHADERS;
@@ -47,7 +47,7 @@ impl Settings {
 /// The text of a file; `None` if it isn't there. What isn't a file, such as a pipe, is an error.
 pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     use std::io::ErrorKind::{NotADirectory, NotFound};
-    match karat::diagnostic::read_file(file) {
+    match karat::unstable::diagnostic::read_file(file) {
         Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
         Err(error) if matches!(error.kind(), NotFound | NotADirectory) => Ok(None),
         Err(error) => Err(error).with_context(|| format!("can't read `{}`", file.display())),

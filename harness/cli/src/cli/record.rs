@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, ensure};
-use karat::output::Output;
-use karat::record::{self, Run, Running};
-use karat::reflect::Opinion;
+use karat::unstable::output::Output;
+use karat::unstable::record::{self, Run, Running};
+use karat::unstable::reflect::Opinion;
 
 use super::project::Project;
 use super::report::{OutputArgs, Sum, short, tables};

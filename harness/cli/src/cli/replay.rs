@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, ensure};
-use karat::diagnostic::nearest;
-use karat::record::{Record, Recorded, Replay};
+use karat::unstable::diagnostic::nearest;
+use karat::unstable::record::{Record, Recorded, Replay};
 
 use super::project::Project;
 use super::report::{Names, is_failure};

@@ -18,13 +18,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
-use karat::image::write_whole;
-use karat::output::{counted, visible, visible_json};
-use karat::package::FunctionItem;
-use karat::record::{
+use karat::unstable::image::write_whole;
+use karat::unstable::output::{counted, visible, visible_json};
+use karat::unstable::package::FunctionItem;
+use karat::unstable::record::{
     CaseFault, Fault, PathFault, PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed,
 };
-use karat::reflect::Opinion;
+use karat::unstable::reflect::Opinion;
 use karat_suite::{Suite, Test};
 
 use karat_review::{Failure, FrameRun, LastRun};

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Goldens;
-use karat::golden::PendingFrames;
-use karat::output::counted;
-use karat::record::{Recorded, Subject};
+use karat::unstable::golden::PendingFrames;
+use karat::unstable::output::counted;
+use karat::unstable::record::{Recorded, Subject};
 use karat_review::{LastRun, Review};
 
 use super::artefact::Artefact;
@@ -77,7 +77,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.open
         && let Err(error) = open::that_detached(server.url())
     {
-        karat::output::tell(&format!("no browser opens ({error}); open the URL yourself"));
+        karat::unstable::output::tell(&format!(
+            "no browser opens ({error}); open the URL yourself"
+        ));
     }
     // The page shows what can't be used; whoever looks here is told, too.
     let told = report(&pending.unusable);

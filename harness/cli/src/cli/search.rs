@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
-use karat::diagnostic::shown;
 use karat::package::PackageError;
-use karat::record::{Record, Recorded, Subject};
+use karat::unstable::diagnostic::shown;
+use karat::unstable::record::{Record, Recorded, Subject};
 use karat_suite::{Broken, Suite};
 
 use super::PackageArgs;

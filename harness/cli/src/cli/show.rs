@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use karat::Package;
-use karat::probe::Probed;
-use karat::reflect::Program;
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::Program;
 
 use super::project::Project;
 use super::{Ending, Outcome, PackageArgs};

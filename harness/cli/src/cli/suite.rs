@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
 use karat::Package;
-use karat::output::counted;
 use karat::package::Feature;
-use karat::run::Host;
+use karat::unstable::output::counted;
+use karat::unstable::run::Host;
 use karat_suite::{Broken, Suite, Test, Wrong};
 
 use super::{Ending, Outcome, featured};
@@ -48,7 +48,7 @@ pub(super) struct Args {
 
 /// Who runs the tests of a suite: how one is run again, and where it remembers.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
-    let folder_name = karat::diagnostic::shown(folder);
+    let folder_name = karat::unstable::diagnostic::shown(folder);
     let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
     let words = ["karat", "test", &folder_name].map(str::to_owned).into_iter();
     Host {
@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         return Ok(Ending::Good);
     }
-    karat::run::host(host(&suite, &args.folder, &args.features));
+    karat::unstable::run::host(host(&suite, &args.folder, &args.features));
     let (tests, unsound) = suite.sound(tests);
     // What is broken concerns all: nobody can say which tests it would have had.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();

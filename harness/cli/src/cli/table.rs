@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-use karat::output::{Style, one_line};
+use karat::unstable::output::{Style, one_line};
 
 use super::terminal;
 

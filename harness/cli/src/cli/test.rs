@@ -10,11 +10,11 @@ use std::process::{Command, ExitStatus};
 
 use anyhow::Context;
 use karat::Package;
-use karat::diagnostic::{nearest, shown};
-use karat::output::{Output, counted, name};
-use karat::package::LeftOut;
-use karat::record::{self, Record, Recorded, Run, Running};
-use karat::reflect::{Invalid, Opinion};
+use karat::unstable::diagnostic::{nearest, shown};
+use karat::unstable::output::{Output, counted, name};
+use karat::unstable::package::LeftOut;
+use karat::unstable::record::{self, Record, Recorded, Run, Running};
+use karat::unstable::reflect::{Invalid, Opinion};
 use karat_suite::{Suite, Test};
 
 use self::progress::Progress;

@@ -4,9 +4,9 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
-use karat::image::write_whole;
-use karat::probe::Probed;
-use karat::reflect::Program;
+use karat::unstable::image::write_whole;
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::Program;
 use karat_translate::{Code, Shader, Target, Tool, Translation, Validation, Verdict};
 
 use super::project::Project;

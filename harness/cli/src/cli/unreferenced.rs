@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use karat::Image;
-use karat::golden::{Profile, Provenance, Table};
-use karat::output::counted;
-use karat::record::{Record, Recorded, Subject};
+use karat::unstable::golden::{Profile, Provenance, Table};
+use karat::unstable::output::counted;
+use karat::unstable::record::{Record, Recorded, Subject};
 use serde::Serialize;
 
 use self::facts::Doubt;

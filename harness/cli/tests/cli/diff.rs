@@ -1,7 +1,8 @@
 //! `karat diff`, without a Cargo project.
 
 use karat::Image;
-use karat::image::{ExrFile, Part, Precision};
+use karat::image::Precision;
+use karat::unstable::image::{ExrFile, Part};
 
 use super::pending::provenance;
 use super::*;

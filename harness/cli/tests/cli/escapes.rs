@@ -1,8 +1,9 @@
 //! Text of others is shown, and does nothing to the terminal that shows it.
 
 use karat::Image;
-use karat::golden::Provenance;
-use karat::image::{ExrFile, Part, Precision};
+use karat::image::Precision;
+use karat::unstable::golden::Provenance;
+use karat::unstable::image::{ExrFile, Part};
 
 use super::pending::{LAVAPIPE, provenance, zip};
 use super::report::function;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use karat::Image;
-use karat::image::{ExrFile, Precision};
+use karat::image::Precision;
+use karat::unstable::image::ExrFile;
 
 use super::pending::{LAVAPIPE, pending_frame, provenance};
 use super::report::frame;

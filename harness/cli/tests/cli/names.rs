@@ -83,7 +83,9 @@ fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     let folder = project.path();
     let record = folder.join("target/karat/record");
     write(&record, "1.jsonl", lines);
-    karat::record::Run { passed: false, ..Default::default() }.write(&record).expect("written");
+    karat::unstable::record::Run { passed: false, ..Default::default() }
+        .write(&record)
+        .expect("written");
     let summary = folder.join("summary.md");
     drop(std::fs::remove_file(&summary));
     let mut command = command(folder, &["report", "--all"]);

@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::Write;
 
 use karat::Image;
-use karat::golden::Provenance;
 use karat::image::Precision;
 use karat::path::Adapter;
+use karat::unstable::golden::Provenance;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::*;

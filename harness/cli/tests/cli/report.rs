@@ -4,7 +4,7 @@ use std::time::{Duration, SystemTime};
 
 use karat::Image;
 use karat::image::Precision;
-use karat::record::Run;
+use karat::unstable::record::Run;
 
 use super::faults::fault;
 use super::pending::{pending_frame, provenance};

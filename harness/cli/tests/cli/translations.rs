@@ -575,7 +575,7 @@ fn tests_judge_the_functions_that_they_have() {
     let record = |test: &str, path: &str, failures: u64, hash: &str| {
         let verdict = if failures > 0 { "fail" } else { "pass" };
         let record = serde_json::json!({
-            "schema": karat::record::SCHEMA, "test": test, "verdict": verdict, "message": null,
+            "schema": karat::unstable::record::SCHEMA, "test": test, "verdict": verdict, "message": null,
             "subject": {
                 "kind": "function", "package": "shaders", "function": "maths::blend",
                 "check": "agrees_with", "assertion": "4 ulp", "location": "", "seed": 1,
@@ -594,7 +594,7 @@ fn tests_judge_the_functions_that_they_have() {
         let arguments = ["--only", "blend", "--columns", "vulkan,vulkan:wgsl", "--json", "--tests"];
         karat(folder.path(), &[&["matrix"], &arguments[..]].concat())
     };
-    let hash = karat::record::FileRead::now(&module).hash;
+    let hash = karat::unstable::record::FileRead::now(&module).hash;
     let one = |path: &str, failures: u64| record("blends", path, failures, &hash);
     let good = json(&matrix(&[one("vulkan", 0), one("vulkan:wgsl", 0)]).good());
     let reference = &row(&good, "maths::blend")["vulkan:wgsl"]["reference"];

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use karat::Image;
 use karat::image::Precision;
-use karat::record::Run;
+use karat::unstable::record::Run;
 
 use super::pending::pending_frame;
 use super::report::{frame, function};

@@ -1,7 +1,7 @@
 //! What the page shows, compared with what the files hold.
 
 use karat::Image;
-use karat::value::format_f32;
+use karat::unstable::value::format_f32;
 
 use crate::browser::{Browser, Tab};
 use crate::project::{Project, provenance, tiny};
@@ -486,9 +486,9 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
         .try_matches(&goldens, case, karat::Ulp(1.0))
         .expect_err("nothing to agree with");
     // In CI it waits elsewhere, together with those of other tests.
-    let elsewhere =
-        karat::golden::build_output().join(format!("karat/pending/golden/{case}.new.csv"));
-    if karat::golden::in_ci() {
+    let elsewhere = karat::unstable::golden::build_output()
+        .join(format!("karat/pending/golden/{case}.new.csv"));
+    if karat::unstable::golden::in_ci() {
         std::fs::rename(elsewhere, folder.join(format!("{case}.new.csv"))).expect("moved");
     }
 }
@@ -497,7 +497,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
 pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
-    let acceptance = karat::golden::Acceptance {
+    let acceptance = karat::unstable::golden::Acceptance {
         because,
         any_adapter: true,
         ci_may_write: true,
@@ -514,8 +514,9 @@ fn values_that_are_accepted_stand_among_the_goldens() {
     let case = "review_of_accepted_values";
     left_values(&project, case, "0.5");
     accept_values(&project, case);
-    let facts = karat::golden::Table::read(&project.folder().join(format!("golden/{case}.csv")));
-    let hash = karat::record::FileRead::of(
+    let facts =
+        karat::unstable::golden::Table::read(&project.folder().join(format!("golden/{case}.csv")));
+    let hash = karat::unstable::record::FileRead::of(
         std::path::Path::new(""),
         b"fn f(x: f32) -> f32 { return x * 0.5; }",
     );

@@ -7,9 +7,9 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use karat::Image;
-use karat::golden::FrameFinding;
 use karat::golden::FrameTolerance::{self, FlipMean, FlipTile};
 use karat::image::Precision;
+use karat::unstable::golden::FrameFinding;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

@@ -2,7 +2,7 @@
 //! that fail, and goldens that nothing is pending for.
 
 use karat::Image;
-use karat::record::FileRead;
+use karat::unstable::record::FileRead;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, Tab};

@@ -137,7 +137,7 @@ impl Words for Listed {
 /// One part of a [`Dynamic`] domain: a number, or a vector.
 ///
 /// ```
-/// use karat::domain::Part;
+/// use karat::unstable::domain::Part;
 /// use karat::value::Scalar;
 ///
 /// let fraction = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
@@ -167,7 +167,7 @@ impl Part {
     /// end of integers isn't one.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// assert!(Part::range(Scalar::U32, 0.0..=7.0).is_some());
@@ -213,7 +213,7 @@ impl Part {
     /// Listed values, each as wide as `scalars`.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// let axes = Part::listed(
@@ -233,7 +233,7 @@ impl Part {
     /// Any value of a scalar: all bit patterns of an integer, any finite float.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// assert_eq!(Part::any(Scalar::U32).width(), 1);
@@ -254,7 +254,7 @@ impl Part {
     /// million.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// assert_eq!(Part::plausible(Scalar::F32).width(), 1);
@@ -272,7 +272,7 @@ impl Part {
     /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     ///
     /// assert_eq!(Part::named("unit_vector").map(|part| part.width()), Some(3));
     /// assert!(Part::named("unit_sphere").is_none());
@@ -289,7 +289,7 @@ impl Part {
     /// A unit vector with `z` of at least a cosine: [`Hemisphere::above`].
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     ///
     /// assert_eq!(Part::hemisphere_above(0.01).width(), 3);
     /// ```
@@ -338,7 +338,7 @@ impl Part {
     /// The words that a message has for its values.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// let part = Part::range(Scalar::U32, 1.0..=8.0).expect("whole numbers");
@@ -365,7 +365,7 @@ impl Part {
     /// How many words it draws.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     ///
     /// assert_eq!(Part::named("unit_rgb").map(|part| part.width()), Some(3));
     /// ```
@@ -385,7 +385,7 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 /// `Probe::over_dynamic`.
 ///
 /// ```
-/// # use karat::domain::{Dynamic, Part};
+/// # use karat::unstable::domain::{Dynamic, Part};
 /// # use karat::prelude::*;
 /// # use karat::value::{Scalar, Shape};
 /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
@@ -408,7 +408,7 @@ impl Dynamic {
     /// `parts` are those of each parameter in turn; together they have the words of its type.
     ///
     /// ```
-    /// use karat::domain::{Dynamic, Part};
+    /// use karat::unstable::domain::{Dynamic, Part};
     /// use karat::value::{Scalar, Shape};
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
@@ -428,7 +428,7 @@ impl Dynamic {
     /// Where each argument comes from, in words: `x from 0 to 1; n a unit vector`.
     ///
     /// ```
-    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::unstable::domain::{Dynamic, Part};
     /// # use karat::prelude::*;
     /// # use karat::value::{Scalar, Shape};
     /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
@@ -450,7 +450,7 @@ impl Dynamic {
     /// The types of the parameters.
     ///
     /// ```
-    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::unstable::domain::{Dynamic, Part};
     /// # use karat::prelude::*;
     /// # use karat::value::{Scalar, Shape};
     /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
@@ -678,7 +678,7 @@ impl Part {
     /// One value.
     ///
     /// ```
-    /// use karat::domain::Part;
+    /// use karat::unstable::domain::Part;
     /// use karat::value::Scalar;
     ///
     /// let half = Part::just(Scalar::F32, 0.5_f32.to_bits());

@@ -45,7 +45,8 @@ pub enum Precision {
 ///
 /// ```no_run
 /// use karat::Image;
-/// use karat::image::{ExrFile, Part, Precision};
+/// use karat::image::Precision;
+/// use karat::unstable::image::{ExrFile, Part};
 ///
 /// let image = |value| Image::new(1, 1, vec![[value; 4]]);
 /// let frame = Part::new("frame", Precision::Half, image(0.5));
@@ -65,7 +66,8 @@ pub struct ExrFile {
 ///
 /// ```
 /// use karat::Image;
-/// use karat::image::{Part, Precision};
+/// use karat::image::Precision;
+/// use karat::unstable::image::Part;
 ///
 /// let part = Part::new("normal", Precision::Half, Image::new(1, 1, vec![[0.0, 0.0, 1.0, 1.0]]));
 /// assert_eq!(part.name, "normal");
@@ -87,7 +89,8 @@ impl Part {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::image::{Part, Precision};
+    /// use karat::image::Precision;
+    /// use karat::unstable::image::Part;
     ///
     /// let part = Part::new("variance", Precision::Float, Image::new(1, 1, vec![[1e-7; 4]]));
     /// # let _ = part;
@@ -112,7 +115,7 @@ impl ExrFile {
     /// [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
-    /// use karat::image::ExrFile;
+    /// use karat::unstable::image::ExrFile;
     ///
     /// for part in ExrFile::read("golden/room.exr".as_ref())?.parts {
     ///     println!("{}: {} x {}", part.name, part.image.width(), part.image.height());
@@ -156,7 +159,7 @@ impl ExrFile {
     /// is the part that [`Image::read_exr`] reads; the others follow in the file's order.
     ///
     /// ```no_run
-    /// use karat::image::ExrFile;
+    /// use karat::unstable::image::ExrFile;
     ///
     /// println!("{:?}", ExrFile::part_names("golden/room.exr".as_ref())?);
     /// # Ok::<(), karat::image::ImageError>(())
@@ -184,7 +187,7 @@ impl ExrFile {
     /// [`Self::BT709`].
     ///
     /// ```no_run
-    /// use karat::image::ExrFile;
+    /// use karat::unstable::image::ExrFile;
     ///
     /// let [red_x, red_y, ..] = ExrFile::chromaticities("golden/room.exr".as_ref())?;
     /// println!("red is at {red_x}, {red_y}");
@@ -209,7 +212,8 @@ impl ExrFile {
     ///
     /// ```no_run
     /// use karat::Image;
-    /// use karat::image::{ExrFile, Part, Precision};
+    /// use karat::image::Precision;
+    /// use karat::unstable::image::{ExrFile, Part};
     ///
     /// let grey = Part::new("", Precision::Half, Image::new(1, 1, vec![[0.5; 4]]));
     /// ExrFile { parts: vec![grey], metadata: None }.write("grey.exr".as_ref())?;

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// pipe or an open file of this process (`/dev/stdout`) is written to directly.
 ///
 /// ```no_run
-/// karat::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
+/// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
 /// # Ok::<(), std::io::Error>(())
 /// ```
 ///
@@ -102,7 +102,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
 /// # let folder = tempfile::tempdir()?;
 /// let file = folder.path().join("sky.exr.1234-0.tmp");
 /// std::fs::write(&file, "half of it")?; // by a process that was killed
-/// assert!(karat::image::is_leftover(&file));
+/// assert!(karat::unstable::image::is_leftover(&file));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[must_use]
@@ -121,7 +121,7 @@ pub fn remove_leftover(path: &Path) -> bool {
 /// Whether a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
 ///
 /// ```
-/// use karat::image::is_beside;
+/// use karat::unstable::image::is_beside;
 ///
 /// assert!(is_beside("golden/sky.exr.1234-0.tmp".as_ref()));
 /// assert!(!is_beside("golden/sky.exr".as_ref()));

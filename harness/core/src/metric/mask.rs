@@ -36,7 +36,7 @@ impl ExrFile {
     /// part `mask`.
     ///
     /// ```no_run
-    /// use karat::image::ExrFile;
+    /// use karat::unstable::image::ExrFile;
     ///
     /// let golden = ExrFile::read("golden/dusk.exr".as_ref())?;
     /// println!("all of it is compared: {}", golden.mask().is_none());

@@ -13,7 +13,8 @@ const CELL: u32 = TILE / 2;
 /// An error for each pixel of a part of a frame; outside of the part it is 0.
 ///
 /// ```
-/// use karat::metric::{ErrorMap, Rect};
+/// use karat::metric::Rect;
+/// use karat::unstable::metric::ErrorMap;
 ///
 /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.1, 0.4]);
 /// assert_eq!((map.at(1, 0), map.at(5, 5)), (0.4, 0.0));
@@ -33,7 +34,8 @@ impl ErrorMap {
     /// The errors of a rectangle, row by row.
     ///
     /// ```
-    /// use karat::metric::{ErrorMap, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
     /// assert_eq!(map.values(), [0.1, 0.4]);
@@ -51,7 +53,8 @@ impl ErrorMap {
     /// The part of the frame that has errors.
     ///
     /// ```
-    /// use karat::metric::{ErrorMap, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
     /// assert_eq!(map.rect(), Rect::new(8, 8, 2, 1));
@@ -64,7 +67,8 @@ impl ErrorMap {
     /// The errors of that part, row by row.
     ///
     /// ```
-    /// use karat::metric::{ErrorMap, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
     /// assert_eq!(map.values(), [0.1, 0.4]);
@@ -78,7 +82,7 @@ impl ErrorMap {
     /// 0.5, 0.2, 0.1 and so on down to 0.001 that no error exceeds; 1 if there is no error at all.
     ///
     /// ```
-    /// use karat::metric::ErrorMap;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// assert_eq!(ErrorMap::scale(&[0.003, 0.012]), 0.02);
     /// ```
@@ -93,7 +97,7 @@ impl ErrorMap {
     /// (Smith and van der Walt 2015, CC0), as in the pictures of NVIDIA's FLIP.
     ///
     /// ```
-    /// use karat::metric::ErrorMap;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let (black, bright) = (ErrorMap::colour(0.0), ErrorMap::colour(1.0));
     /// assert!(black.iter().all(|channel| *channel < 8) && bright[0] > 240);
@@ -110,7 +114,8 @@ impl ErrorMap {
     /// The error of a pixel of the frame.
     ///
     /// ```
-    /// use karat::metric::{ErrorMap, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
     /// assert_eq!((map.at(9, 8), map.at(0, 0)), (0.4, 0.0));
@@ -137,7 +142,8 @@ impl ErrorMap {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{ErrorMap, Pair, Rect};
+    /// use karat::metric::{Pair, Rect};
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
     /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);
@@ -157,7 +163,8 @@ impl ErrorMap {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{ErrorMap, Pair, Rect};
+    /// use karat::metric::{Pair, Rect};
+    /// use karat::unstable::metric::ErrorMap;
     ///
     /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
     /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);

@@ -3,6 +3,11 @@
 /// Nodes in 0..1, ascending, and weights that integrate polynomials of degree `2 count - 1` exactly:
 /// the roots of Legendre's polynomial, by Newton's method from Tricomi's approximation. Abramowitz
 /// and Stegun, 25.4.29 and 22.16.6.
+///
+/// ```
+/// let area: f64 = karat::stats::gauss_legendre(3).iter().map(|(x, weight)| weight * x * x).sum();
+/// assert!((area - 1.0 / 3.0).abs() < 1e-12, "x^2 from 0 to 1: {area}");
+/// ```
 #[must_use]
 pub fn gauss_legendre(count: u32) -> Vec<(f64, f64)> {
     let degree = f64::from(count);

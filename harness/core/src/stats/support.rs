@@ -41,6 +41,7 @@ pub enum Place {
 
 impl Support {
     /// Components of a sample.
+    #[doc(hidden)]
     #[must_use]
     pub fn components(self) -> usize {
         match self {
@@ -51,6 +52,7 @@ impl Support {
     }
 
     /// Whether there is only one coordinate.
+    #[doc(hidden)]
     #[must_use]
     pub fn is_line(self) -> bool {
         matches!(self, Self::Interval(..))
@@ -58,6 +60,7 @@ impl Support {
 
     /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second
     /// coordinate is a dummy.
+    #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
         match self {
@@ -69,6 +72,7 @@ impl Support {
     }
 
     /// The coordinates of a sample, of which the first [`components`](Self::components) count.
+    #[doc(hidden)]
     #[must_use]
     pub fn locate(self, point: [f64; 3]) -> Place {
         let [x, y, z] = point;
@@ -92,6 +96,7 @@ impl Support {
     }
 
     /// The point at these coordinates, and the measure per unit of both coordinates there.
+    #[doc(hidden)]
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {
         let (sin_b, cos_b) = b.sin_cos();

@@ -1,9 +1,9 @@
 //! Arguments of a call as words: numbers, derivatives, and one range that is swept.
 
 use anyhow::{Context, anyhow, bail, ensure};
-use karat::diagnostic::nearest;
-use karat::output::counted;
-use karat::reflect::Function;
+use karat::unstable::diagnostic::nearest;
+use karat::unstable::output::counted;
+use karat::unstable::reflect::Function;
 use karat::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
 
@@ -238,7 +238,7 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use karat::value::hexfloat;
+    use karat::unstable::value::hexfloat;
 
     #[test]
     fn what_hexfloat_writes_is_read() {

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
-use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
-use karat::made_up::MadeUp;
-use karat::probe::Probed;
-use karat::reflect::BindingKind;
+use karat::unstable::diagnostic::nearest;
+use karat::unstable::made_up::MadeUp;
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::BindingKind;
 use karat::value::Scalar;
 use toml::Value;
 

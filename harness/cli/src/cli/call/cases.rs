@@ -6,13 +6,14 @@ use std::path::Path as FilePath;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
-use karat::image::write_whole;
-use karat::output::counted;
-use karat::probe::{ProbeError, Probed};
-use karat::reflect::Function;
-use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
+use karat::unstable::diagnostic::nearest;
+use karat::unstable::image::write_whole;
+use karat::unstable::output::counted;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::reflect::Function;
+use karat::unstable::value::{format_f32, format_lane, hexfloat};
+use karat::value::{Scalar, Shape};
 use karat::{Path, Tolerance};
 use karat_suite::{Wanted, begins_with_mark, head_of};
 
@@ -115,7 +116,7 @@ pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Resul
         let mut values = Vec::with_capacity(rows.len());
         for batch in rows.chunks(STEP) {
             let fixtures = request.fixtures;
-            values.extend(karat::executor::call(request.probed, path, batch, fixtures)?);
+            values.extend(karat::unstable::executor::call(request.probed, path, batch, fixtures)?);
             bar.inc(batch.len() as u64);
         }
         Ok::<_, ProbeError>(values)

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::Path as FilePath;
 
 use anyhow::{Context, ensure};
-use karat::image::write_whole;
-use karat::output::counted;
+use karat::unstable::image::write_whole;
+use karat::unstable::output::counted;
 use plotters::prelude::*;
 
 use crate::cli::terminal::{self, Size};

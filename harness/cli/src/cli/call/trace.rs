@@ -6,10 +6,10 @@ use std::path::Path;
 
 use anyhow::Context;
 use karat::fixture::Fixtures;
-use karat::image::write_whole;
-use karat::probe::Probed;
-use karat::trace::{Step, Value, trace};
-use karat::value::format_f32;
+use karat::unstable::image::write_whole;
+use karat::unstable::probe::Probed;
+use karat::unstable::trace::{Step, Value, trace};
+use karat::unstable::value::format_f32;
 
 use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
 
@@ -55,7 +55,7 @@ pub(super) fn write_html(
     let function = probed.function();
     let mut page = String::from(HEAD);
     writeln!(page, "<title>{}</title><h1>{}</h1>", html(&function.name), html(&function.name))?;
-    let mut files: Vec<&karat::diagnostic::SourceFile> = Vec::new();
+    let mut files: Vec<&karat::unstable::diagnostic::SourceFile> = Vec::new();
     for step in &steps {
         if files.iter().all(|file| file.name != step.span.file.name) {
             files.push(&step.span.file);

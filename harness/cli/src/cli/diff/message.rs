@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use karat::output::counted;
-use karat::value::format_f32;
+use karat::unstable::output::counted;
+use karat::unstable::value::format_f32;
 
 use super::comparison::{Comparison, Ending, FlipResult, GateResult, LdrResult, Reason, Side};
 use crate::cli::table::{BAD, GOOD};

@@ -1,6 +1,6 @@
 //! What the colours of a heat map stand for: a strip of all colours, with numbers.
 
-use karat::metric::ErrorMap;
+use karat::unstable::metric::ErrorMap;
 
 use super::canvas::{Canvas, GLYPH};
 

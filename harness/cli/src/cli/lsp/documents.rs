@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use karat::Package;
-use karat::record::{FileRead, Record};
+use karat::unstable::record::{FileRead, Record};
 use lsp_types::Uri;
 
 use super::place;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use karat::diagnostic as karats;
-use karat::record::Record;
-use karat::reflect::{Invalid, Opinion};
+use karat::unstable::diagnostic as karats;
+use karat::unstable::record::Record;
+use karat::unstable::reflect::{Invalid, Opinion};
 use lsp_types::{
     Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, Location, NumberOrString, Range,
 };

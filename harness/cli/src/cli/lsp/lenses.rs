@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use karat::Package;
-use karat::diagnostic::Span;
-use karat::output::counted;
-use karat::record::{PathRecord, Record, Subject, Verdict};
+use karat::unstable::diagnostic::Span;
+use karat::unstable::output::counted;
+use karat::unstable::record::{PathRecord, Record, Subject, Verdict};
 use karat_suite::{Suite, Test};
 use lsp_types::{CodeLens, Command, Uri};
 use serde_json::json;

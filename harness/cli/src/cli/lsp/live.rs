@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 use std::time::SystemTime;
 
-use karat::record::Record;
+use karat::unstable::record::Record;
 use karat_suite::{Suite, Wrong};
 
 use super::super::watch::{Request, Resident, Said, Source};

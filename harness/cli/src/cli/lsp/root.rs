@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use karat::Package;
-use karat::record::{Record, Recorded, Subject};
-use karat::reflect::{Invalid, Opinion};
+use karat::unstable::record::{Record, Recorded, Subject};
+use karat::unstable::reflect::{Invalid, Opinion};
 
 use super::super::PackageArgs;
 use super::super::check;

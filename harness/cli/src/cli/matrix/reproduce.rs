@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::image::write_whole;
-use karat::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
+use karat::unstable::image::write_whole;
+use karat::unstable::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
 use serde_json::json;
 
 /// Writes a folder for each cell that differs, is rejected or broke a validator. Those that were written.
@@ -67,7 +67,7 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     }
     let text = readme(matrix, row, head, cell, &files)?;
     // Authors' texts and validators' words may hold what steers a terminal.
-    file("README.md", karat::output::visible(&text).as_bytes())?;
+    file("README.md", karat::unstable::output::visible(&text).as_bytes())?;
     Ok(())
 }
 

@@ -6,8 +6,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 
 use anyhow::Context;
-use karat::output::{counted, markdown, visible};
-use karat::record::{Record, Subject};
+use karat::unstable::output::{counted, markdown, visible};
+use karat::unstable::record::{Record, Subject};
 
 use super::short::{self, Finding};
 use super::tables::{is_failure, share};

@@ -5,9 +5,9 @@ mod plot;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use karat::hazards::Hazards;
-use karat::output::counted;
-use karat::record::{Errors, PathRecord, Record, Run, Subject};
+use karat::unstable::hazards::Hazards;
+use karat::unstable::output::counted;
+use karat::unstable::record::{Errors, PathRecord, Record, Run, Subject};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};

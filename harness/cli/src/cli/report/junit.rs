@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
-use karat::output::{name as name_of, one_line, visible};
-use karat::record::{PathFault, PathRecord, Record, Subject, Verdict};
+use karat::unstable::output::{name as name_of, one_line, visible};
+use karat::unstable::record::{PathFault, PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};

@@ -5,8 +5,8 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use karat::output::counted;
-use karat::record::{Record, Recorded, Run, SCHEMA, Verdict};
+use karat::unstable::output::counted;
+use karat::unstable::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
 /// All verdicts of some parts, in an order that doesn't depend on theirs. A check that ran in several of
 /// them has its worst verdict, of those the first. The run has ended if each part has, and passed if each part has.

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use karat::Goldens;
-use karat::diagnostic::shown;
-use karat::record::{Record, Subject};
+use karat::unstable::diagnostic::shown;
+use karat::unstable::record::{Record, Subject};
 
 /// A folder of goldens that has frames of a name which others have, too.
 #[derive(Clone, Debug)]
@@ -113,7 +113,7 @@ impl Names {
 mod tests {
     use super::super::tables::tests::record;
     use super::*;
-    use karat::record::Verdict;
+    use karat::unstable::record::Verdict;
 
     #[test]
     fn frames_of_one_name_have_their_crates() {

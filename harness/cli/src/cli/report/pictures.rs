@@ -9,9 +9,9 @@ use std::time::{Duration, SystemTime};
 
 use super::Names;
 use anyhow::Context;
-use karat::golden::Pending;
 use karat::metric::Pair;
-use karat::record::{Record, Subject, Time};
+use karat::unstable::golden::Pending;
+use karat::unstable::record::{Record, Subject, Time};
 use karat::{Goldens, Image};
 use karat_review::Case;
 
@@ -154,7 +154,7 @@ fn small(image: &Image) -> Image {
 mod tests {
     use super::super::tables::tests::record;
     use super::*;
-    use karat::record::Verdict;
+    use karat::unstable::record::Verdict;
 
     #[test]
     fn pictures_stay_in_their_folder() {

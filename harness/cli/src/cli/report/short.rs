@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
-use karat::diagnostic::shown;
-use karat::output::one_line;
-use karat::record::{ExpectationFault, PathRecord, Record, Subject};
-use karat::reflect::{Invalid, Opinion};
+use karat::unstable::diagnostic::shown;
+use karat::unstable::output::one_line;
+use karat::unstable::record::{ExpectationFault, PathRecord, Record, Subject};
+use karat::unstable::reflect::{Invalid, Opinion};
 
 use super::{Place, Sum, failing, is_failure, located, place};
 

@@ -5,8 +5,8 @@
 
 use std::io::Write;
 
-use karat::output::{Style, counted, one_line};
-use karat::record::{Record, Run, Verdict};
+use karat::unstable::output::{Style, counted, one_line};
+use karat::unstable::record::{Record, Run, Verdict};
 
 use super::{is_failure, outside};
 use crate::cli::Ending;

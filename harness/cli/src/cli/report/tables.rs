@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::record::{Grant, PathRecord, Record, Subject, Verdict};
+use karat::unstable::record::{Grant, PathRecord, Record, Subject, Verdict};
 
 use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
@@ -303,7 +303,7 @@ fn percentage(ratio: f64) -> String {
 #[cfg(test)]
 pub(super) mod tests {
     use karat::path::Adapter;
-    use karat::record;
+    use karat::unstable::record;
 
     use super::*;
 

@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use karat::Package;
-use karat::diagnostic::FileRead;
-use karat::record::{self, Record};
-use karat::reflect::Dependence;
+use karat::unstable::diagnostic::FileRead;
+use karat::unstable::record::{self, Record};
+use karat::unstable::reflect::Dependence;
 use karat_suite::Wrong;
 
 use self::programs::{Programs, TestProgram};

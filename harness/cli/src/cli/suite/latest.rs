@@ -6,7 +6,7 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use karat::record::{self, FileRead, Record, Verdict};
+use karat::unstable::record::{self, FileRead, Record, Verdict};
 
 use super::super::watch::Said;
 

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
 use karat::Package;
-use karat::record::FileRead;
-use karat::reflect::{Dependence, Invalid, Validated};
+use karat::unstable::record::FileRead;
+use karat::unstable::reflect::{Dependence, Invalid, Validated};
 use karat_suite::{Suite, Test, Wrong};
 
 use super::super::project::Project;
@@ -92,7 +92,7 @@ fn answer(
     latest: &mut Latest,
     out: &mut dyn Write,
 ) -> anyhow::Result<Said> {
-    karat::run::host(host(suite, folder, &[]));
+    karat::unstable::run::host(host(suite, folder, &[]));
     let no_frames = std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off");
     let wanted = suite.tests.iter().filter(|test| test.is_about(&request.filter));
     let left_out = |test: &&Test| no_frames && test.is_frame();

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use karat::record::{Record, Subject};
+use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
 /// Of each test what it checked when it last ran. A file that is missing or can't be read knows nothing.

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use karat::Image;
-use karat::golden::{Provenance, Table};
+use karat::unstable::golden::{Provenance, Table};
 use serde::Serialize;
 
 use super::files::{Golden, is_facts};

@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::golden::Provenance;
-use karat::image::{is_beside, is_leftover};
+use karat::unstable::golden::Provenance;
+use karat::unstable::image::{is_beside, is_leftover};
 use serde::Serialize;
 
 /// A golden.

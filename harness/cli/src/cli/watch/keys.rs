@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::Context;
 use karat::golden::Goldens;
-use karat::record::Record;
+use karat::unstable::record::Record;
 
 use super::super::project::Project;
 use super::super::report;

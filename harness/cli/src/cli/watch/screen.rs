@@ -6,7 +6,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crossterm::{cursor, execute, terminal};
-use karat::output::visible;
+use karat::unstable::output::visible;
 
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Lane, Resident, Verdicts};
@@ -120,7 +120,7 @@ impl Screen {
         lines.push(styled(
             HEAD,
             &cut(
-                &format!("karat watch {}{filter}", karat::diagnostic::shown(view.folder)),
+                &format!("karat watch {}{filter}", karat::unstable::diagnostic::shown(view.folder)),
                 columns,
             ),
         ));
@@ -154,7 +154,7 @@ impl Screen {
         };
         lines.truncate(rows.saturating_sub(1));
         // Rows that aren't written keep nothing of what was there.
-        let control = karat::output::trusted;
+        let control = karat::unstable::output::trusted;
         let mut text = control("\u{1b}[H");
         for row in 0..rows.saturating_sub(1) {
             text += lines.get(row).map_or("", String::as_str);
@@ -177,7 +177,7 @@ impl Drop for Screen {
     }
 }
 
-fn styled(style: karat::output::Style, text: &str) -> String {
+fn styled(style: karat::unstable::output::Style, text: &str) -> String {
     format!("{style}{text}{style:#}")
 }
 
@@ -207,7 +207,7 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
     lines
 }
 
-fn words(lane: &Lane) -> (karat::output::Style, String) {
+fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
     let Verdicts { ran, took, idle, broken, invalid, remarks } = &lane.verdicts;
     let Resident { failing, tests, busy, .. } = &lane.resident;
     let count = &tests.len();

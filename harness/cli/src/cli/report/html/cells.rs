@@ -1,6 +1,6 @@
 //! What a rejected sampler counted: a map of its support.
 
-use karat::record::Histogram;
+use karat::unstable::record::Histogram;
 use maud::{Markup, html};
 
 /// Pixels of the map.

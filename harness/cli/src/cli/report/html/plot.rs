@@ -1,6 +1,6 @@
 //! Where the errors of a failing check are: over each argument, and over the two that matter most.
 
-use karat::record::Plot;
+use karat::unstable::record::Plot;
 use maud::{Markup, PreEscaped, html};
 use plotters::prelude::*;
 
