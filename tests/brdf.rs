@@ -643,7 +643,7 @@ fn lambert_samples_follow_their_pdf_and_estimate_its_albedo() {
 fn microfacet_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::microfacet_sample")
         .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (alpha, v, u))
-        .may_leave()
+        .may_leave_support()
         .estimates_with_weight(
             (PBR.function("brdf::microfacet_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
                 (Vec3::new(0.04, 0.5, 1.0), alpha, v, l)
@@ -661,7 +661,7 @@ fn microfacet_samples_follow_their_pdf_and_estimate_its_albedo() {
 fn cook_torrance_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::cook_torrance_sample")
         .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (alpha, v, u))
-        .may_leave()
+        .may_leave_support()
         .estimates(
             (PBR.function("brdf::cook_torrance_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
                 (Vec3::new(0.04, 0.5, 1.0), alpha, v, l)
@@ -676,7 +676,7 @@ fn cook_torrance_samples_follow_their_pdf_and_estimate_its_albedo() {
 fn tri_ace_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::tri_ace_sample")
         .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (exponent_of(alpha), v, u))
-        .may_leave()
+        .may_leave_support()
         .estimates(
             (PBR.function("brdf::tri_ace_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
                 (Vec3::splat(0.5), Vec3::new(0.04, 0.5, 1.0), exponent_of(alpha), v, l)

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
+use karat::Path;
 use karat::prelude::*;
 use shaders::{PBR, environment};
 
@@ -18,7 +19,7 @@ fn a_constant_environment_is_constant_everywhere() {
     let color = Vec3::new(0.25, 1.0, 3.5);
     PBR.function("environment::radiance")
         .with("environment", CubeMap::constant(color))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over(UnitVector)
         .tolerance_on(Path::GL, HALF)
         .agrees_with(move |_: DVec3| color.as_dvec3(), Ulp(2.0));
@@ -37,7 +38,7 @@ fn directions_find_the_face_that_webgpu_says() {
     });
     PBR.function("environment::radiance")
         .with("environment", CubeMap::from_texels(size, texels))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over(inside)
         .tolerance_on(Path::GL, HALF.or(Abs(1e-6)))
         .agrees_with(
@@ -65,7 +66,7 @@ fn directions_find_their_texel() {
     for cube_map in [CubeMap::from_texels(size, library), own] {
         PBR.function("environment::radiance")
             .with("environment", cube_map)
-            .with("environment_sampler", Sampler::Linear)
+            .with("environment_sampler", Sampler::LINEAR)
             .over(UnitVector)
             .tolerance_on(Path::GL, Abs(8e-3))
             .agrees_with(|d: DVec3| 0.5 * (d.normalize() + DVec3::ONE), Abs(2.4e-3));
@@ -104,7 +105,7 @@ fn a_texel_is_found_at_its_centre() {
     let texels: Vec<_> = cube_map.texels(0).expect("the first level").to_vec();
     PBR.function("environment::radiance")
         .with("environment", cube_map)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over(OneOf(directions))
         .tolerance_on(Path::GL, HALF.or(Abs(1e-6)))
         .agrees_with(
@@ -129,7 +130,7 @@ const FILTER_OF_HALVES: Abs = Abs(3.0 / 512.0 + 2.5e-4);
 fn noisy() -> karat::check::Probe<'static> {
     PBR.function("environment::radiance_level")
         .with("environment", noise(16))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 /// Where all texels of the filter are on one face, on both levels.
@@ -188,7 +189,7 @@ fn levels_are_interpolated_and_end_at_the_last() {
     let levels = (0..5).map(|level| vec![[level as f32; 4]; 6 << (2 * (4 - level))]).collect();
     PBR.function("environment::radiance_level")
         .with("environment", CubeMap::from_levels(16, levels))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over((UnitVector, -1.0..=7.0))
         // Fractions of levels have 8 bits.
         .agrees_with(|_: DVec3, level: f64| DVec3::splat(level.clamp(0.0, 4.0)), Abs(1.0 / 512.0));
@@ -436,7 +437,7 @@ fn a_constant_environment_is_constant_at_every_level() {
     let color = Vec3::new(0.25, 1.0, 3.5);
     PBR.function("environment::radiance_level")
         .with("environment", CubeMap::from_fn(16, move |_| color).with_mips())
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over((UnitVector, 0.0..=5.0))
         .tolerance_on(Path::GL, HALF)
         .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0));

@@ -1,8 +1,8 @@
 //! The frames of the shader library against their goldens.
 
 use frames::{Shot, open_paths};
+use karat::Path;
 use karat::golden::FrameTolerance;
-use karat::prelude::*;
 use karat::{Goldens, Image};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");

@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 use karat::Image;
-use karat::golden::{Criterion, FrameTolerance};
+use karat::golden::{FrameCriterion, FrameTolerance};
 use karat::image::Precision;
 use karat::metric::{DEFAULT_RELATIVE, Flip, Gate, Metric, Noise, Pair};
 use rand_core::Rng;
@@ -296,7 +296,7 @@ fn faults_are_seen_and_benign_changes_pass() {
         let off = Gate::default().outliers(&pair).map_or(0, |outliers| outliers.count);
         let compared = [&own, &foreign].map(|tolerance| tolerance.compare(&golden, actual, None));
         let found = match compared.map(|margin| margin.map(|margin| margin.decided_by)) {
-            [Ok(Criterion::Gate), _] => Verdict::Gate,
+            [Ok(FrameCriterion::Gate), _] => Verdict::Gate,
             [Ok(_), _] => Verdict::Flip,
             [Err(_), Ok(_)] => Verdict::FlipElsewhere,
             [Err(_), Err(_)] => Verdict::Fault,

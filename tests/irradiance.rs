@@ -4,6 +4,7 @@
 use std::f64::consts::SQRT_2;
 
 use glam::{DVec3, Vec3};
+use karat::Path;
 use karat::prelude::*;
 use shaders::{PBR, irradiance};
 
@@ -24,7 +25,7 @@ const SIZE: u32 = 64;
 fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", environment)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 /// A furnace of radiance 1.
@@ -285,7 +286,7 @@ fn harmonics_approach_the_closed_forms() {
         package
             .function("lit")
             .with("environment", map)
-            .with("environment_sampler", Sampler::Linear)
+            .with("environment_sampler", Sampler::LINEAR)
             .over((UnitVector, Just(SIZE)))
             .cases(64)
             .agrees_with(|n: DVec3, _: u32| below(n), Abs(rest + 3e-4));

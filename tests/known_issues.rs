@@ -1,6 +1,7 @@
 //! What drivers do wrong, declared: each of these is found as long as it lasts.
 
 use glam::{DVec3, Vec3};
+use karat::Path;
 use karat::prelude::*;
 
 use crate::drivers::SWIFTSHADER;
@@ -33,7 +34,7 @@ fn a_corner_of_a_cube_belongs_to_a_face() {
     Package::from_modules("corners", [("corners", module)])
         .function("corners::look")
         .with("cube", CubeMap::from_texels(1, faces))
-        .with("cube_sampler", Sampler::Linear)
+        .with("cube_sampler", Sampler::LINEAR)
         .over((sign(), sign(), sign()).map(|(x, y, z)| Vec3::new(x, y, z)))
         .fails_on(Path::GL, SEAMS)
         .fails_on(SWIFTSHADER, CORNERS)

@@ -2,6 +2,7 @@
 
 use frames::open_paths;
 use glam::{UVec2, Vec3};
+use karat::Path;
 use karat::prelude::*;
 use shaders::maps::MapSettings;
 use shaders::{PBR, maps, specular};

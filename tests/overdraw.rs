@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 
 use frames::{grid, open_paths};
 use glam::{DVec2, DVec3, Vec3};
+use karat::Path;
 use karat::draw::Blend;
 use karat::prelude::*;
 use karat::{Frame, Image};

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use karat::Path;
 use karat::check::{Agreement, Failure};
 use karat::prelude::*;
 use karat::unstable::probe::Probed;

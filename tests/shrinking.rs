@@ -411,7 +411,7 @@ fn a_fault_is_found_from_every_source() {
 fn what_is_no_constant_is_refused() {
     let package =
         Package::from_source("planted", "fn f(x: f32) -> u32 { return bitcast<u32>(x); }");
-    let over = |inputs| package.function("f").over(Edges::f32().and_non_finite()).inputs(inputs);
+    let over = |inputs| package.function("f").over(Edges::f32().with_non_finite()).inputs(inputs);
     let error = over(Inputs::Constant)
         .cases(1000)
         .unrecorded()

@@ -3,6 +3,7 @@
 use std::cell::Cell;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
+use karat::Path;
 use karat::prelude::*;
 use shaders::{PBR, environment, fresnel, specular};
 
@@ -22,7 +23,7 @@ fn seen(least: f32) -> impl Domain<Value = (Vec3, Vec3)> {
 fn probe(function: &str, cube_map: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", cube_map)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 fn furnace() -> karat::check::Probe<'static> {

@@ -290,7 +290,7 @@ fn a_density_above_one_leaves_nothing_out() {
     let planted = planted();
     let follows = |sampler: &str, pdf: &str| {
         let sampled = planted.function(sampler).sampled_over(Just(()), |(), u: Vec2| u);
-        sampled.may_leave().unrecorded().try_follows(planted.function(pdf), |(), l: Vec3| l)
+        sampled.may_leave_support().unrecorded().try_follows(planted.function(pdf), |(), l: Vec3| l)
     };
     follows("cosine", "full_cosine_pdf").expect("more than 1 by rounding alone");
     let found = findings(follows("falling", "fuller_cosine_pdf"));
@@ -312,7 +312,7 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
         let sampled = PBR
             .function("sampling::ggx_normal")
             .sampled_over(Just(alpha), |&alpha, u: Vec2| (alpha, u));
-        let sampled = if leaves { sampled.may_leave() } else { sampled };
+        let sampled = if leaves { sampled.may_leave_support() } else { sampled };
         let pdf = planted.function("tabled_pdf").with("table", Texture::constant(texel));
         sampled.unrecorded().try_follows(pdf, |&alpha, h: Vec3| (alpha, h))
     };
@@ -336,7 +336,7 @@ fn a_check_shares_its_significance_among_its_tests() {
     };
     let pdf = || PBR.function("sampling::ggx_normal_pdf");
     let plain = sampled().follows(pdf(), |&alpha, h: Vec3| (alpha, h));
-    let leaving = sampled().may_leave().follows(pdf(), |&alpha, h: Vec3| (alpha, h));
+    let leaving = sampled().may_leave_support().follows(pdf(), |&alpha, h: Vec3| (alpha, h));
     let cosine = planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
     let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
     let estimate = cosine.estimates(with("grey"), with("cosine_pdf"));
@@ -398,7 +398,7 @@ fn a_missing_jacobian_is_rejected() {
         planted
             .function("reflected")
             .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
-            .may_leave()
+            .may_leave_support()
     };
     let at = |&alpha: &f32, l: Vec3| (alpha, v, l);
     reflected().follows(planted.function("reflected_pdf"), at);
@@ -480,7 +480,7 @@ fn what_proves_nothing_is_an_error() {
         .try_follows(pdf(), |_, l: Vec3| l);
     assert!(matches!(empty, Err(Failure::Domain { .. })), "{empty:?}");
     // Points of another support, and random numbers that have no uniform distribution.
-    let disk = sampled("cosine").on(Support::Disk).unrecorded().try_follows(pdf(), at);
+    let disk = sampled("cosine").support(Support::Disk).unrecorded().try_follows(pdf(), at);
     assert!(matches!(disk, Err(Failure::Signature { .. })), "{disk:?}");
     let signs = planted
         .function("cosine")
@@ -497,7 +497,7 @@ fn lines_and_disks_are_supports() {
         planted
             .function("square_root")
             .sampled_over(Just(()), |(), u: f32| u)
-            .on(Support::Interval(0.0, 1.0))
+            .support(Support::Interval(0.0, 1.0))
     };
     root().follows(planted.function("triangle_pdf"), |(), x: f32| x);
     let bent = root().unrecorded().try_follows(planted.function("bent_pdf"), |(), x: f32| x);
@@ -505,7 +505,7 @@ fn lines_and_disks_are_supports() {
     planted
         .function("in_disk")
         .sampled_over(Just(()), |(), u: Vec2| u)
-        .on(Support::Disk)
+        .support(Support::Disk)
         .follows(planted.function("disk_pdf"), |(), x: Vec2| x);
 }
 
@@ -560,14 +560,14 @@ fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let disk = planted
         .function("flat_disk")
         .sampled_over(Just(()), |(), u: Vec2| u)
-        .on(Support::Disk)
+        .support(Support::Disk)
         .unrecorded()
         .try_follows(planted.function("disk_pdf"), |(), at: Vec2| at);
     assert!(chi_square_alone(disk) < 1e-12);
     let stepped = planted
         .function("stepped")
         .sampled_over(Just(()), |(), u: f32| u)
-        .on(Support::Interval(0.0, 1.0))
+        .support(Support::Interval(0.0, 1.0))
         .unrecorded()
         .try_follows(planted.function("flat_pdf"), |(), x: f32| x);
     assert!(chi_square_alone(stepped) < 1e-12);
@@ -607,7 +607,7 @@ fn an_interval_of_no_length_is_refused() {
         let found = planted
             .function("stepped")
             .sampled_over(Just(()), |(), u: f32| u)
-            .on(Support::Interval(low, high))
+            .support(Support::Interval(low, high))
             .unrecorded()
             .try_follows(planted.function("flat_pdf"), |(), x: f32| x);
         assert!(matches!(found, Err(Failure::Domain { .. })), "{low} {high}: {found:?}");

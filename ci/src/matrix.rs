@@ -11,7 +11,7 @@ pub(crate) fn run() -> Result<()> {
     setup::install_validators()?;
     demo::build()?;
     let page = command::root().join(PAGE);
-    let mut karat = command::karat(&["matrix", "--package"])?;
+    let mut karat = command::karat(&["matrix", "--shaders"])?;
     command::run(karat.arg(command::root().join("shaders")).arg("--markdown").arg(&page))?;
     ensure!(page.is_file(), "{PAGE} wasn't written");
     Ok(())

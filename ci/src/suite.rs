@@ -56,7 +56,7 @@ pub(crate) fn open_paths() -> Result<()> {
 
 /// naga and Tint accept the whole library. Tests ask Tint where it is here; this step wants it to be.
 fn both_compilers() -> Result<()> {
-    let mut check = command::karat(&["check", "--package", "shaders", "--require", "tint"])?;
+    let mut check = command::karat(&["check", "--shaders", "shaders", "--require", "tint"])?;
     command::run_aside(&mut check)
 }
 

@@ -125,7 +125,7 @@ fn read(wanted: &Wanted) -> Result<(Sum, Vec<Difference>), String> {
     let package = wanted.open().map_err(|error| format!("{name}: {error}"))?;
     let with = wanted.with.iter().fold(package, |package, (module, features)| {
         let features: Vec<&str> = features.iter().map(String::as_str).collect();
-        package.validated_with(module, &features)
+        package.module_features(module, &features)
     });
     let (modules, rejected, opinion) = match with.try_is_valid() {
         Ok(found) => (found.modules, 0, found.opinion),

@@ -141,7 +141,7 @@ fn make(wanted: &Wanted, journal: &Path) -> Result<Matrix, String> {
     let package = wanted.open().map_err(|error| error.to_string())?;
     let with = |package: karat::Package, (module, features): (&String, &Vec<String>)| {
         let features: Vec<&str> = features.iter().map(String::as_str).collect();
-        package.validated_with(module, &features)
+        package.module_features(module, &features)
     };
     let package = wanted.with.iter().fold(package, with);
     let request = package.matrix().columns(Column::usual()).cases(CASES).journal(journal);

@@ -6,6 +6,8 @@
 //! [unrecorded](Check::unrecorded). A check that compared nothing is an error.
 
 mod agreement;
+mod allowances;
+mod allowed;
 mod batch;
 mod called;
 mod cause;
@@ -20,8 +22,6 @@ mod expects;
 mod explanation;
 mod flush;
 mod golden;
-mod granted;
-mod grants;
 #[cfg(feature = "engine")]
 mod hazards;
 mod inputs;
@@ -181,10 +181,10 @@ impl<'a> Probe<'a> {
     /// let text = "override GAIN: f32;
     ///             fn f(x: f32) -> f32 { return GAIN * x; }";
     /// let package = Package::from_source("m", text);
-    /// let check = package.function("f").override_("GAIN", 2.0).over(0.0..=1.0);
+    /// let check = package.function("f").with_override("GAIN", 2.0).over(0.0..=1.0);
     /// check.agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
     /// ```
-    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+    pub fn with_override(mut self, name: &str, value: impl Into<f64>) -> Self {
         self.overrides.insert(name.to_owned(), value.into());
         self
     }
@@ -338,13 +338,14 @@ impl<'a, C> Check<'a, C> {
     /// tolerance.
     ///
     /// ```no_run
+    /// # use karat::Path;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # let blue = |_: glam::DVec3| glam::DVec3::Z;
     /// SHADERS
     ///     .function("environment::radiance")
     ///     .with("environment", CubeMap::constant(glam::Vec3::Z))
-    ///     .with("environment_sampler", Sampler::Linear)
+    ///     .with("environment_sampler", Sampler::LINEAR)
     ///     .over(UnitVector)
     ///     .tolerance_on(Path::GL, Rel(4.9e-4)) // filters half floats
     ///     .agrees_with(blue, Ulp(2.0));
@@ -385,6 +386,7 @@ impl<'a, C> Check<'a, C> {
     /// until the declaration is removed. Wrong values are what [`fails_on`](Self::fails_on) declares.
     ///
     /// ```no_run
+    /// # use karat::Path;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # let (depths, depth) = (Texture::from_fn(2, 2, |x, _| x as f32), |i: u32| f64::from(i));

@@ -200,7 +200,7 @@ impl Request {
         // What can't be called may be untouched all the same.
         let linked = |package: &Package| Program::of_function(package, name);
         if let (Ok(before), Ok(after)) = (linked(&self.before), linked(&self.after))
-            && before.essence() == after.essence()
+            && before.normalized_text() == after.normalized_text()
         {
             return compared(Change::Untouched);
         }

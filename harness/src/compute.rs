@@ -322,7 +322,7 @@ impl<'a> Compute<'a> {
     ///     .compute()
     ///     .with("made", Storage::new([0_u32, 0]))
     ///     .with("target_", Storage::new([0_u32, 0]))
-    ///     .same("source", "made")
+    ///     .alias("source", "made")
     ///     .dispatch("make", [1, 1, 1])
     ///     .dispatch("double", [1, 1, 1])
     ///     .after("target_")
@@ -331,16 +331,16 @@ impl<'a> Compute<'a> {
     ///
     /// # Panics
     /// If `other` has no fixture.
-    pub fn same(mut self, name: &str, other: &str) -> Self {
+    pub fn alias(mut self, name: &str, other: &str) -> Self {
         let known = self.fixtures.iter().any(|(known, _)| known == other);
         assert!(known, "`{other}` has no fixture; add `.with(\"{other}\", ...)` before");
         self.same.push((name.to_owned(), other.to_owned()));
         self
     }
 
-    /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::override_`].
+    /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::with_override`].
     ///
-    /// [`Probe::override_`]: crate::check::Probe::override_
+    /// [`Probe::with_override`]: crate::check::Probe::with_override
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -348,10 +348,10 @@ impl<'a> Compute<'a> {
     ///             @group(0) @binding(0) var<storage, read_write> data: array<u32>;
     ///             @compute @workgroup_size(1) fn count() { data[0] = COUNT; }";
     /// let package = Package::from_source("m", text);
-    /// let passes = package.compute().with("data", Storage::new([0_u32])).override_("COUNT", 7);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).with_override("COUNT", 7);
     /// passes.dispatch("count", [1, 1, 1]).after("data").agrees_with([7_u32], Abs(0.0));
     /// ```
-    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+    pub fn with_override(mut self, name: &str, value: impl Into<f64>) -> Self {
         self.overrides.insert(name.to_owned(), value.into());
         self
     }
@@ -396,6 +396,7 @@ impl<'a> Compute<'a> {
     /// Sets another tolerance for paths whose driver is less exact (see [`Selector`]).
     ///
     /// ```no_run
+    /// # use karat::Path;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # let (image, means) = (Texture::from_fn(8, 8, |x, y| (x + y) as f32), [7.0]);
@@ -572,6 +573,7 @@ impl After<'_> {
     /// The elements on one path.
     ///
     /// ```
+    /// # use karat::Path;
     /// # use karat::prelude::*;
     /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
     ///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";

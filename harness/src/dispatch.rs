@@ -227,7 +227,7 @@ impl Passes {
     ) -> Self {
         let held = |(binding, bytes): &(Binding, Vec<u8>)| Held {
             name: binding.path.clone(),
-            fixture: fixture::Buffer::of_bytes(bytes.clone()).into(),
+            fixture: fixture::Buffer::from_bytes(bytes.clone()).into(),
         };
         let resources = buffers.iter().map(held).collect();
         let bindings = (0..).zip(buffers).map(|(n, (binding, _))| (binding.clone(), n)).collect();

@@ -18,7 +18,7 @@ mod row;
 mod state;
 mod targets;
 
-pub use blend::{Blend, Component, Factor, Operation};
+pub use blend::{Blend, BlendComponent, BlendFactor, BlendOperation};
 pub(crate) use drawing::{Drawing, Scene, Source};
 pub use format::Format;
 pub use mesh::{Attribute, Mesh};
@@ -82,7 +82,7 @@ pub enum DrawError {
     /// The executor can only call functions, not draw.
     #[error(
         "path `{path}` draws no frames. They need a driver: `karat doctor` tells how to get one, and \
-         `karat test --functions` leaves frames out"
+         `karat test --no-frames` leaves frames out"
     )]
     Unable {
         /// The path.

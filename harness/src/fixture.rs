@@ -34,7 +34,7 @@ use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKi
 /// use karat::prelude::*;
 ///
 /// // `.with("name", ...)` takes each kind as it is.
-/// let fixtures: [Fixture; 2] = [Sampler::Linear.into(), Uniform::new(1.0_f32).into()];
+/// let fixtures: [Fixture; 2] = [Sampler::LINEAR.into(), Uniform::new(1.0_f32).into()];
 /// assert!(matches!(fixtures[0], Fixture::Sampler(_)));
 /// ```
 #[derive(Clone, Debug)]

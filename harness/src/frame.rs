@@ -259,7 +259,7 @@ impl<'a> Frame<'a> {
     /// SHADERS
     ///     .frame("sky", 64, 64)
     ///     .with("environment", CubeMap::constant(glam::Vec3::Z))
-    ///     .with("filtering", Sampler::Linear)
+    ///     .with("filtering", Sampler::LINEAR)
     ///     .fragment("fragment")
     ///     .matches(&GOLDENS, "sky");
     /// ```
@@ -280,7 +280,7 @@ impl<'a> Frame<'a> {
     /// SHADERS
     ///     .frame("blur", 64, 64)
     ///     .with_frame("source", sharp)
-    ///     .with("filtering", Sampler::Linear)
+    ///     .with("filtering", Sampler::LINEAR)
     ///     .fragment("fragment")
     ///     .matches(&GOLDENS, "blurred");
     /// ```
@@ -312,9 +312,9 @@ impl<'a> Frame<'a> {
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
-    /// SHADERS.frame("sky", 64, 64).override_("STEPS", 8).fragment("fragment").matches(&GOLDENS, "sky");
+    /// SHADERS.frame("sky", 64, 64).with_override("STEPS", 8).fragment("fragment").matches(&GOLDENS, "sky");
     /// ```
-    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+    pub fn with_override(mut self, name: &str, value: impl Into<f64>) -> Self {
         let value = value.into();
         self.facts.insert(format!("override {name}"), value.to_string());
         self.scene.overrides.insert(name.to_owned(), value);
@@ -564,6 +564,7 @@ impl<'a> Frame<'a> {
     /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     ///
     /// ```no_run
+    /// # use karat::Path;
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
@@ -656,7 +657,7 @@ impl<'a> Frame<'a> {
     /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
     /// let package = Package::from_source("m", text);
     /// let frame = package.frame("", 8, 8).fragment("fragment").unrecorded();
-    /// frame.try_expect_mean(Rect::new(0, 0, 8, 8), [1.0; 3], Abs(1e-6)).expect_err("it is darker");
+    /// frame.try_has_mean(Rect::new(0, 0, 8, 8), [1.0; 3], Abs(1e-6)).expect_err("it is darker");
     /// ```
     pub fn unrecorded(mut self) -> Self {
         self.recorded = false;
@@ -733,6 +734,7 @@ impl<'a> Frame<'a> {
     /// Draws the frame on one path.
     ///
     /// ```no_run
+    /// use karat::Path;
     /// use karat::prelude::*;
     ///
     /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.0, 0.0, 1.0); }";

@@ -40,7 +40,7 @@ pub use provenance::ProvenanceError;
 pub(crate) use provenance::{FrameFinding, Provenance};
 pub use table::TableError;
 pub(crate) use table::{Column, Table};
-pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
+pub use tolerance::{CriterionMargin, FrameCriterion, FrameTolerance};
 pub use values::ValuesError;
 pub(crate) use values::{Made, other_columns};
 

@@ -412,7 +412,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let message = format!(
                 "on path `cpu` `{name}` was stopped: after {seconds} s it was still in this loop"
             );
-            let note = "where it is to take longer, set KARAT_DEADLINE to the seconds that it may";
+            let note = "where it is to take longer, set KARAT_TIMEOUT to the seconds that it may";
             (span, case, message, note)
         }
         other => {

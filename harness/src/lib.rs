@@ -125,7 +125,8 @@ pub mod tolerance {
     pub(crate) use karat_core::tolerance::*;
     #[doc(inline)]
     pub use karat_core::tolerance::{
-        Abs, Criterion, Device, Granting, LaneError, Rel, Spec, Tolerance, Ulp, Unit, ulp_distance,
+        Abs, Criterion, DeviceSpec, LaneError, Rel, Spec, SpecTolerance, Tolerance, Ulp, Unit,
+        ulp_distance,
     };
 }
 
@@ -149,14 +150,14 @@ pub use package::Package;
 pub use path::Path;
 pub use probe::Inputs;
 pub use stats::Support;
-pub use tolerance::{Abs, Device, Rel, Spec, Tolerance, Ulp};
+pub use tolerance::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Device, Directions, Domain, Edges, Grid, Hemisphere, Inputs,
-        Integers, Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Spec, Storage,
+        Abs, AnyF32, CubeMap, Directions, Domain, Edges, Goldens, Grid, Hemisphere, Inputs,
+        Integers, Just, LatinHypercube, Limit, OneOf, Package, Rel, Sampler, Spec, Storage,
         Support, Texture, Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

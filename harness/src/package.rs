@@ -86,7 +86,7 @@ pub struct Package {
     dependencies: Vec<(String, Package)>,
     features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
-    validated_with: Vec<(String, Vec<String>)>,
+    module_features: Vec<(String, Vec<String>)>,
     /// True if the package requires Tint's verdict, even without `karat.toml`.
     requires_tint: bool,
     /// Texts that stand in for files.
@@ -133,10 +133,10 @@ enum Origin {
 #[macro_export]
 macro_rules! package {
     (crate = $name:expr) => {
-        $crate::Package::of_crate(env!("CARGO_MANIFEST_DIR"), $name)
+        $crate::Package::from_crate(env!("CARGO_MANIFEST_DIR"), $name)
     };
     (crate = $name:expr, root = $root:expr) => {
-        $crate::Package::of_crate_in(env!("CARGO_MANIFEST_DIR"), $name, $root)
+        $crate::Package::from_crate_in(env!("CARGO_MANIFEST_DIR"), $name, $root)
     };
     ($folder:expr) => {
         $crate::Package::relative(env!("CARGO_MANIFEST_DIR"), $folder)
@@ -173,26 +173,26 @@ impl Package {
     /// use karat::Package;
     ///
     /// // What `karat::package!(crate = "bevy_pbr@0.20.1")` makes.
-    /// static PBR: Package = Package::of_crate(env!("CARGO_MANIFEST_DIR"), "bevy_pbr@0.20.1");
+    /// static PBR: Package = Package::from_crate(env!("CARGO_MANIFEST_DIR"), "bevy_pbr@0.20.1");
     /// println!("{:?}", PBR.modules());
     /// ```
     #[must_use]
-    pub const fn of_crate(base: &'static str, name: &'static str) -> Self {
+    pub const fn from_crate(base: &'static str, name: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
         Self::of_origin(Origin::Crate { base, name, root: None })
     }
 
-    /// [`of_crate`](Self::of_crate) with another folder of its modules, relative to the crate's own.
+    /// [`from_crate`](Self::from_crate) with another folder of its modules, relative to the crate's own.
     ///
     /// ```no_run
     /// use karat::Package;
     ///
     /// static VELLO: Package =
-    ///     Package::of_crate_in(env!("CARGO_MANIFEST_DIR"), "vello_shaders@0.11.0", "shader");
+    ///     Package::from_crate_in(env!("CARGO_MANIFEST_DIR"), "vello_shaders@0.11.0", "shader");
     /// println!("{:?}", VELLO.modules());
     /// ```
     #[must_use]
-    pub const fn of_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
+    pub const fn from_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
         Self::of_origin(Origin::Crate { base, name, root: Some(Cow::Borrowed(root)) })
     }
@@ -202,13 +202,13 @@ impl Package {
             origin,
             dependencies: Vec::new(),
             features: Vec::new(),
-            validated_with: Vec::new(),
+            module_features: Vec::new(),
             requires_tint: false,
             unsaved: Vec::new(),
         }
     }
 
-    /// [`of_crate`](Self::of_crate), looked for at once.
+    /// [`from_crate`](Self::from_crate), looked for at once.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -326,19 +326,19 @@ impl Package {
     ///             fn g() -> f32 { return f(); } // there is no `f` without shadows";
     /// let package = Package::from_modules("m", [("light", text)]);
     /// assert!(package.try_is_valid().is_err());
-    /// assert!(package.validated_with("light", &["shadows"]).try_is_valid().is_ok());
+    /// assert!(package.module_features("light", &["shadows"]).try_is_valid().is_ok());
     /// ```
     #[must_use]
-    pub fn validated_with(&self, module: &str, features: &[&str]) -> Self {
+    pub fn module_features(&self, module: &str, features: &[&str]) -> Self {
         let mut own = self.clone();
         let features = features.iter().map(|feature| (*feature).to_owned()).collect();
-        own.validated_with.push((module.to_owned(), features));
+        own.module_features.push((module.to_owned(), features));
         own
     }
 
     /// Whether each module that is validated with features exists.
     pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
-        let unknown = self.validated_with.iter().find(|(module, _)| !modules.contains(module));
+        let unknown = self.module_features.iter().find(|(module, _)| !modules.contains(module));
         let Some((module, _)) = unknown else { return Ok(()) };
         let near = nearest(module, modules.iter().map(String::as_str));
         Err(PackageError::UnknownModule {
@@ -351,7 +351,7 @@ impl Package {
     /// The package with the features with which a module is validated.
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
-        for (_, features) in self.validated_with.iter().filter(|(name, _)| name == module) {
+        for (_, features) in self.module_features.iter().filter(|(name, _)| name == module) {
             let on = Feature::Flag(true);
             let on = features.iter().map(|feature| (feature.clone(), on));
             package.features.extend(on);

@@ -11,7 +11,7 @@
 //! - `KARAT_EXECUTORS`: programs that run jobs, `dawn=node dawn.mjs`; each is a path, `process@dawn`. See
 //!   [`job`](crate::unstable::job).
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
-//! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
+//! - `KARAT_TIMEOUT`: seconds that a shader may take before the process gives up (default 60).
 //! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
 //!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
 

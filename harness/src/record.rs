@@ -30,7 +30,7 @@ use crate::output;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
-pub const SCHEMA: u32 = 3;
+pub const SCHEMA: u32 = 4;
 
 /// What a check concluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -170,7 +170,7 @@ pub struct PathRecord {
     /// What WGSL allows where a tolerance is declared; `None` for what declares none, and for functions
     /// that the engine doesn't execute.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub granted: Option<Grant>,
+    pub allowed: Option<Allowance>,
     /// How large the errors of some cases are; `None` for what isn't judged case by case, or if an older
     /// Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -198,7 +198,7 @@ impl PathRecord {
             ratio: None,
             asserted: String::new(),
             known_issue: None,
-            granted: None,
+            allowed: None,
             errors: None,
             plot: None,
             histogram: None,
@@ -210,7 +210,7 @@ impl PathRecord {
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
 /// another driver may fail the check and be right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Grant {
+pub struct Allowance {
     /// Cases that were looked at: a sample.
     pub cases: u64,
     /// In how many of them it allows a larger error than the tolerance.
@@ -316,7 +316,7 @@ pub(crate) fn overlay() -> Option<String> {
     crate::settings::overlay().map(|folder| folder.display().to_string())
 }
 
-impl Grant {
+impl Allowance {
     /// With other cases of the check.
     pub(crate) fn merge(self, other: Self) -> Self {
         let worst = self.worst.zip(other.worst).map(|(a, b)| a.max(b));

@@ -1,5 +1,7 @@
 //! A check on an executor of one's own: the seam between checks and what runs shaders.
 
+use karat::Image;
+use karat::Path;
 use karat::check::Failure;
 use karat::draw::DrawError;
 use karat::metric::Rect;
@@ -8,7 +10,6 @@ use karat::prelude::*;
 use karat::unstable::draw::Drawing;
 use karat::unstable::executor::Executor;
 use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
-use karat::{Image, Path};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
@@ -136,8 +137,10 @@ fn a_density_has_no_executor_of_its_own() {
     let package = Package::from_source("s", wgsl);
     let sampled = package.function("sample").sampled_over(Just(()), |(), u: f32| u);
     let density = package.function("twice").on(&RIGHT);
-    let found =
-        sampled.on(Support::Interval(0.0, 1.0)).unrecorded().try_follows(density, |(), x: f32| x);
+    let found = sampled
+        .support(Support::Interval(0.0, 1.0))
+        .unrecorded()
+        .try_follows(density, |(), x: f32| x);
     let error = found.expect_err("the executor would be passed over").to_string();
     assert!(error.contains("`twice` runs where the sampler runs"), "{error}");
 }
@@ -178,7 +181,7 @@ fn an_executor_draws_frames_or_says_that_it_does_not() {
         let whole = Rect { left: 0, top: 0, width: 3, height: 2 };
         frame
             .unrecorded()
-            .try_expect_mean(whole, [1.0; 3], Rel(1e-3))
+            .try_has_mean(whole, [1.0; 3], Rel(1e-3))
             .map_err(|error| error.to_string())
     };
     let right = mean(&RIGHT).expect("it is white");

@@ -1,6 +1,7 @@
 //! What frames are drawn from reaches the shader: vertex attributes, and mip levels of textures.
 
 use glam::{Vec2, Vec3, Vec4};
+use karat::Path;
 use karat::draw::Mesh;
 use karat::frame::FrameError;
 use karat::golden::{FrameTolerance, GoldenError};
@@ -66,7 +67,7 @@ fn drawn(fragment: &str, fixtures: bool) -> Vec<Image> {
             let stripes = Texture::from_fn(4, 4, |column, _| Vec4::splat(column as f32));
             frame = frame
                 .with("stripes", stripes.with_mips())
-                .with("stripes_sampler", Sampler::Nearest);
+                .with("stripes_sampler", Sampler::NEAREST);
         }
         frame.render(path).expect("the triangle is drawn")
     };
@@ -113,15 +114,15 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     let frame: Frame<'_> =
         package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1).unrecorded();
     let right = Rect::new(2, 0, 2, 4);
-    let mean = frame.expect_mean(right, [0.75, 0.25, 0.5], Abs(1e-6));
+    let mean = frame.has_mean(right, [0.75, 0.25, 0.5], Abs(1e-6));
     assert!(!mean.paths.is_empty());
-    let error = frame.try_expect_mean(right, [0.75, 0.25, 0.51], Rel(0.01)).expect_err("it is .5");
+    let error = frame.try_has_mean(right, [0.75, 0.25, 0.51], Rel(0.01)).expect_err("it is .5");
     assert!(is_mean(&error), "{error}");
     assert!(error.to_string().contains("the mean of (2, 0) to (3, 3) is [0.75, 0.25, 0.5]"));
-    let error = frame.try_expect_mean(Rect::new(2, 0, 3, 4), [0.0; 3], Abs(1.0));
+    let error = frame.try_has_mean(Rect::new(2, 0, 3, 4), [0.0; 3], Abs(1.0));
     assert!(error.expect_err("too wide").to_string().contains("isn't a part of a frame of 4 x 4"));
     for useless in [f64::NAN, f64::INFINITY, -1.0] {
-        let error = frame.try_expect_mean(right, [0.0; 3], Abs(useless)).expect_err("no bound");
+        let error = frame.try_has_mean(right, [0.0; 3], Abs(useless)).expect_err("no bound");
         assert!(error.to_string().contains("the tolerance of the frame is"), "{error}");
     }
     let nan = "@vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
@@ -132,8 +133,8 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     }";
     let package = Package::from_source("frame", nan);
     let frame = package.frame("", 4, 4).fullscreen("vertex", "fragment");
-    frame.expect_mean(Rect::new(0, 1, 4, 3), [1.0; 3], Abs(0.0));
-    let error = frame.try_expect_mean(Rect::new(0, 0, 4, 4), [1.0; 3], Rel(1e9)).expect_err("NaN");
+    frame.has_mean(Rect::new(0, 1, 4, 3), [1.0; 3], Abs(0.0));
+    let error = frame.try_has_mean(Rect::new(0, 0, 4, 4), [1.0; 3], Rel(1e9)).expect_err("NaN");
     assert!(is_mean(&error), "{error}");
 }
 
@@ -186,7 +187,7 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     let textured = |fragment: &str| {
         plain(fragment)
             .with("stripes", Texture::from_fn(4, 4, |x, _| Vec4::splat(x as f32)).with_mips())
-            .with("stripes_sampler", Sampler::Nearest)
+            .with("stripes_sampler", Sampler::NEAREST)
     };
     let frame = plain("attributes")
         .fact("samples", 64)

@@ -2,6 +2,7 @@
 //! first one gives nothing at all.
 
 use glam::{DQuat, Vec3};
+use karat::Path;
 use karat::check::{Agreement, Calls, Failure};
 use karat::compute::ComputeError;
 use karat::draw::DrawError;
@@ -271,7 +272,7 @@ const VERBS: [Verb; 20] = [
         let package = package();
         let probe = package.function("sampled").on(&fakes[0]).on(&fakes[1]);
         let sampled = probe.sampled_over(Just(()), |(), u: f32| u).samples(16_384);
-        let sampled = sampled.on(Support::Interval(0.0, 1.0));
+        let sampled = sampled.support(Support::Interval(0.0, 1.0));
         told(sampled.unrecorded().try_follows(package.function("uniform"), |(), x: f32| x))
     }),
     ("has_mean", |fakes| {
@@ -322,7 +323,7 @@ const VERBS: [Verb; 20] = [
     ("mean of a frame", |fakes| {
         let package = package();
         let frame = package.frame("", 8, 8).fragment("gray").on(&fakes[0]).on(&fakes[1]);
-        told(frame.unrecorded().try_expect_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3)))
+        told(frame.unrecorded().try_has_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3)))
     }),
     ("passes", |fakes| {
         let package = package();
@@ -392,7 +393,7 @@ fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3]
         Declared::Fails => frame.fails_on(*on, "bug 1"),
         Declared::Refused => frame.refused_on(*on, "bug 1"),
     });
-    let frame = frame.unrecorded().try_expect_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3));
+    let frame = frame.unrecorded().try_has_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3));
     let passes = package.compute().with("data", Storage::new([0_u32]));
     let passes = passes.dispatch("fill", [1, 1, 1]).on(&fakes[0]).on(&fakes[1]);
     let passes = names.iter().fold(passes, |passes, on| match declared {
@@ -473,7 +474,7 @@ fn failures_of_paths_are_data() {
     assert!(matches!(&*paths.failures, [Failure::Disagreement(_)]));
     assert!(matches!(&*paths.stopped, [(_, Failure::Probe(ProbeError::Length { .. }))]));
     let frame = package.frame("", 8, 8).fragment("gray").on(&fakes[0]).on(&fakes[1]);
-    let mean = frame.unrecorded().try_expect_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3));
+    let mean = frame.unrecorded().try_has_mean(Rect::new(0, 0, 8, 8), [0.5; 3], Abs(1e-3));
     let Err(FrameError::Paths(paths)) = mean else { panic!("two paths fail in two ways") };
     assert!(matches!(&*paths.failures, [FrameError::Mean { .. }]));
     let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("fill", [1, 1, 1]);

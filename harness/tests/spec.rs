@@ -1,5 +1,7 @@
 //! What WGSL allows, as a tolerance; and what a failing check says of it.
 
+use karat::DeviceSpec;
+use karat::Path;
 use karat::check::{Census, Disagreement, Failure, Vacuous};
 use karat::path::Adapter;
 use karat::prelude::*;
@@ -176,16 +178,16 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     let unbounded = disagreement(check(WAVE, wave, Spec.into()));
     assert!(unbounded.paths[0].census.unbounded > 3000, "{unbounded}");
     // Where the angle's own rounding matters most, the sine is near 0.
-    let need = Device.needing(Rel(1e-3)).or(Abs(1e-4));
+    let need = DeviceSpec.needing(Rel(1e-3)).or(Abs(1e-4));
     let agreement = check(WAVE, wave, need.clone().into()).expect("it agrees");
     assert_eq!(agreement.cases, 4096);
     // The shader is off by more than its adapter can be.
     let off = |x: f64| 0.5 * (4.0 + 40.0 * x).sin() + 1e-2;
-    let wrong = disagreement(check(WAVE, off, Device.needing(Abs(1e-3)).into()));
+    let wrong = disagreement(check(WAVE, off, DeviceSpec.needing(Abs(1e-3)).into()));
     assert!(wrong.paths[0].census.shader > 2000, "{wrong}");
     // pow(0, 5) is unbounded by WGSL, and 0 on an adapter that was measured to have each such power be 0.
     let pow = "fn f(x: f32) -> f32 { return pow(x, 5.0); }";
-    if let Err(failure) = check(pow, |x| x.powi(5), Device.into()) {
+    if let Err(failure) = check(pow, |x| x.powi(5), DeviceSpec.into()) {
         let census = &disagreement(Err(failure)).paths[0].census;
         assert_eq!((census.shader, census.driver, census.nan), (0, 0, 0), "another isn't wrong");
     }
@@ -196,7 +198,7 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
 #[test]
 fn what_is_less_exact_than_was_measured_is_told() {
     let text = "fn f(x: f32) -> f32 {\n    return (3.0 * x) * (3.0 * x);\n}\n";
-    let wrong = check_on(&Driver { factor: 1.00001 }, text, |x| 9.0 * x * x, Device);
+    let wrong = check_on(&Driver { factor: 1.00001 }, text, |x| 9.0 * x * x, DeviceSpec);
     let wrong = disagreement(wrong);
     assert!(wrong.paths[0].census.driver > 3000, "{wrong}");
     let text = wrong.to_string();
@@ -353,7 +355,7 @@ fn texels_are_as_exact_as_formats_and_filters() {
          fn f(d: vec3f) -> f32 { return textureSampleLevel(sky, linear, d, 0.0).w; }",
     );
     let white = CubeMap::constant(glam::Vec3::ONE);
-    let check = sampled.function("f").with("sky", white).with("linear", Sampler::Linear);
+    let check = sampled.function("f").with("sky", white).with("linear", Sampler::LINEAR);
     check.over(UnitVector).cases(4096).agrees_with(|_: glam::DVec3| 1.0, Spec);
     let stored = package(
         "@group(0) @binding(0) var kept: texture_storage_2d<rgba8unorm, read>;

@@ -528,8 +528,8 @@ fn modules_may_be_valid_with_features_alone() {
     let debug = "@if(DEBUG) const SCALE = 2.0;\nfn f(x: f32) -> f32 { return x * SCALE; }";
     let package = Package::from_modules("s", [("debug::overlay", debug)]);
     assert!(package.try_is_valid().is_err());
-    assert!(package.clone().validated_with("debug::overlay", &["DEBUG"]).try_is_valid().is_ok());
-    let error = package.validated_with("debug::overlai", &["DEBUG"]).try_is_valid();
+    assert!(package.clone().module_features("debug::overlay", &["DEBUG"]).try_is_valid().is_ok());
+    let error = package.module_features("debug::overlai", &["DEBUG"]).try_is_valid();
     let error = error.expect_err("no such module").to_string();
     assert!(error.contains("did you mean `debug::overlay`?"), "{error}");
 }

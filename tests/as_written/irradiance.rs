@@ -17,7 +17,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
 fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(&format!("as_written::irradiance::{function}"))
         .with("environment", environment)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 fn furnace(function: &str) -> karat::check::Probe<'static> {
@@ -70,7 +70,7 @@ fn the_loop_is_dark() {
 fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", CubeMap::constant(Vec3::ONE))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 /// E17: four times as many terms would halve the error of a Monte Carlo estimate. Here they leave
@@ -106,7 +106,7 @@ fn nothing_is_right_of_up() {
     );
     PBR.function("irradiance::midpoint")
         .with("environment", sky())
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over((upright(), Just(64_u32), Just(32_u32)))
         .agrees_with(|n: DVec3, _: u32, _: u32| below(n), Abs(5e-4));
 }

@@ -17,7 +17,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
 fn probe(function: &str, cube_map: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", cube_map)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
 }
 
 fn view(degrees: f32) -> Vec3 {

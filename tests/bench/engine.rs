@@ -116,7 +116,7 @@ fn ggx(cases: u64) {
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::constant(Vec3::ONE))
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .over((0.01..=1.0_f32, 0.01..=1.0_f32).map(|(alpha, cosine)| {
             let v = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
             (Vec3::ONE, alpha, Vec3::Z, v, 64_u32)

@@ -5,6 +5,7 @@ use std::error::Error;
 
 use glam::Vec3;
 use karat::Frame;
+use karat::Path;
 use karat::draw::Mesh;
 use karat::prelude::*;
 use shaders::camera::Camera;
@@ -208,7 +209,7 @@ fn spheres(
         .with("surface_map", surface)
         .with("mask", mask)
         .with("environment", shot.light())
-        .with("environment_sampler", Sampler::Linear);
+        .with("environment_sampler", Sampler::LINEAR);
     if shot.prepass { frame.depth_prepass() } else { frame }
 }
 
@@ -245,7 +246,7 @@ fn lambert_objects(
         .with("camera", Uniform::new(probe_room::camera_setup().camera(aspect)))
         .with("irradiance_map", irradiance)
         .with("environment", room)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .mesh("vertex", fragment, Mesh::new(positions, indices), probe_room::SPHERES)
         .fullscreen("background_vertex", background)
         .depth_prepass())
@@ -257,7 +258,7 @@ fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> 
     PBR.frame("maps", width, height)
         .with("settings", Uniform::new(settings))
         .with("environment", light)
-        .with("environment_sampler", Sampler::Linear)
+        .with("environment_sampler", Sampler::LINEAR)
         .fullscreen("vertex", fragment)
 }
 

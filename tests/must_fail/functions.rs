@@ -374,14 +374,14 @@ fn an_unknown_function_and_a_missing_fixture() {
         assert!(missing.contains(part), "{part} in:\n{missing}");
     }
     let misspelt =
-        radiance().with("enviroment", cube()).with("environment_sampler", Sampler::Linear);
+        radiance().with("enviroment", cube()).with("environment_sampler", Sampler::LINEAR);
     assert!(
         message(misspelt.over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)))
             .contains("did you mean `environment`?")
     );
     let wrong = radiance()
         .with("environment", Texture::constant(glam::Vec4::ONE))
-        .with("environment_sampler", Sampler::Linear);
+        .with("environment_sampler", Sampler::LINEAR);
     assert!(
         message(wrong.over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)))
             .contains("is a texture_cube<f32>, the fixture is a Texture")

@@ -1,7 +1,7 @@
 //! Frames and goldens.
 
+use karat::Path;
 use karat::image::Precision;
-use karat::prelude::*;
 use karat::unstable::golden::Acceptance;
 use karat::{Goldens, Image};
 use std::path::Path as FilePath;

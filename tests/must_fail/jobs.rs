@@ -85,11 +85,11 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
 #[test]
 fn a_program_that_hangs_is_ended() {
     let executor = format!("mine={} executor cpu hangs", env!("CARGO_BIN_EXE_planted"));
-    let text = told(&executor, "process@mine", &[("KARAT_DEADLINE", "0.5")]);
+    let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
     assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
     // It takes no job at all, and its pipe is full.
     let executor = format!("mine={} executor cpu deaf", env!("CARGO_BIN_EXE_planted"));
-    let text = told(&executor, "process@mine", &[("KARAT_DEADLINE", "0.5")]);
+    let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
     assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
 }
 

@@ -1,6 +1,7 @@
 //! What is declared to fail, and what holds on one path.
 
 use karat::Goldens;
+use karat::Path;
 use karat::check::Failure;
 use karat::image::Precision;
 use karat::prelude::*;
@@ -174,7 +175,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     let paths = selected();
     let declared = |sampler: &str, reason: &str| {
         let samples = package.function(sampler).sampled_over(Just(()), |(), u: f32| u);
-        let samples = samples.on(Support::Interval(0.0, 1.0)).samples(16_384);
+        let samples = samples.support(Support::Interval(0.0, 1.0)).samples(16_384);
         let samples = paths.iter().fold(samples, |samples, path| samples.fails_on(*path, reason));
         samples.unrecorded().try_follows(package.function("one"), |(), x: f32| x)
     };
@@ -190,9 +191,9 @@ fn samples_and_means_that_are_declared_to_fail() {
     let frame =
         paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1")).unrecorded();
     let whole = karat::metric::Rect { left: 0, top: 0, width: 32, height: 16 };
-    let mean = frame.try_expect_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
+    let mean = frame.try_has_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
     assert_eq!((mean.paths.len(), mean.known_issues.len()), (0, paths.len()));
-    let error = frame.try_expect_mean(whole, [0.0; 3], Abs(9.0)).expect_err("it is right");
+    let error = frame.try_has_mean(whole, [0.0; 3], Abs(9.0)).expect_err("it is right");
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
 }
 

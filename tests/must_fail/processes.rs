@@ -1,6 +1,6 @@
 //! Faults that need a process of their own: hangs, missing adapters, replays, settings.
 
-use karat::prelude::*;
+use karat::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
@@ -141,7 +141,7 @@ fn settings_with_a_slip() {
         ("KARAT_FAILURES", "banana", "KARAT_FAILURES=banana isn't `on` or `off`"),
         ("KARAT_REQUIER", "vulkan", "did you mean `KARAT_REQUIRE`?"),
         ("KARAT_SEED", "1e9", "KARAT_SEED=1e9 isn't a number"),
-        ("KARAT_DEADLINE", "soon", "KARAT_DEADLINE=soon isn't a number of seconds above 0"),
+        ("KARAT_TIMEOUT", "soon", "KARAT_TIMEOUT=soon isn't a number of seconds above 0"),
         ("KARAT_CASE", "id", "KARAT_CASE=id isn't a case, `function/check/index`"),
         ("KARAT_INPUT", "3f800000", "KARAT_INPUT needs KARAT_CASE"),
         ("KARAT_PATHS", "all,vulcan", "did you mean `vulkan`?"),
@@ -229,7 +229,7 @@ fn an_endless_loop() {
     assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
     for path in open {
         let start = Instant::now();
-        let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
+        let environment = [("KARAT_TIMEOUT", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
         // A driver that makes rounds fast is ended by their number, and the engine then finds the loop.

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Mutex;
 
+use karat::Path;
 use karat::check::Failure;
 use karat::compute::ComputeError;
 use karat::draw::Mesh;
@@ -262,6 +263,6 @@ fn a_variable_is_given_once() {
     let frame = package.frame("", 4, 4).fragment("gray");
     let frame = frame.with("gain", gain(1.0)).with("gain", gain(2.0));
     let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 4 };
-    let found = frame.unrecorded().try_expect_mean(whole, [2.0; 3], Abs(1e-3));
+    let found = frame.unrecorded().try_has_mean(whole, [2.0; 3], Abs(1e-3));
     twice(found.expect_err("twice").to_string());
 }

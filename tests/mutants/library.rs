@@ -219,7 +219,7 @@ impl Library {
         let binary = self.binaries.get(program).unwrap_or_else(|| panic!("no tests `{program}`"));
         let mut command = Command::new(binary);
         for (name, _) in std::env::vars_os() {
-            let keep = ["KARAT_ADAPTER", "KARAT_DEADLINE"].iter().any(|keep| name == *keep);
+            let keep = ["KARAT_ADAPTER", "KARAT_TIMEOUT"].iter().any(|keep| name == *keep);
             if name.to_string_lossy().starts_with("KARAT_") && !keep {
                 command.env_remove(name); // of the run around this one, and its paths: one will do
             }

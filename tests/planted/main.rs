@@ -8,6 +8,7 @@ mod jobs;
 use std::process::ExitCode;
 
 use glam::Vec3;
+use karat::Path;
 use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
@@ -88,7 +89,7 @@ fn signature() -> String {
     karat::shareable! { struct Pair mirrors PairMirror { b: f32, a: f32 } }
     let wgsl = "struct Pair { a: f32, b: f32 }\nfn f(p: Pair) -> f32 { return p.a; }";
     let package = Package::from_source("planted", wgsl);
-    let drawn = (0.0..=1.0, 0.0..=1.0).composed::<Pair>();
+    let drawn = (0.0..=1.0, 0.0..=1.0).compose::<Pair>();
     let expected = |p: PairMirror| p.a;
     package.function("f").over(drawn).agrees_with(expected, Ulp(0.0)).to_string()
 }
@@ -143,7 +144,7 @@ fn records() -> String {
     let pictures = Package::from_source("gradient", GRADIENT);
     let frame = pictures.frame("", 4, 8).fullscreen("corners", "gradient");
     let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 8 };
-    frame.expect_mean(whole, [0.5, 0.5, 0.5], Abs(1e-3));
+    frame.has_mean(whole, [0.5, 0.5, 0.5], Abs(1e-3));
     "three verdicts".to_owned()
 }
 
@@ -179,7 +180,7 @@ fn failures(recorded: bool) -> String {
             .err()
             .map(|e| e.to_string()),
         passes.try_agrees_with([8_u32], Abs(0.0)).err().map(|e| e.to_string()),
-        frame.try_expect_mean(whole, [0.0; 3], Abs(1e-3)).err().map(|e| e.to_string()),
+        frame.try_has_mean(whole, [0.0; 3], Abs(1e-3)).err().map(|e| e.to_string()),
     ];
     format!("{} failures", failures.iter().flatten().count())
 }

@@ -12,6 +12,7 @@ mod trace;
 
 use frames::{Shot, open_paths};
 use glam::{DVec2, DVec3, UVec2};
+use karat::Path;
 use karat::prelude::*;
 use karat::{Goldens, Image};
 use rand_core::{Rng, SeedableRng};

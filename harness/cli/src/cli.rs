@@ -89,7 +89,7 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat doctor`, then `karat test`.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
+                  KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
@@ -158,7 +158,7 @@ enum Command {
                             read; 3 there is none.")]
     Report(report::Args),
     /// Validate the shader packages whole, with all entry points, and run nothing
-    #[command(after_help = "Examples:\n  karat check\n  karat check --package shaders\n\
+    #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
                             `karat test` does it, too. A module that is valid only with features is \
                             declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
@@ -200,7 +200,7 @@ enum Command {
     Matrix(matrix::Args),
     /// Find what can go wrong inside of functions, without a test: NaN, infinities, lost digits
     #[command(
-        after_help = "Examples:\n  karat hazards\n  karat hazards --package my/shaders --all\n  \
+        after_help = "Examples:\n  karat hazards\n  karat hazards --shaders my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
                             Karat's own engine runs each function in f32, in f64 and in intervals; no \
                             driver is needed.\nArguments come from their types and names: `n` is a unit \
@@ -225,8 +225,8 @@ enum Command {
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
-                            karat call fresnel::schlick --cases in.csv --out out.csv --path vulkan\n  \
-                            karat call double 21 --package my.wgsl\n  \
+                            karat call fresnel::schlick --table in.csv --out out.csv --path vulkan\n  \
+                            karat call double 21 --shaders my.wgsl\n  \
                             karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
                             A vector's components are joined by commas. A table has one case a row \
                             and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
@@ -280,7 +280,7 @@ enum Command {
     #[command(after_help = diff::EXAMPLES)]
     Diff(diff::Args),
     /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
-    #[command(after_help = "Examples:\n  karat render --list\n  karat render --scene\n  \
+    #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
                             The gallery is a cargo binary of the project, made of a \
                             karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
@@ -301,7 +301,7 @@ struct PackageArgs {
     /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
     /// `shaders` beside one and the folders that recorded tests used; without a Cargo.toml `shaders`, or
     /// else the working directory]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long = "shaders", value_name = "DIR")]
     package: Option<PathBuf>,
     /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version
     /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile

@@ -264,10 +264,10 @@ fn call_explains_wrong_arguments() {
             "has no function `calc::duoble` among its 11; did you mean `calc::double`?",
         ),
         (&["calc::double", "1", "--path", "vulcan"], "did you mean `vulkan`?"),
-        (&["calc::double", "1", "--out", "out.csv"], "--out needs a table: --cases IN.CSV"),
+        (&["calc::double", "1", "--out", "out.csv"], "--out needs a table: --table IN.CSV"),
         (
-            &["calc::double", "1", "--package", "nowhere"],
-            "name the shader folder with --package DIR",
+            &["calc::double", "1", "--shaders", "nowhere"],
+            "name the shader folder with --shaders DIR",
         ),
         (&["calc::add", "-1,2,3", "4"], "to pass '-1' as a value, use '-- -1'"),
     ] {
@@ -297,7 +297,7 @@ fn a_table_of_cases_round_trips_bit_by_bit() {
     text.extend(inputs.iter().map(|x| format!("{x:e}\n")));
     text.push_str("\nNaN");
     write(project.path(), "in.csv", &text);
-    let table = ["call", "calc::same", "--cases", "in.csv", "--out", "out.csv"];
+    let table = ["call", "calc::same", "--table", "in.csv", "--out", "out.csv"];
     assert_eq!(karat(project.path(), &table).good(), "");
 
     let out = std::fs::read_to_string(project.path().join("out.csv")).expect("written");
@@ -329,12 +329,12 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
         "# swapped\r\nb, a.z, a.x, a.y\r\n10, 3, 1, 2\r\n\r\n0.5, 6, 4, 5\r\n",
     ] {
         write(project.path(), "in.csv", text);
-        let table = ["call", "calc::add", "--cases", "in.csv", "--path", &path];
+        let table = ["call", "calc::add", "--table", "in.csv", "--path", &path];
         assert_eq!(karat(project.path(), &table).good(), expected, "{text}");
     }
     // Typed columns, and a row after blank lines.
     write(project.path(), "in.csv", "y,x\n\n\n7,-3\n");
-    let table = ["call", "calc::is_low", "--cases", "in.csv", "--path", &path];
+    let table = ["call", "calc::is_low", "--table", "in.csv", "--path", &path];
     assert_eq!(karat(project.path(), &table).good(), format!("x,y,{path}\n-3,7,true\n"));
 }
 
@@ -356,7 +356,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("# nothing\n", "`in.csv` holds no case"),
     ] {
         write(project.path(), "in.csv", text);
-        let error = karat(project.path(), &["call", "calc::double", "--cases", "in.csv"]).error();
+        let error = karat(project.path(), &["call", "calc::double", "--table", "in.csv"]).error();
         assert!(error.contains(message), "{text:?}: {error}");
     }
     for (head, message) in [
@@ -370,18 +370,18 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));
-        let error = karat(project.path(), &["call", "calc::add", "--cases", "in.csv"]).error();
+        let error = karat(project.path(), &["call", "calc::add", "--table", "in.csv"]).error();
         assert!(error.contains(message), "{error}");
     }
     write(project.path(), "in.csv", "1\n");
     for (arguments, message) in [
         (
-            &["calc::double", "--cases", "in.csv", "--out", "in.csv/out.csv"][..],
+            &["calc::double", "--table", "in.csv", "--out", "in.csv/out.csv"][..],
             "can't write `in.csv/out.csv`",
         ),
-        (&["calc::double", "--cases", "missing.csv"], "can't read `missing.csv`"),
-        (&["calc::third", "--cases", "in.csv"], "`calc::third` takes no arguments"),
-        (&["calc::double", "1", "--cases", "in.csv"], "cannot be used with"),
+        (&["calc::double", "--table", "missing.csv"], "can't read `missing.csv`"),
+        (&["calc::third", "--table", "in.csv"], "`calc::third` takes no arguments"),
+        (&["calc::double", "1", "--table", "in.csv"], "cannot be used with"),
     ] {
         let error = karat(project.path(), &[&["call"], arguments].concat()).error();
         assert!(error.contains(message), "{arguments:?}: {error}");
@@ -398,7 +398,7 @@ fn show_prints_a_whole_shader() {
     naga::front::wgsl::parse_str(&out).unwrap_or_else(|error| panic!("{error}:\n{out}"));
     assert!(karat(project.path(), &["show", "calc::duoble"]).error().contains("`calc::double`?"));
     // One file is a package of one module; its functions have no module in front.
-    let out = karat(project.path(), &["show", "halve", "--package", "shaders/small.wgsl"]).good();
+    let out = karat(project.path(), &["show", "halve", "--shaders", "shaders/small.wgsl"]).good();
     assert!(out.starts_with("// halve(x: f16) -> f16\n"), "{out}");
 }
 
@@ -443,7 +443,7 @@ fn a_project_says_where_its_shaders_are() {
     let folder = project.path();
     std::fs::rename(folder.join("shaders"), folder.join("wgsl")).expect("renamed");
     let error = karat(folder, &["list"]).error();
-    assert!(error.contains("name the shader folder with --package DIR"), "{error}");
+    assert!(error.contains("name the shader folder with --shaders DIR"), "{error}");
     let settings = "[workspace.metadata.karat]\npackages = [\"wgsl\"]\n";
     write(folder, "Cargo.toml", &format!("[workspace]\n{settings}"));
     assert!(karat(folder, &["list"]).good().contains("wgsl/calc.wgsl:4:4"));
@@ -578,7 +578,7 @@ fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
         (&["--environment", "sky.exr"], "'--environment <FILE>': there is no such file"),
         (&["--environment", "shaders"], "'--environment <FILE>': it isn't a file"),
         (&["--path", "vulcan"], "did you mean `vulkan`?"),
-        (&["--scene"], "cannot be used with '--scene'"),
+        (&["--first"], "cannot be used with '--first'"),
     ] {
         let error = karat(folder, &[&["render", "scene"], arguments].concat()).error();
         assert!(error.contains(message), "{arguments:?}: {error}");
@@ -610,7 +610,7 @@ fn usage_is_explained() {
         ("reject", "karat reject scene"),
         ("unreferenced", "karat unreferenced --delete"),
         ("diff", "karat diff golden/scene.exr golden/scene.new.exr"),
-        ("render", "karat render --scene"),
+        ("render", "karat render --first"),
         ("preview", ""),
         ("completions", ""),
     ] {

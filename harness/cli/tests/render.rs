@@ -209,7 +209,7 @@ fn a_project_renders_its_own_frames() {
     assert_eq!((image.width(), image.pixels()), (3, &[FLAT_DIM; 6][..]));
 
     // Relative paths are those of the user, who is in another folder than Cargo.toml.
-    let arguments = ["--scene", "--size", "2x1", "--samples", "2", "--out", "a b", "--path", &path];
+    let arguments = ["--first", "--size", "2x1", "--samples", "2", "--out", "a b", "--path", &path];
     let ran = project.render("frames", &arguments);
     assert_eq!(ran.line(), format!("flat  2 x 1  {path}  {}", files("a b")));
     let image = project.frame("frames/a b", "flat");
@@ -235,7 +235,7 @@ fn a_project_renders_its_own_frames() {
     project.render("", &["falt", "--out", "none"]).gives(2, "", message);
     let message = "error: the gallery has no frame `x*`; its frames are flat, dark/sky\n";
     project.render("", &["flat", "x*", "--out", "none"]).gives(2, "", message);
-    let message = "error: name a frame, or say --scene or --all; the frames are\n";
+    let message = "error: name a frame, or say --first or --all; the frames are\n";
     project.render("", &[]).gives(2, "", &format!("{message}{list}"));
     let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };
     project

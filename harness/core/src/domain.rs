@@ -171,8 +171,8 @@ pub trait Domain: Send + Sync {
     /// karat::shareable! {
     ///     struct Material mirrors MaterialMirror { albedo: Vec3, roughness: f32 }
     /// }
-    /// let materials = (UnitRgb, 0.1..=1.0).composed::<Material>();
-    /// let u = (0.0..=1.0, 0.0..=1.0).composed::<Vec2>();
+    /// let materials = (UnitRgb, 0.1..=1.0).compose::<Material>();
+    /// let u = (0.0..=1.0, 0.0..=1.0).compose::<Vec2>();
     /// let package = Package::from_source(
     ///     "s",
     ///     "struct Material { albedo: vec3f, roughness: f32 }
@@ -182,7 +182,7 @@ pub trait Domain: Send + Sync {
     /// ```
     ///
     /// Members of other types, or in another order, are an error of the check.
-    fn composed<T>(self) -> Composed<Self, T>
+    fn compose<T>(self) -> Composed<Self, T>
     where
         Self: Sized,
         Self::Value: Arguments,

@@ -34,7 +34,7 @@ const VARIABLES: [(&str, &str); 15] = [
     (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
     (INPUT, "arguments of that case, as hexadecimal words (its own)"),
     (FAILURES, "`off`: failing inputs are neither remembered nor tried again (on)"),
-    (FRAMES, "`off`: frames are left out, as `karat test --functions` does (on)"),
+    (FRAMES, "`off`: frames are left out, as `karat test --no-frames` does (on)"),
     (OVERLAY, "folder whose files stand in for modules of the same name (none)"),
     (
         TINT,
@@ -59,7 +59,7 @@ const PATHS: &str = "KARAT_PATHS";
 const REQUIRE: &str = "KARAT_REQUIRE";
 const EXECUTORS: &str = "KARAT_EXECUTORS";
 const ADAPTER: &str = "KARAT_ADAPTER";
-const DEADLINE: &str = "KARAT_DEADLINE";
+const DEADLINE: &str = "KARAT_TIMEOUT";
 const FUEL: &str = "KARAT_FUEL";
 const SEED: &str = "KARAT_SEED";
 const CASE: &str = "KARAT_CASE";
@@ -428,7 +428,7 @@ mod tests {
             ("KARAT_SEED", "0xff"),
             ("KARAT_CASE", "a::f/agrees_with#2@uniform/7:3.0"),
             ("KARAT_INPUT", "3f800000,00000000"),
-            ("KARAT_DEADLINE", "1.5"),
+            ("KARAT_TIMEOUT", "1.5"),
             ("KARAT_FAILURES", "off"),
             ("KARAT_OVERLAY", "faults"),
             ("KARAT_EXECUTORS", "dawn=node dawn.mjs; mine = ./mine;"),
@@ -465,9 +465,9 @@ mod tests {
                 "KARAT_SEED=0xfg isn't a number, in decimal or with 0x before it in hexadecimal",
             ),
             ("KARAT_SEED", "-1", "KARAT_SEED=-1 isn't a number"),
-            ("KARAT_DEADLINE", "a minute", "KARAT_DEADLINE=a minute isn't a number of seconds"),
-            ("KARAT_DEADLINE", "0", "KARAT_DEADLINE=0 isn't a number of seconds above 0"),
-            ("KARAT_DEADLINE", "NaN", "KARAT_DEADLINE=NaN isn't a number of seconds above 0"),
+            ("KARAT_TIMEOUT", "a minute", "KARAT_TIMEOUT=a minute isn't a number of seconds"),
+            ("KARAT_TIMEOUT", "0", "KARAT_TIMEOUT=0 isn't a number of seconds above 0"),
+            ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
             ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
             (
                 "KARAT_CASE",
@@ -491,7 +491,7 @@ mod tests {
         assert!(
             error.ends_with(
                 "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
-             KARAT_DEADLINE, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
+             KARAT_TIMEOUT, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_BROWSER"
             ),
             "{error}"

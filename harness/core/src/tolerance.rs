@@ -10,7 +10,7 @@ mod spec;
 
 pub use line::ulp_distance;
 use line::{least_spacing, ordinal, spacing};
-pub use spec::{Criterion, Device, Granting, Spec};
+pub use spec::{Criterion, DeviceSpec, Spec, SpecTolerance};
 
 use std::fmt;
 

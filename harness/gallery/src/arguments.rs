@@ -19,9 +19,9 @@ pub struct RenderArguments {
     /// Names or globs of frames
     #[arg(value_name = "FRAME")]
     pub(super) frames: Vec<String>,
-    /// Render the project's scene: the first frame of its gallery
+    /// Render the first frame of the gallery: the project's scene
     #[arg(long, conflicts_with_all = ["frames", "all", "list"])]
-    pub(super) scene: bool,
+    pub(super) first: bool,
     /// Print the names of the frames, and what they show
     #[arg(long, conflicts_with_all = ["frames", "all"])]
     pub(super) list: bool,
@@ -81,10 +81,10 @@ impl RenderArguments {
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
         // All fields are named, so that none is forgotten.
-        let Self { frames, scene, list, all, out, size, samples, exposure, environment, path } =
+        let Self { frames, first, list, all, out, size, samples, exposure, environment, path } =
             self;
         let mut words: Vec<OsString> = Vec::new();
-        let flags = [("--scene", scene), ("--list", list), ("--all", all)];
+        let flags = [("--first", first), ("--list", list), ("--all", all)];
         words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
         // One word each, so that no value is taken for an option.
         let mut option = |name: &str, value: OsString| {
@@ -174,12 +174,12 @@ mod tests {
         let environment = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"); // any file
         for words in [
             &[][..],
-            &["--scene"],
+            &["--first"],
             &["--list"],
             &["--all", "--exposure", "-0.1"],
             &["scene", "furnace/*", "--size", "640x360", "--samples", "4294967295"],
             &["scene", "--size", "1x16384", "--path", "gl", "--environment", environment],
-            &["--out", "a folder", "--exposure=1e-30", "--", "--scene"],
+            &["--out", "a folder", "--exposure=1e-30", "--", "--first"],
             &["--out=--all", "--exposure", "1.5", "a[0]"],
         ] {
             let arguments = parse(words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
@@ -226,8 +226,8 @@ mod tests {
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
-            (&["--scene", "scene"], "cannot be used with"),
-            (&["--scene", "--all"], "cannot be used with"),
+            (&["--first", "scene"], "cannot be used with"),
+            (&["--first", "--all"], "cannot be used with"),
             (&["--list", "scene"], "cannot be used with"),
             (&["--all", "scene"], "cannot be used with"),
         ] {

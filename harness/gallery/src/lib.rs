@@ -110,7 +110,7 @@ enum GalleryError {
     Name(String),
     #[error("the gallery has two frames `{0}`")]
     Twice(String),
-    #[error("name a frame, or say --scene or --all; the frames are\n{0}")]
+    #[error("name a frame, or say --first or --all; the frames are\n{0}")]
     NoneNamed(String),
     #[error("the gallery has no frame `{name}`{}",
         nearest.as_ref().map_or_else(
@@ -271,7 +271,7 @@ impl Gallery {
         if arguments.all {
             return Ok(self.entries.iter().collect());
         }
-        if arguments.scene {
+        if arguments.first {
             return Ok(self.entries.iter().take(1).collect());
         }
         if arguments.frames.is_empty() {

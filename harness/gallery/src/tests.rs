@@ -95,7 +95,7 @@ fn frames_are_selected_by_name_and_glob_in_the_order_of_the_gallery() {
         names(&["scene", "furnace/rough", "furnace/smooth", "lut"]);
     assert_eq!(select(&["--all"]), all);
     assert_eq!(select(&["*"]), all);
-    assert_eq!(select(&["--scene"]), names(&["scene"]));
+    assert_eq!(select(&["--first"]), names(&["scene"]));
     assert_eq!(select(&["lut", "scene", "l*"]), names(&["scene", "lut"]));
     assert_eq!(select(&["furnace/*"]), names(&["furnace/rough", "furnace/smooth"]));
     let error = "the gallery has no frame `scnee`; did you mean `scene`?";

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{Case, Failure, MOST_ROWS, Map, Part, Rows, facts, packed};
 use karat::Image;
-use karat::golden::{Criterion, CriterionMargin};
+use karat::golden::{CriterionMargin, FrameCriterion};
 use karat::metric::DEFAULT_RELATIVE;
 use karat::unstable::golden::{ChangedRow, Column, Provenance, Table};
 use karat::unstable::image::ExrFile;
@@ -170,7 +170,7 @@ fn gate(margin: &CriterionMargin) -> Value {
     });
     let value = if value.is_finite() { json!(value) } else { json!(value.to_string()) };
     // A gate's value is over its bound already.
-    let ratio = margin.criterion == Criterion::Gate;
+    let ratio = margin.criterion == FrameCriterion::Gate;
     json!({
         "name": name,
         "ratio": ratio,
@@ -185,7 +185,7 @@ fn gate(margin: &CriterionMargin) -> Value {
 /// What the gate allows, to find again which pixels it refuses: the one of the test, else the default.
 /// A margin has its bounds in its name alone: `gate rel 1e-3 or abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
-    let gate = margins.iter().find(|margin| margin.criterion == Criterion::Gate);
+    let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {
         let mut words = gate?.name.split(' ');
         words.find(|other| *other == word)?;

@@ -194,7 +194,7 @@ impl Review {
         self
     }
 
-    /// Arguments that the commands on the page need, such as `--golden other`.
+    /// Arguments that the commands on the page need, such as `--goldens other`.
     #[must_use]
     pub fn with_arguments(mut self, arguments: &str) -> Self {
         self.arguments = arguments.to_owned();

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::data::embedded;
 use super::{Entry, FrameRun, Review, golden_name};
-use karat::golden::{Criterion, CriterionMargin};
+use karat::golden::{CriterionMargin, FrameCriterion};
 use karat::unstable::diagnostic::shown;
 use karat::unstable::golden::{Pending, PendingFrames};
 
@@ -146,7 +146,9 @@ fn severity(frame: &Pending) -> Option<Value> {
 /// Whether the test found numbers only.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
-    !margins.into_iter().any(|margin| margin.criterion == Criterion::Finite && !margin.passes())
+    !margins
+        .into_iter()
+        .any(|margin| margin.criterion == FrameCriterion::Finite && !margin.passes())
 }
 
 /// What a frame may become the golden of.

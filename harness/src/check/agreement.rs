@@ -2,11 +2,11 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::allowances::{self, Allowances};
+use super::allowed::Allowed;
 use super::batch::{Batch, Rows};
 use super::demand::Demand;
 use super::flush::allowing_flushes;
-use super::granted::Granted;
-use super::grants::{self, Grants};
 use super::path_tally::PathTally;
 use super::plan::Plan;
 use super::session::{Asserted, Expect, Explained, Session};
@@ -14,9 +14,9 @@ use super::tally::{Judge, Judged, compare, is_within};
 use super::tolerances::Tolerances;
 use super::{Agreement, Calls, Check, Failure, Reference, Vacuous};
 use crate::domain::Stream;
-use crate::record::{self, Grant};
+use crate::record::{self, Allowance};
 use crate::run::or_panic;
-use crate::tolerance::{Criterion, Granting, Tolerance};
+use crate::tolerance::{Criterion, SpecTolerance, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
 /// What a reference says of rows of arguments.
@@ -56,7 +56,7 @@ struct Comparison<'c> {
     expect: Expect<'c>,
     tolerance: &'c Tolerance,
     /// What WGSL allows, where that is what is asked for.
-    granted: Option<Granted<'c>>,
+    allowed: Option<Allowed<'c>>,
     /// Whether some result showed something.
     told_apart: &'c AtomicBool,
 }
@@ -73,8 +73,8 @@ impl Judge for Comparison<'_> {
         if !self.told_apart.load(Ordering::Relaxed) && tells(self.scalars, actual, expected) {
             self.told_apart.store(true, Ordering::Relaxed);
         }
-        if let Some(granted) = &self.granted {
-            return granted.judge(self.scalars, case, actual, expected);
+        if let Some(allowed) = &self.allowed {
+            return allowed.judge(self.scalars, case, actual, expected);
         }
         let given = compare(self.scalars, actual, expected, self.tolerance);
         allowing_flushes(self.arguments, self.batch.arguments(case), given, |row| {
@@ -87,7 +87,7 @@ impl Judge for Comparison<'_> {
 
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         // Until a result has shown something, each is judged.
-        self.granted.is_none()
+        self.allowed.is_none()
             && self.told_apart.load(Ordering::Relaxed)
             && is_within(self.scalars, actual, self.of(case), self.tolerance, ratio)
     }
@@ -110,7 +110,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// as WGSL lets drivers flush them.
     ///
     /// [`Spec`](crate::Spec) in place of a tolerance accepts what the WGSL specification allows this
-    /// very code to return, if that is close enough together. [`Device`](crate::tolerance::Device)
+    /// very code to return, if that is close enough together. [`DeviceSpec`](crate::tolerance::DeviceSpec)
     /// accepts what the adapter's measured accuracy allows. On paths with a tolerance of their own that
     /// one holds.
     ///
@@ -167,16 +167,18 @@ impl Plan<'_> {
         expected: &Expected<'_>,
         criterion: &Criterion,
     ) -> Result<Agreement, Failure> {
-        let (general, granting) = match criterion {
+        let (general, spec_tolerance) = match criterion {
             Criterion::Within(tolerance) => (tolerance.clone(), None),
-            Criterion::Allowed(granting) => (granting.need.clone(), Some(granting)),
+            Criterion::Allowed(spec_tolerance) => {
+                (spec_tolerance.need.clone(), Some(spec_tolerance))
+            }
         };
         let tolerances = self.tolerances(general);
         let explained = Explained::ByBounds;
         let asserted =
             Asserted { explained, ..Asserted::new("agrees_with", criterion.to_string()) };
         self.conclude(&asserted, stream, demand, &mut |session| {
-            session.agrees(expected, &tolerances, granting)
+            session.agrees(expected, &tolerances, spec_tolerance)
         })
     }
 }
@@ -187,18 +189,20 @@ impl Session<'_> {
         &self,
         expected: &Expected<'_>,
         tolerances: &Tolerances,
-        granting: Option<&Granting>,
+        spec_tolerance: Option<&SpecTolerance>,
     ) -> Result<PathTally, Failure> {
         let session = self;
         session.called.expect_result(&expected.shape, "the reference returns")?;
         tolerances.expect_usable(&session.called)?;
-        if let Some(otherwise) = granting.and_then(|granting| granting.otherwise.as_ref()) {
+        if let Some(otherwise) =
+            spec_tolerance.and_then(|spec_tolerance| spec_tolerance.otherwise.as_ref())
+        {
             session.called.expect_lanes(otherwise)?;
         }
         // A path's own tolerance holds there in place of what WGSL allows.
-        let granting = granting.filter(|_| tolerances.own(&session.called).is_none());
-        let witness = granting.map(|_| session.witness()).transpose()?;
-        let measured = match granting.filter(|granting| granting.measured) {
+        let spec_tolerance = spec_tolerance.filter(|_| tolerances.own(&session.called).is_none());
+        let witness = spec_tolerance.map(|_| session.witness()).transpose()?;
+        let measured = match spec_tolerance.filter(|spec_tolerance| spec_tolerance.measured) {
             Some(_) => Some(session.measured()?),
             None => None,
         };
@@ -206,19 +210,19 @@ impl Session<'_> {
         let (scalars, tolerance) = (session.called.scalars(), tolerances.of(&session.called));
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
-        // What WGSL grants is for whoever reads the record.
-        let wanted = granting.is_none() && self.recorded && record::wanted();
+        // What WGSL allowances is for whoever reads the record.
+        let wanted = spec_tolerance.is_none() && self.recorded && record::wanted();
         let granter = wanted.then(|| session.witness().ok()).flatten();
-        let mut grant: Option<Grant> = None;
-        let mut left = grants::wanted(&session.called.probed.program);
+        let mut allowance: Option<Allowance> = None;
+        let mut left = allowances::wanted(&session.called.probed.program);
         let mut tally = session.run(&mut |batch, running| {
             // The device works on the dispatch meanwhile.
             let lanes = session.expected(batch, batch.rows(), expected.expect)?;
             if let Some(granter) = granter.as_ref().filter(|_| left > 0)
-                && let Ok(found) = Grants::of(granter, batch, &mut left)
+                && let Ok(found) = Allowances::of(granter, batch, &mut left)
             {
                 let more = found.against(&scalars, &lanes, tolerance);
-                grant = Some(grant.map_or(more, |grant| grant.merge(more)));
+                allowance = Some(allowance.map_or(more, |allowance| allowance.merge(more)));
             }
             // Those of the specification, or of the path.
             let bounds = match (&witness, &measured) {
@@ -229,8 +233,8 @@ impl Session<'_> {
                 }
             };
             let comparison = Comparison {
-                granted: granting.map(|granting| Granted {
-                    granting,
+                allowed: spec_tolerance.map(|spec_tolerance| Allowed {
+                    spec_tolerance,
                     bounds: &bounds,
                     judged: &judged,
                 }),
@@ -245,7 +249,7 @@ impl Session<'_> {
             let expect = |case| Some(comparison.of(case).to_vec());
             session.judge(batch, running, expect, &comparison)
         })?;
-        tally.granted = grant;
+        tally.allowed = allowance;
         let tally = session.expect_tested(told_apart.into_inner(), tally, Vacuous::Flushed)?;
         let by_spec = witness.is_some();
         session.expect_tested(!by_spec || judged.into_inner(), tally, Vacuous::Ungranted)

@@ -170,7 +170,7 @@ fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
         (true, true) => {
             let of_several = declared.iter().find(|shape| shape.lanes().len() > 1);
             let name = of_several.map_or_else(|| "Vec2".to_owned(), host_name);
-            format!(": `(..).composed::<{name}>()` makes one value of a tuple's")
+            format!(": `(..).compose::<{name}>()` makes one value of a tuple's")
         }
         (true, false) => ": give each parameter a domain of its own, in a tuple".to_owned(),
     }
@@ -218,11 +218,11 @@ mod tests {
         let number = Shape::Scalar(Scalar::F32);
         let vector = |size, scalar| Shape::Vector { size, scalar };
         let hinted = hint(&[vector(3, Scalar::F32)], &vec![number.clone(); 3]);
-        assert!(hinted.contains("`(..).composed::<Vec3>()`"), "{hinted}");
+        assert!(hinted.contains("`(..).compose::<Vec3>()`"), "{hinted}");
         let whole = Shape::Scalar(Scalar::U32);
         let hinted =
             hint(&[vector(2, Scalar::U32), number.clone()], &[whole.clone(), whole, number]);
-        assert!(hinted.contains("`(..).composed::<UVec2>()`"), "{hinted}");
+        assert!(hinted.contains("`(..).compose::<UVec2>()`"), "{hinted}");
     }
 
     #[test]

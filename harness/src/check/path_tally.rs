@@ -5,7 +5,7 @@ use super::sample::Sample;
 use super::tally::{Shown, Tally};
 use super::{CaseFailure, Simplest};
 use crate::path::{Adapter, Path};
-use crate::record::{Grant, PathRecord};
+use crate::record::{Allowance, PathRecord};
 
 /// One path's sum, and what is needed to show its failures.
 pub(super) struct PathTally {
@@ -18,7 +18,7 @@ pub(super) struct PathTally {
     /// Where it fails, in a line.
     pub(super) cause: Option<String>,
     /// What WGSL allows in place of the tolerance.
-    pub(super) granted: Option<Grant>,
+    pub(super) allowed: Option<Allowance>,
     /// Cases for reports.
     sample: Option<Sample>,
     /// Nodes of all integrals; 0 for other checks.
@@ -41,7 +41,7 @@ impl PathTally {
             simplest: None,
             cause: None,
             tally,
-            granted: None,
+            allowed: None,
             sample: None,
             nodes: 0,
         }
@@ -74,7 +74,7 @@ impl PathTally {
                 0 => asserted.to_owned(),
                 nodes => format!("{asserted} ({nodes} nodes)"),
             },
-            granted: self.granted,
+            allowed: self.allowed,
             errors: self.sample.as_ref().map(Sample::errors),
             plot: self.sample.as_ref().filter(|_| self.fails()).map(Sample::plot),
             ..PathRecord::of(self.adapter.clone())

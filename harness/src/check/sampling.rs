@@ -79,7 +79,7 @@ impl<'a> Probe<'a> {
             samples: SAMPLES,
             significance: SIGNIFICANCE,
             mass: MASS,
-            may_leave: false,
+            may_leave_support: false,
         };
         let sampling = Sampling { arguments, settings, types: PhantomData };
         Check::new(self, Typed::values(configurations), sampling)
@@ -93,7 +93,7 @@ struct Settings {
     samples: u64,
     significance: f64,
     mass: f64,
-    may_leave: bool,
+    may_leave_support: bool,
 }
 
 /// The way of a [`Check`] that draws samples: see [`Probe::sampled_over`]. `V` are the configurations, `U`
@@ -130,9 +130,9 @@ where
     /// # use karat::prelude::*;
     /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
     /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// sampler.on(Support::Interval(0.0, 1.0)).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// sampler.support(Support::Interval(0.0, 1.0)).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
     /// ```
-    pub fn on(mut self, support: Support) -> Self {
+    pub fn support(mut self, support: Support) -> Self {
         self.of.settings.support = support;
         self
     }
@@ -177,11 +177,11 @@ where
     /// SHADERS
     ///     .function("ggx::sample") // reflects below the horizon, too
     ///     .sampled_over(0.05..=1.0, |&alpha, u: Vec2| (alpha, u))
-    ///     .may_leave()
+    ///     .may_leave_support()
     ///     .follows(SHADERS.function("ggx::pdf"), |&alpha, l: Vec3| (alpha, l));
     /// ```
-    pub fn may_leave(mut self) -> Self {
-        self.of.settings.may_leave = true;
+    pub fn may_leave_support(mut self) -> Self {
+        self.of.settings.may_leave_support = true;
         self
     }
 

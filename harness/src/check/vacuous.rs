@@ -55,7 +55,7 @@ pub enum Vacuous {
         /// Cases that were compared.
         compared: u64,
     },
-    /// `Spec` or `Device` bounds no case closely enough, and another tolerance judges each.
+    /// `Spec` or `DeviceSpec` bounds no case closely enough, and another tolerance judges each.
     #[error(
         "has no case in which what is allowed is as close together as is needed: take the other \
          tolerance alone"

@@ -14,7 +14,7 @@ const ASSERTED: &str = "naga validates each module";
 impl Package {
     /// Validates every module with all of its functions and entry points, including those that no
     /// test calls. It is a check like others, and recorded. If a module is valid only with features, set
-    /// them with [`validated_with`](Self::validated_with).
+    /// them with [`module_features`](Self::module_features).
     ///
     /// ```
     /// use karat::Package;

@@ -26,7 +26,7 @@ pub struct WgslTest {
     /// `@over` of each parameter: its words and numbers, and where it stands.
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// What it is made of.
-    essence: Option<String>,
+    normalized_text: Option<String>,
     /// Its parameters as they are written, if their types have the same names everywhere.
     written: Option<Vec<(String, String)>>,
     package: Package,
@@ -60,11 +60,12 @@ impl Package {
     ) -> Result<Vec<Result<Vec<WgslTest>, ReflectError>>, PackageError> {
         let (found, features) = self.test_items(modules)?;
         let (found, features) = (found.into_iter().zip(modules), Arc::new(features));
-        let new = |module: &str, item: TestItem, essence: Option<String>| {
+        let new = |module: &str, item: TestItem, normalized_text: Option<String>| {
             // Of which parameter each is counts, too.
             let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
             WgslTest {
-                essence: essence.map(|essence| format!("{essence} {:?} {over:?}", item.cases)),
+                normalized_text: normalized_text
+                    .map(|normalized_text| format!("{normalized_text} {:?} {over:?}", item.cases)),
                 name: item.name,
                 span: item.span,
                 cases: item.cases,
@@ -77,7 +78,10 @@ impl Package {
             }
         };
         let of_one = |(items, module): (Result<Vec<_>, PackageError>, &String)| {
-            Ok(items?.into_iter().map(|(item, essence)| new(module, item, essence)).collect())
+            Ok(items?
+                .into_iter()
+                .map(|(item, normalized_text)| new(module, item, normalized_text))
+                .collect())
         };
         Ok(found.map(of_one).collect())
     }
@@ -164,8 +168,8 @@ impl WgslTest {
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
     /// can't be linked.
     #[must_use]
-    pub fn essence(&self) -> Option<&str> {
-        self.essence.as_deref()
+    pub fn normalized_text(&self) -> Option<&str> {
+        self.normalized_text.as_deref()
     }
 
     /// The names and types of its parameters.

@@ -26,77 +26,68 @@ pub enum Blend {
     /// Any other, of colour and of alpha.
     Custom {
         /// Red, green and blue.
-        color: Component,
+        color: BlendComponent,
         /// Alpha.
-        alpha: Component,
+        alpha: BlendComponent,
     },
 }
 
 /// How the channels of a pixel are blended: `new * source` and `old * target`, joined by an operation.
 ///
 /// ```
-/// use karat::draw::{Blend, Component, Factor, Operation};
+/// use karat::draw::{Blend, BlendComponent, BlendFactor, BlendOperation};
 ///
 /// // The larger of both, whatever alpha is.
 /// let larger =
-///     Component { source: Factor::One, target: Factor::One, operation: Operation::Max };
+///     BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Max };
 /// let blend = Blend::Custom { color: larger, alpha: larger };
 /// # let _ = blend;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Component {
+pub struct BlendComponent {
     /// What the new value is multiplied by.
-    pub source: Factor,
+    pub src_factor: BlendFactor,
     /// What the old value is multiplied by.
-    pub target: Factor,
+    pub dst_factor: BlendFactor,
     /// How both are joined.
-    pub operation: Operation,
+    pub operation: BlendOperation,
 }
 
 /// A factor of blending: WebGPU's `GPUBlendFactor`.
 ///
 /// ```
-/// use karat::draw::{Component, Factor, Operation};
+/// use karat::draw::{BlendComponent, BlendFactor, BlendOperation};
 ///
 /// // What alpha blending does to colours.
-/// let (source, target) = (Factor::NewAlpha, Factor::OneMinusNewAlpha);
-/// let alpha = Component { source, target, operation: Operation::Add };
+/// let (src_factor, dst_factor) = (BlendFactor::SrcAlpha, BlendFactor::OneMinusSrcAlpha);
+/// let alpha = BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };
 /// # let _ = alpha;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Factor {
+pub enum BlendFactor {
     /// 0
     Zero,
     /// 1
     One,
     /// new
-    #[serde(rename = "src")]
-    New,
+    Src,
     /// 1 - new
-    #[serde(rename = "one-minus-src")]
-    OneMinusNew,
+    OneMinusSrc,
     /// new.a
-    #[serde(rename = "src-alpha")]
-    NewAlpha,
+    SrcAlpha,
     /// 1 - new.a
-    #[serde(rename = "one-minus-src-alpha")]
-    OneMinusNewAlpha,
+    OneMinusSrcAlpha,
     /// old
-    #[serde(rename = "dst")]
-    Old,
+    Dst,
     /// 1 - old
-    #[serde(rename = "one-minus-dst")]
-    OneMinusOld,
+    OneMinusDst,
     /// old.a
-    #[serde(rename = "dst-alpha")]
-    OldAlpha,
+    DstAlpha,
     /// 1 - old.a
-    #[serde(rename = "one-minus-dst-alpha")]
-    OneMinusOldAlpha,
+    OneMinusDstAlpha,
     /// min(new.a, 1 - old.a), and 1 of alpha.
-    #[serde(rename = "src-alpha-saturated")]
-    NewAlphaSaturated,
+    SrcAlphaSaturated,
     /// The constant of the draw.
     Constant,
     /// 1 - that constant.
@@ -106,14 +97,14 @@ pub enum Factor {
 /// How the new and the old value are joined: WebGPU's `GPUBlendOperation`.
 ///
 /// ```
-/// use karat::draw::{Component, Factor, Operation};
+/// use karat::draw::{BlendComponent, BlendFactor, BlendOperation};
 ///
-/// let darker = Component { source: Factor::One, target: Factor::One, operation: Operation::Min };
+/// let darker = BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Min };
 /// # let _ = darker;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Operation {
+pub enum BlendOperation {
     /// new + old
     #[default]
     Add,
@@ -127,36 +118,36 @@ pub enum Operation {
     Max,
 }
 
-impl Component {
-    const fn sum(source: Factor, target: Factor) -> Self {
-        Self { source, target, operation: Operation::Add }
+impl BlendComponent {
+    const fn sum(src_factor: BlendFactor, dst_factor: BlendFactor) -> Self {
+        Self { src_factor, dst_factor, operation: BlendOperation::Add }
     }
 
     fn state(self) -> wgpu::BlendComponent {
         let factor = |factor| match factor {
-            Factor::Zero => wgpu::BlendFactor::Zero,
-            Factor::One => wgpu::BlendFactor::One,
-            Factor::New => wgpu::BlendFactor::Src,
-            Factor::OneMinusNew => wgpu::BlendFactor::OneMinusSrc,
-            Factor::NewAlpha => wgpu::BlendFactor::SrcAlpha,
-            Factor::OneMinusNewAlpha => wgpu::BlendFactor::OneMinusSrcAlpha,
-            Factor::Old => wgpu::BlendFactor::Dst,
-            Factor::OneMinusOld => wgpu::BlendFactor::OneMinusDst,
-            Factor::OldAlpha => wgpu::BlendFactor::DstAlpha,
-            Factor::OneMinusOldAlpha => wgpu::BlendFactor::OneMinusDstAlpha,
-            Factor::NewAlphaSaturated => wgpu::BlendFactor::SrcAlphaSaturated,
-            Factor::Constant => wgpu::BlendFactor::Constant,
-            Factor::OneMinusConstant => wgpu::BlendFactor::OneMinusConstant,
+            BlendFactor::Zero => wgpu::BlendFactor::Zero,
+            BlendFactor::One => wgpu::BlendFactor::One,
+            BlendFactor::Src => wgpu::BlendFactor::Src,
+            BlendFactor::OneMinusSrc => wgpu::BlendFactor::OneMinusSrc,
+            BlendFactor::SrcAlpha => wgpu::BlendFactor::SrcAlpha,
+            BlendFactor::OneMinusSrcAlpha => wgpu::BlendFactor::OneMinusSrcAlpha,
+            BlendFactor::Dst => wgpu::BlendFactor::Dst,
+            BlendFactor::OneMinusDst => wgpu::BlendFactor::OneMinusDst,
+            BlendFactor::DstAlpha => wgpu::BlendFactor::DstAlpha,
+            BlendFactor::OneMinusDstAlpha => wgpu::BlendFactor::OneMinusDstAlpha,
+            BlendFactor::SrcAlphaSaturated => wgpu::BlendFactor::SrcAlphaSaturated,
+            BlendFactor::Constant => wgpu::BlendFactor::Constant,
+            BlendFactor::OneMinusConstant => wgpu::BlendFactor::OneMinusConstant,
         };
         wgpu::BlendComponent {
-            src_factor: factor(self.source),
-            dst_factor: factor(self.target),
+            src_factor: factor(self.src_factor),
+            dst_factor: factor(self.dst_factor),
             operation: match self.operation {
-                Operation::Add => wgpu::BlendOperation::Add,
-                Operation::Subtract => wgpu::BlendOperation::Subtract,
-                Operation::ReverseSubtract => wgpu::BlendOperation::ReverseSubtract,
-                Operation::Min => wgpu::BlendOperation::Min,
-                Operation::Max => wgpu::BlendOperation::Max,
+                BlendOperation::Add => wgpu::BlendOperation::Add,
+                BlendOperation::Subtract => wgpu::BlendOperation::Subtract,
+                BlendOperation::ReverseSubtract => wgpu::BlendOperation::ReverseSubtract,
+                BlendOperation::Min => wgpu::BlendOperation::Min,
+                BlendOperation::Max => wgpu::BlendOperation::Max,
             },
         }
     }
@@ -164,17 +155,19 @@ impl Component {
 
 impl Blend {
     /// Of colour and of alpha; `None`: the new value replaces the old one.
-    fn components(self) -> Option<(Component, Component)> {
+    fn components(self) -> Option<(BlendComponent, BlendComponent)> {
         let both = |component| Some((component, component));
         match self {
             Self::Replace => None,
-            Self::Add => both(Component::sum(Factor::One, Factor::One)),
+            Self::Add => both(BlendComponent::sum(BlendFactor::One, BlendFactor::One)),
             Self::Alpha => Some((
-                Component::sum(Factor::NewAlpha, Factor::OneMinusNewAlpha),
-                Component::sum(Factor::One, Factor::OneMinusNewAlpha),
+                BlendComponent::sum(BlendFactor::SrcAlpha, BlendFactor::OneMinusSrcAlpha),
+                BlendComponent::sum(BlendFactor::One, BlendFactor::OneMinusSrcAlpha),
             )),
-            Self::Premultiplied => both(Component::sum(Factor::One, Factor::OneMinusNewAlpha)),
-            Self::Multiply => both(Component::sum(Factor::Old, Factor::Zero)),
+            Self::Premultiplied => {
+                both(BlendComponent::sum(BlendFactor::One, BlendFactor::OneMinusSrcAlpha))
+            }
+            Self::Multiply => both(BlendComponent::sum(BlendFactor::Dst, BlendFactor::Zero)),
             Self::Custom { color, alpha } => Some((color, alpha)),
         }
     }

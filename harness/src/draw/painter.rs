@@ -137,7 +137,7 @@ impl<'a> Painter<'a> {
         let (buffers, count) = match &draw.geometry {
             Geometry::Mesh(mesh) => {
                 let count = mesh.indices.len() as u32;
-                let indices = match draw.short_indices {
+                let indices = match draw.u16_indices {
                     false => bytemuck::cast_slice(&mesh.indices).to_vec(),
                     true => {
                         #[expect(clippy::cast_possible_truncation, reason = "they are short")]
@@ -349,7 +349,7 @@ fn record(pass: &mut wgpu::RenderPass<'_>, prepared: &Prepared<'_>, ready: &Read
             for (slot, buffer) in (0..).zip(attributes) {
                 pass.set_vertex_buffer(slot, buffer.slice(..));
             }
-            let format = match draw.short_indices {
+            let format = match draw.u16_indices {
                 true => wgpu::IndexFormat::Uint16,
                 false => wgpu::IndexFormat::Uint32,
             };

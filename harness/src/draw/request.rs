@@ -34,7 +34,7 @@ pub struct Draw {
     pub(super) base_vertex: i32,
     /// Whether the numbers above come from a buffer.
     pub(super) indirect: bool,
-    pub(super) short_indices: bool,
+    pub(super) u16_indices: bool,
     pub(super) state: State,
 }
 
@@ -58,7 +58,7 @@ impl Draw {
             first_instance: 0,
             base_vertex: 0,
             indirect: false,
-            short_indices: false,
+            u16_indices: false,
             state: State::default(),
         }
     }
@@ -213,17 +213,17 @@ impl Draw {
     /// # use karat::draw::Mesh;
     /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
     ///
-    /// let draw = Draw::mesh("vertex", "fragment", leaf()).short_indices();
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).u16_indices();
     /// # let _ = draw;
     /// ```
     ///
     /// # Panics
     /// If the mesh has more vertices than they reach, or there is no mesh.
-    pub fn short_indices(mut self) -> Self {
+    pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else { panic!("there is no mesh with indices") };
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
         assert!(most < u32::from(u16::MAX), "index {most} has more than 16 bits");
-        self.short_indices = true;
+        self.u16_indices = true;
         self
     }
 
@@ -366,15 +366,15 @@ impl Draw {
         self
     }
 
-    /// The constant of [`Factor::Constant`](super::Factor::Constant).
+    /// The constant of [`BlendFactor::Constant`](super::BlendFactor::Constant).
     ///
     /// ```
-    /// use karat::draw::{Blend, Component, Draw, Factor, Operation};
+    /// use karat::draw::{Blend, BlendComponent, Draw, BlendFactor, BlendOperation};
     ///
-    /// let half = Component {
-    ///     source: Factor::Constant,
-    ///     target: Factor::OneMinusConstant,
-    ///     operation: Operation::Add,
+    /// let half = BlendComponent {
+    ///     src_factor: BlendFactor::Constant,
+    ///     dst_factor: BlendFactor::OneMinusConstant,
+    ///     operation: BlendOperation::Add,
     /// };
     /// let draw = Draw::fullscreen("vertex", "fragment")
     ///     .blend(Blend::Custom { color: half, alpha: half })

@@ -143,7 +143,7 @@ mod tests {
         let fixtures: Fixtures = [
             ("scale".to_owned(), Uniform::new(8.0_f32).into()),
             ("image".to_owned(), ramp.into()),
-            ("linear".to_owned(), Sampler::Linear.into()),
+            ("linear".to_owned(), Sampler::LINEAR.into()),
         ]
         .into_iter()
         .collect();

@@ -17,7 +17,7 @@ use crate::tolerance::{LaneError, Tolerance};
 /// # let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
 /// # let package = Package::from_source("m", text);
 /// let frame = package.frame("", 8, 8).fragment("fragment");
-/// let mean = frame.expect_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
+/// let mean = frame.has_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
 /// for (adapter, [red, green, blue]) in &mean.paths {
 ///     assert!((red - 0.5).abs() <= 1e-6, "on {adapter}: {red} {green} {blue}");
 /// }
@@ -41,28 +41,28 @@ impl Frame<'_> {
     /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
     /// let package = Package::from_source("m", text);
     /// let frame = package.frame("", 8, 8).fragment("fragment");
-    /// frame.expect_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
+    /// frame.has_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
     /// ```
     ///
     /// # Panics
     /// With the [`FrameError`], if a mean is off or can't be taken.
     #[track_caller]
-    pub fn expect_mean(
+    pub fn has_mean(
         &self,
         rect: Rect,
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
-        or_panic(self.try_expect_mean(rect, expected, tolerance))
+        or_panic(self.try_has_mean(rect, expected, tolerance))
     }
 
-    /// [`expect_mean`](Self::expect_mean) without the panic. With `KARAT_FRAMES=off` it draws nothing, either,
+    /// [`has_mean`](Self::has_mean) without the panic. With `KARAT_FRAMES=off` it draws nothing, either,
     /// unless the frame is [unrecorded](Self::unrecorded).
     ///
     /// # Errors
     /// If a mean is off or can't be taken.
     #[track_caller]
-    pub fn try_expect_mean(
+    pub fn try_has_mean(
         &self,
         rect: Rect,
         expected: [f64; 3],

@@ -116,7 +116,7 @@ pub enum AcceptError {
         source: ProvenanceError,
     },
     /// The frame was compared with goldens of another folder.
-    #[error("`{case}` was compared with goldens of `{folder}`: name them with --golden {folder}")]
+    #[error("`{case}` was compared with goldens of `{folder}`: name them with --goldens {folder}")]
     Elsewhere {
         /// The golden.
         case: String,
@@ -126,7 +126,7 @@ pub enum AcceptError {
     /// The folder that a frame says its goldens are in can't be one of this project.
     #[error(
         "`{case}` says that its goldens are in `{folder}`, which is no folder of a project here: name the \
-         folder with --golden DIR"
+         folder with --goldens DIR"
     )]
     Nowhere {
         /// The golden.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::profile::Profile;
-use super::tolerance::{Criterion, CriterionMargin, FrameTolerance, Judgement};
+use super::tolerance::{CriterionMargin, FrameCriterion, FrameTolerance, Judgement};
 use crate::image::{Image, NonFinite};
 use crate::metric::{
     ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outliers, Pair, PairError, Rect,
@@ -20,7 +20,7 @@ pub struct FrameMargin {
     /// Pixels of the frame.
     pub frame_pixels: u64,
     /// What decided that it passes.
-    pub decided_by: Criterion,
+    pub decided_by: FrameCriterion,
     /// What that criterion measured, divided by its bound.
     pub ratio: f64,
     /// The largest difference relative to the golden's value, or to the golden's key where the
@@ -42,7 +42,7 @@ impl FrameMargin {
     /// Whether every bit is equal.
     #[must_use]
     pub fn is_identical(&self) -> bool {
-        self.decided_by == Criterion::Bits
+        self.decided_by == FrameCriterion::Bits
     }
 }
 
@@ -54,13 +54,13 @@ impl fmt::Display for FrameMargin {
             pixels => write!(f, "the gate is exceeded by {}, ", counted(pixels, "pixel")),
         };
         match self.decided_by {
-            Criterion::Bits => f.write_str("equal")?,
-            Criterion::Finite => f.write_str("finite")?,
-            Criterion::Gate => write!(f, "rel {}", significant(f64::from(self.relative)))?,
-            Criterion::Flip | Criterion::Metric | Criterion::Noise => {
+            FrameCriterion::Bits => f.write_str("equal")?,
+            FrameCriterion::Finite => f.write_str("finite")?,
+            FrameCriterion::Gate => write!(f, "rel {}", significant(f64::from(self.relative)))?,
+            FrameCriterion::Flip | FrameCriterion::Metric | FrameCriterion::Noise => {
                 let by = match self.decided_by {
-                    Criterion::Flip => "FLIP",
-                    Criterion::Noise => "noise",
+                    FrameCriterion::Flip => "FLIP",
+                    FrameCriterion::Noise => "noise",
                     _ => "a metric",
                 };
                 write!(f, "passes by {by}: ")?;
@@ -235,7 +235,7 @@ fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> Crite
         }
     };
     let Measured { value, place, note, .. } = measured;
-    let (criterion, name) = (Criterion::Noise, "noise".to_owned());
+    let (criterion, name) = (FrameCriterion::Noise, "noise".to_owned());
     CriterionMargin { criterion, name, value, bound: 1.0, place, note }
 }
 
@@ -243,9 +243,9 @@ fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDiffere
     let tolerance = terms.tolerance;
     let frame_pixels = pair.golden().pixels().len();
     let mut margin = FrameMargin {
-        pixels: pair.compared() as u64,
+        pixels: pair.compared_count() as u64,
         frame_pixels: frame_pixels as u64,
-        decided_by: Criterion::Bits,
+        decided_by: FrameCriterion::Bits,
         ratio: 0.0,
         relative: 0.0,
         beyond_gate: 0,
@@ -265,11 +265,11 @@ fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDiffere
     }
     let gate = tolerance.first_gate().unwrap_or_default();
     let decisive = &margins[decisive];
-    if passes && decisive.criterion == Criterion::Gate {
+    if passes && decisive.criterion == FrameCriterion::Gate {
         #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
         let ratio = decisive.value as f32;
         margin.relative = ratio * gate.relative;
-        (margin.decided_by, margin.ratio) = (Criterion::Gate, decisive.value);
+        (margin.decided_by, margin.ratio) = (FrameCriterion::Gate, decisive.value);
         return Ok(FrameMargin { margins, ..margin });
     }
     let out = gate.outliers(pair);
@@ -286,7 +286,7 @@ fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDiffere
     };
     Err(FrameDifference::Values(Box::new(Deviation {
         outliers,
-        pixels: pair.compared(),
+        pixels: pair.compared_count(),
         frame_pixels,
         bounds,
         worst,

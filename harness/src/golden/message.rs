@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::compare::Deviation;
-use super::tolerance::{Criterion, CriterionMargin};
+use super::tolerance::{CriterionMargin, FrameCriterion};
 use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
@@ -15,10 +15,10 @@ impl Deviation {
         };
         let value = match (margin.criterion, &self.worst) {
             // Nothing is relative to a bound of zero.
-            (Criterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
+            (FrameCriterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
                 format!("abs {}", significant(f64::from((worst.actual - worst.golden).abs())))
             }
-            (Criterion::Gate, _) => {
+            (FrameCriterion::Gate, _) => {
                 format!("rel {}", significant(margin.value * f64::from(self.gate.relative)))
             }
             _ => format!("{} {}", margin.name, significant(margin.value)),
@@ -68,7 +68,7 @@ impl fmt::Display for Deviation {
             let word = if margin.passes() { "passes" } else { "fails " };
             write!(f, "\n  {word} {margin}")?;
         }
-        let flip = margins.iter().any(|margin| margin.criterion == Criterion::Flip);
+        let flip = margins.iter().any(|margin| margin.criterion == FrameCriterion::Flip);
         if flip {
             let pinned = if *pinned { ", as the golden has it" } else { "" };
             write!(f, "\n  FLIP looked at {exposures}{pinned}")?;
@@ -97,7 +97,7 @@ fn write_what_would_pass(
     for (index, margin) in failing.enumerate() {
         f.write_str(if index == 0 { "\n  would pass:" } else { "," })?;
         match margin.criterion {
-            Criterion::Gate => {
+            FrameCriterion::Gate => {
                 let needed = rounded_up(margin.value * f64::from(relative));
                 write!(f, " a gate of rel {needed}")?;
             }

@@ -113,7 +113,7 @@ impl Goldens {
         }
         let golden = match self.is_usual() {
             true => String::new(),
-            false => format!(" --golden {}", shown(&self.folder())),
+            false => format!(" --goldens {}", shown(&self.folder())),
         };
         if !in_ci() {
             return golden;
@@ -128,7 +128,7 @@ impl Goldens {
         let output = output.display().to_string().replace('\\', "/");
         match self.key() {
             key if key.is_empty() => format!(" --from {output}{golden}"),
-            key => format!(" --from {output} --golden {key}"),
+            key => format!(" --from {output} --goldens {key}"),
         }
     }
 }

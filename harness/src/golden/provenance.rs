@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::compare::FrameDifference;
 use super::table::TableFacts;
-use super::tolerance::{Criterion, CriterionMargin};
+use super::tolerance::{CriterionMargin, FrameCriterion};
 use crate::image::Precision;
 use crate::metric::{ExposureRange, Rect};
 use crate::path::Adapter;
@@ -161,7 +161,7 @@ impl From<&FrameDifference> for FrameFinding {
         let margins = match difference {
             FrameDifference::Values(deviation) => deviation.margins.clone(),
             FrameDifference::NonFinite(census) => vec![CriterionMargin {
-                criterion: Criterion::Finite,
+                criterion: FrameCriterion::Finite,
                 name: "pixels with NaN or infinity".to_owned(),
                 value: (census.nan + census.infinite) as f64,
                 bound: 0.0,
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn findings_keep_what_json_has_no_word_for() {
         let margin = |value| CriterionMargin {
-            criterion: Criterion::Flip,
+            criterion: FrameCriterion::Flip,
             name: "largest FLIP tile".to_owned(),
             value,
             bound: 0.01,

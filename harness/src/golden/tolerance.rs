@@ -131,17 +131,17 @@ impl FrameTolerance {
 
     /// Measures what is needed to decide, cheapest first as the tree is written.
     pub(super) fn judge(&self, pair: &Pair<'_>) -> Judgement {
-        let leaf = |criterion: Criterion, metric: &dyn Metric, bound: f64| {
+        let leaf = |criterion: FrameCriterion, metric: &dyn Metric, bound: f64| {
             let Measured { value, place, note, .. } = metric.measure(pair);
             let margin =
                 CriterionMargin { criterion, name: metric.name(), value, bound, place, note };
             Judgement { passes: margin.passes(), decisive: 0, margins: vec![margin] }
         };
         match self {
-            Self::Gate(gate) => leaf(Criterion::Gate, gate, 1.0),
-            Self::FlipTile(bound) => leaf(Criterion::Flip, &Flip::LARGEST_TILE, *bound),
-            Self::FlipMean(bound) => leaf(Criterion::Flip, &Flip::MEAN, *bound),
-            Self::Metric(metric, bound) => leaf(Criterion::Metric, metric.as_ref(), *bound),
+            Self::Gate(gate) => leaf(FrameCriterion::Gate, gate, 1.0),
+            Self::FlipTile(bound) => leaf(FrameCriterion::Flip, &Flip::LARGEST_TILE, *bound),
+            Self::FlipMean(bound) => leaf(FrameCriterion::Flip, &Flip::MEAN, *bound),
+            Self::Metric(metric, bound) => leaf(FrameCriterion::Metric, metric.as_ref(), *bound),
             Self::All(parts) => {
                 let mut all = Judgement { passes: true, decisive: 0, margins: Vec::new() };
                 for judged in parts.iter().map(|part| part.judge(pair)) {
@@ -225,17 +225,17 @@ impl fmt::Display for FrameTolerance {
 ///
 /// ```
 /// use karat::Image;
-/// use karat::golden::{Criterion, FrameTolerance};
+/// use karat::golden::{FrameCriterion, FrameTolerance};
 ///
 /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
 /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
-/// assert_eq!(margin.decided_by, Criterion::Gate);
+/// assert_eq!(margin.decided_by, FrameCriterion::Gate);
 /// # Ok::<(), karat::golden::FrameDifference>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum Criterion {
+pub enum FrameCriterion {
     /// Every value is a finite number.
     Finite,
     /// Every bit is equal.
@@ -266,7 +266,7 @@ pub enum Criterion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
     /// What kind of metric.
-    pub criterion: Criterion,
+    pub criterion: FrameCriterion,
     /// Its name.
     pub name: String,
     /// What it measured.
@@ -320,11 +320,11 @@ impl fmt::Display for CriterionMargin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (value, bound) = (significant(self.value), significant(self.bound));
         match self.criterion {
-            Criterion::Finite => write!(f, "{value} {}", self.name)?,
-            Criterion::Gate if self.value.is_infinite() => {
+            FrameCriterion::Finite => write!(f, "{value} {}", self.name)?,
+            FrameCriterion::Gate if self.value.is_infinite() => {
                 write!(f, "{}: nothing is allowed", self.name)?;
             }
-            Criterion::Gate => write!(f, "{}: {value} times what is allowed", self.name)?,
+            FrameCriterion::Gate => write!(f, "{}: {value} times what is allowed", self.name)?,
             _ => write!(f, "{} {value} of {bound}", self.name)?,
         }
         match self.place {

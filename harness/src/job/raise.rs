@@ -118,7 +118,9 @@ impl Shader {
 impl Resource {
     fn fixture(&self) -> Fixture {
         match self {
-            Self::Buffer { words } => Buffer::of_bytes(bytemuck::cast_slice(words).to_vec()).into(),
+            Self::Buffer { words } => {
+                Buffer::from_bytes(bytemuck::cast_slice(words).to_vec()).into()
+            }
             Self::Texture { texture, .. } => texture.clone().into(),
             Self::Sampler(sampler) => (*sampler).into(),
         }

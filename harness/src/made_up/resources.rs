@@ -77,7 +77,7 @@ impl Resources {
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     Some(
-                        Buffer::of_bytes(all.buffer(
+                        Buffer::from_bytes(all.buffer(
                             (&probed.program, binding, ELEMENTS),
                             ranges,
                             variant,
@@ -267,19 +267,19 @@ fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Op
             let own = is_own.then_some(&mut source);
             texture((dimension, arrayed), sides, texels, 1, own).without_mips().into()
         }
-        BindingKind::Sampler { comparison: false } if !is_own => Sampler::Linear.into(),
+        BindingKind::Sampler { comparison: false } if !is_own => Sampler::LINEAR.into(),
         BindingKind::Sampler { comparison: true } if !is_own => {
-            Sampler::Linear.compare(Compare::LessEqual).into()
+            Sampler::LINEAR.compare(Compare::LessEqual).into()
         }
         BindingKind::Sampler { comparison: false } => {
             // Textures are smooth: another least level is seen in the last bits, and is no jump.
             let least = source.unit() as f32;
-            let sampler = Sampler::Linear.lod(least, 32.0);
+            let sampler = Sampler::LINEAR.lod(least, 32.0);
             if source.below(2) == 0 { sampler.into() } else { sampler.mirror().into() }
         }
         BindingKind::Sampler { comparison: true } => {
             let ways = [Compare::LessEqual, Compare::Less, Compare::GreaterEqual, Compare::Greater];
-            Sampler::Linear.compare(ways[source.below(4) as usize]).into()
+            Sampler::LINEAR.compare(ways[source.below(4) as usize]).into()
         }
         BindingKind::Uniform
         | BindingKind::Storage { .. }
@@ -343,7 +343,7 @@ fn made<T: Texel>(
     let layer = |z: u32| Texture::from_fn(width, height, |x, y| value(x, y, z));
     let face = |z: u32| Texture::from_fn(width, width, |x, y| value(x, y, z));
     match (dimension, arrayed) {
-        (Dimension::D1, _) => Texture::line(width, |x| value(x, 0, 0)),
+        (Dimension::D1, _) => Texture::from_fn_1d(width, |x| value(x, 0, 0)),
         (Dimension::D2, false) if samples > 1 => {
             Texture::multisampled(width, height, samples, value)
         }
@@ -351,7 +351,7 @@ fn made<T: Texel>(
         (Dimension::D2, true) => Texture::array((0..LAYERS).map(layer)),
         (Dimension::D3, _) => Texture::volume([width, height, LAYERS], value),
         (Dimension::Cube, false) => Texture::cube((0..6).map(face)),
-        (Dimension::Cube, true) => Texture::cubes((0..12).map(face)),
+        (Dimension::Cube, true) => Texture::cube_array((0..12).map(face)),
     }
 }
 

@@ -48,10 +48,10 @@ impl Package {
     /// use karat::Package;
     ///
     /// let package = Package::from_source("m", "fn shift(x: u32) -> u32 { return x << x + 1u; }");
-    /// assert!(package.requiring_tint().try_is_valid().is_err()); // it is rejected, or isn't here
+    /// assert!(package.require_tint().try_is_valid().is_err()); // it is rejected, or isn't here
     /// ```
     #[must_use]
-    pub fn requiring_tint(&self) -> Self {
+    pub fn require_tint(&self) -> Self {
         Self { requires_tint: true, ..self.clone() }
     }
 }

@@ -98,7 +98,7 @@ fn brought(name: &str) -> Option<&'static Brought> {
 const FLOATS: [(&str, &str); 4] =
     [("", "f32"), ("_vec2", "vec2f"), ("_vec3", "vec3f"), ("_vec4", "vec4f")];
 const WHOLES: [(&str, &str); 4] =
-    [("", "u32"), ("_vec2u", "vec2u"), ("_vec3u", "vec3u"), ("_vec4u", "vec4u")];
+    [("_u32", "u32"), ("_vec2u", "vec2u"), ("_vec3u", "vec3u"), ("_vec4u", "vec4u")];
 const SIGNED: [(&str, &str); 4] =
     [("_i32", "i32"), ("_vec2i", "vec2i"), ("_vec3i", "vec3i"), ("_vec4i", "vec4i")];
 
@@ -245,7 +245,7 @@ fn expect_false(site: u32, condition: bool) {{
             let kind = wanted as u32 * 8 + u32::try_from(width).unwrap_or(1);
             writeln!(
                 text,
-                "fn expect_eq{suffix}(site: u32, actual: {ty}, expected: {ty}) {{ \
+                "fn expect_equal{suffix}(site: u32, actual: {ty}, expected: {ty}) {{ \
                  judge(site, {kind}u, {}, {}, vec2u(0u), all(actual == expected)); }}",
                 words("actual", width),
                 words("expected", width),

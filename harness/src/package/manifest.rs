@@ -508,7 +508,7 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
         drop(child.kill());
         drop(child.wait());
         let seconds = deadline.as_secs_f64();
-        return Err(format!("it didn't end within {seconds} s (KARAT_DEADLINE): {shown}"));
+        return Err(format!("it didn't end within {seconds} s (KARAT_TIMEOUT): {shown}"));
     };
     if out.len() as u64 > MOST_BYTES {
         return Err(format!("it prints more than {} MiB: {shown}", MOST_BYTES >> 20));

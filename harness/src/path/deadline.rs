@@ -82,7 +82,7 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
             // Written past the test runner's capture, which dies with the process.
             let why = format!(
                 "{} did not finish within {} s: an endless loop, or a deadline too short for this \
-                 adapter (KARAT_DEADLINE=seconds)",
+                 adapter (KARAT_TIMEOUT=seconds)",
                 what(),
                 limit.as_secs_f64()
             );

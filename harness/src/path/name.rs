@@ -201,7 +201,7 @@ impl Path {
     /// assert!(Path::GL.exists() || cfg!(target_os = "macos"));
     /// ```
     #[must_use]
-    pub fn exists(self) -> bool {
+    pub fn is_supported(self) -> bool {
         super::device::exists(self)
     }
 

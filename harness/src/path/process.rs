@@ -109,7 +109,7 @@ impl Process {
             failed(match broken {
                 Broken::Hung(_) => format!(
                     "it did not finish within {} s: an endless loop, or a deadline too short for this program \
-                     (KARAT_DEADLINE=seconds)",
+                     (KARAT_TIMEOUT=seconds)",
                     deadline.as_secs_f64()
                 ),
                 broken => broken.to_string(),
@@ -133,7 +133,7 @@ fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
     let first = lines.receive(deadline).map_err(|broken| match broken {
         Broken::Hung(_) => {
             let seconds = deadline.as_secs_f64();
-            format!("it didn't greet within {seconds} s (KARAT_DEADLINE=seconds)")
+            format!("it didn't greet within {seconds} s (KARAT_TIMEOUT=seconds)")
         }
         broken => broken.to_string(),
     })?;

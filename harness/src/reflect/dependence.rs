@@ -29,7 +29,7 @@ pub struct Dependence {
     package: Option<Portable>,
     wanted: Wanted,
     of: Of,
-    essence: String,
+    normalized_text: String,
 }
 
 /// What of a program a test depends on.
@@ -84,14 +84,15 @@ impl Dependence {
     #[must_use]
     pub fn is_current(&self) -> bool {
         let Some(package) = &self.package else { return false };
-        essence(&kept::again(&package.package(), &self.wanted), self.of) == self.essence
+        normalized_text(&kept::again(&package.package(), &self.wanted), self.of)
+            == self.normalized_text
     }
 }
 
 /// What stands for a program, or for what is wrong with it.
-fn essence(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
+fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
     let text = match (program, of) {
-        (Ok(program), Of::Text) => program.essence(),
+        (Ok(program), Of::Text) => program.normalized_text(),
         (Ok(_), Of::Validity) => String::new(),
         (Err(error), _) => format!("error: {error}"),
     };
@@ -130,8 +131,8 @@ fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, Refle
     };
     let test = std::thread::current().name().unwrap_or_default().to_owned();
     let portable = package.portable();
-    let (wanted, essence) = (wanted.clone(), essence(program, of));
-    let dependence = Dependence { test, package: portable, wanted, of, essence };
+    let (wanted, normalized_text) = (wanted.clone(), normalized_text(program, of));
+    let dependence = Dependence { test, package: portable, wanted, of, normalized_text };
     let Ok(mut line) = serde_json::to_string(&dependence) else { return };
     let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
     if !seen.insert((dependence.test, line.clone())) {

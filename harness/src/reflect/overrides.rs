@@ -43,7 +43,7 @@ impl Program {
                 let name = name.rsplit("::").next().unwrap_or(name);
                 let message = format!("the override `{name}` has no value");
                 let note = format!(
-                    "give it one: `override_` in Rust, `override` in a test's file, `--override {name}=...`"
+                    "give it one: `with_override` in Rust, `override` in a test's file, `--override {name}=...`"
                 );
                 return Err(self.told(handle, Diagnostic::new(message).note(note)));
             }

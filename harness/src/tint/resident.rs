@@ -14,7 +14,7 @@ use crate::settings;
 
 /// How long it may take to start: a Chromium on a busy machine takes some seconds.
 const START: Duration = Duration::from_secs(15);
-/// How long it may take for one text, unless KARAT_DEADLINE is less. It takes a millisecond.
+/// How long it may take for one text, unless KARAT_TIMEOUT is less. It takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.
 const MOST_STARTS: usize = 3;

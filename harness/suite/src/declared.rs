@@ -39,8 +39,8 @@
 //! | `in_range = [0, 1]` | each component lies there |
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
 //! | `monotone = { x = "increasing" }` | the result only rises with `x` |
-//! | `limit = { alpha = 0, through = [0.1, 0.01], is = 1 }` | the result approaches a value |
-//! | `integral = { over = "hemisphere", is = 1 }` | the integral over the last argument, a direction; `at_most` in place of `is` |
+//! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
+//! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
 
 use std::collections::BTreeMap;
@@ -172,7 +172,7 @@ pub(crate) enum Direction {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Integral {
     pub(crate) over: Region,
-    pub(crate) is: Option<Value>,
+    pub(crate) equals: Option<Value>,
     pub(crate) at_most: Option<Value>,
     pub(crate) slack: Option<f64>,
     pub(crate) rings: Option<u16>,
@@ -346,7 +346,7 @@ impl What {
     /// As the table of keys has it.
     fn form(&self) -> &'static str {
         match self {
-            Self::Integral(Integral { is: None, .. }) => "integral at_most",
+            Self::Integral(Integral { equals: None, .. }) => "integral at_most",
             other => other.key(),
         }
     }
@@ -550,15 +550,15 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     }
     all.extend(limit);
     if let Some(integral) = &test.integral {
-        match (&integral.is, &integral.at_most) {
+        match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(
-                    "`slack` does nothing beside `is`, which has a `tolerance`: leave it out"
+                    "`slack` does nothing beside `equals`, which has a `tolerance`: leave it out"
                         .to_owned(),
                 );
             }
             (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
-            _ => return Err("an integral has either `is` or `at_most`".to_owned()),
+            _ => return Err("an integral has either `equals` or `at_most`".to_owned()),
         }
     }
     if all.is_empty() {
@@ -571,10 +571,10 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     Ok(all)
 }
 
-/// `{ alpha = 0, through = [0.1, 0.01], is = 1 }`
+/// `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`
 fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
-    const OWN: [&str; 2] = ["through", "is"];
-    let form = "a limit reads { alpha = 0, through = [0.1, 0.01], is = 1 }";
+    const OWN: [&str; 2] = ["through", "equals"];
+    let form = "a limit reads { alpha = 0, through = [0.1, 0.01], equals = 1 }";
     let mut arguments = table.iter().filter(|(name, _)| !OWN.contains(&name.as_str()));
     let (Some((argument, toward)), None) = (arguments.next(), arguments.next()) else {
         let unknown = || table.keys().filter(|key| !OWN.contains(&key.as_str()));
@@ -590,7 +590,7 @@ fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     };
     let through = table.get("through").and_then(Value::as_array);
     let through: Option<Vec<f64>> = through.and_then(|list| list.iter().map(number).collect());
-    match (number(toward), through, table.get("is")) {
+    match (number(toward), through, table.get("equals")) {
         (Some(toward), Some(through), Some(is)) => {
             Ok(What::Limit { argument: argument.clone(), toward, through, is: is.clone() })
         }
@@ -616,7 +616,7 @@ mod tests {
         let names = read_text(
             "[[test]]\nfunction = \"f\"\nfinite = true\nin_range = [0, 1]\n\
              monotone = { x = \"increasing\" }\n[[test]]\nname = \"mine\"\nfunction = \"a::g\"\n\
-             limit = { alpha = 0, through = [0.1, 0.01], is = 1 }\n",
+             limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }\n",
         );
         let names = names.expect("it reads");
         assert_eq!(
@@ -637,7 +637,10 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\n", "asserts nothing"),
             ("\n[[test]]\nfunction = \"f\"\nfinit = true\n", "brdf.test.toml:4:1"),
             ("[[test]]\nfunction = \"f\"\nfinite = false\n", "asserts nothing"),
-            ("[[test]]\nfunction = \"f\"\nintegral = { over = \"sphere\" }\n", "either `is` or"),
+            (
+                "[[test]]\nfunction = \"f\"\nintegral = { over = \"sphere\" }\n",
+                "either `equals` or",
+            ),
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
@@ -671,12 +674,12 @@ mod tests {
             ),
             (
                 "[[test]]\nfunction = \"f\"\ntolerance = \"4 ulp\"\n\
-                 integral = { over = \"sphere\", is = 1, slack = 0 }\n",
-                "`slack` does nothing beside `is`",
+                 integral = { over = \"sphere\", equals = 1, slack = 0 }\n",
+                "`slack` does nothing beside `equals`",
             ),
             (
                 "[[test]]\nfunction = \"f\"\nover = { a = \"0..1\" }\n\
-                 limit = { a = 0, through = [0.1, 0.01], is = 1 }\ntolerance = \"4 ulp\"\n",
+                 limit = { a = 0, through = [0.1, 0.01], equals = 1 }\ntolerance = \"4 ulp\"\n",
                 "`a` in `over` does nothing",
             ),
             (

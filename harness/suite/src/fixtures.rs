@@ -79,8 +79,8 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     let text = value.as_str().ok_or_else(|| wrong(&format!("{value} is no sampler")))?;
     let mut words = text.split_whitespace();
     let mut sampler = match words.next() {
-        Some("linear") => Sampler::Linear,
-        Some("nearest") => Sampler::Nearest,
+        Some("linear") => Sampler::LINEAR,
+        Some("nearest") => Sampler::NEAREST,
         _ => return Err(wrong(&format!("\"{text}\" is no sampler"))),
     };
     let (mut compares, mut addressed) = (None, None);
@@ -314,7 +314,7 @@ fn shaped<T: karat::fixture::Texel>(
             if height != 1 {
                 return Err("a 1D texture is an image of one row".to_owned());
             }
-            Texture::line(width, |x| value(0, x, 0))
+            Texture::from_fn_1d(width, |x| value(0, x, 0))
         }
         (Dimension::D2, false) => {
             expect(1, "a 2D texture is of one image")?;
@@ -338,7 +338,7 @@ fn shaped<T: karat::fixture::Texel>(
                 return Err(format!("cubes are of six images each, not of {layers}"));
             }
             square()?;
-            Texture::cubes((0..layers).map(layer))
+            Texture::cube_array((0..layers).map(layer))
         }
     })
 }
@@ -366,7 +366,7 @@ fn buffer(
                         format!("it has {length} bytes, and buffers are made of 4 at a time");
                     return Err(inside(&reason));
                 }
-                return Ok(Buffer::of_bytes(bytes).into());
+                return Ok(Buffer::from_bytes(bytes).into());
             }
             Some("json") => {
                 let value: serde_json::Value =
@@ -408,7 +408,7 @@ fn buffer(
     }
     let lanes = lanes(&shape, value)?;
     let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
-    Ok(Buffer::of_bytes(bytes).into())
+    Ok(Buffer::from_bytes(bytes).into())
 }
 
 /// How many elements a list has, which may have a number for each of their components.

@@ -18,11 +18,11 @@
 
 pub mod declared;
 mod domains;
-mod essence;
 mod find;
 mod fixtures;
 mod json;
 mod misdeclared;
+mod normalized_text;
 mod numbers;
 mod rows;
 mod run;

@@ -72,7 +72,7 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Option<f64> {
 }
 
 /// The number that an author's decimal stands for beside results of this type: in a table, as `equals`, as
-/// `is` or `at_most`.
+/// `equals` or `at_most`.
 ///
 /// A decimal that an `f32` is printed as stands for that `f32`: `0.3` is what `return 0.3;` returns. One of
 /// more digits, such as `0.3333333333333333`, is the exact value that a tolerance is about; where results

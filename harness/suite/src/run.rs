@@ -326,7 +326,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
     let mut probe = package.function(function);
     for (name, value) in overrides {
-        probe = probe.override_(&name, value);
+        probe = probe.with_override(&name, value);
     }
     let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)
         .map_err(Misdeclared::of("with"))?;
@@ -459,7 +459,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 tolerance,
             ))
         }
-        What::Integral(Integral { over, is, at_most, slack, rings }) => {
+        What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
                 return Err("an integral is over the last parameter, a vec3f".into());
             }
@@ -624,7 +624,7 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
         (None, false) => {}
     }
     for (name, value) in &declared.overrides {
-        frame = frame.override_(name, value.number());
+        frame = frame.with_override(name, value.number());
     }
     let mut frame = match &declared.vertex {
         Some(vertex) => frame.fullscreen(vertex, &declared.fragment),

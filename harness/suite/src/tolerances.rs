@@ -1,14 +1,14 @@
 //! Tolerances as text: `4 ulp`, `rel 1e-4 or abs 1e-6`, `spec`, `spec or rel 1e-3`, `exact`.
 
-use karat::tolerance::{Criterion, Granting};
-use karat::{Abs, Device, Rel, Spec, Tolerance, Ulp};
+use karat::tolerance::{Criterion, SpecTolerance};
+use karat::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 
 /// A tolerance, or what a specification allows.
 pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
-    let granting = |first: &str, rest: &str| -> Result<Option<Granting>, String> {
+    let granting = |first: &str, rest: &str| -> Result<Option<SpecTolerance>, String> {
         let base = match first {
-            "spec" => Granting::from(Spec),
-            "device" => Granting::from(Device),
+            "spec" => SpecTolerance::from(Spec),
+            "device" => SpecTolerance::from(DeviceSpec),
             _ => return Ok(None),
         };
         let rest = rest.trim();
@@ -18,7 +18,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
         if let Some(need) = rest.strip_prefix("needing ") {
             let (need, otherwise) = need.split_once(" otherwise ").unwrap_or((need, ""));
             let need = tolerance(need)?;
-            let base = if first == "spec" { Spec.needing(need) } else { Device.needing(need) };
+            let base = if first == "spec" { Spec.needing(need) } else { DeviceSpec.needing(need) };
             return Ok(Some(match otherwise {
                 "" => base,
                 otherwise => base.or(tolerance(otherwise)?),

@@ -1,6 +1,7 @@
 //! Compute entry points: several passes, their buffers and textures, statements, and what goes wrong.
 
 use glam::{DVec4, Vec4};
+use karat::Path;
 use karat::fixture::Buffer;
 use karat::prelude::*;
 
@@ -71,7 +72,7 @@ fn passes_share_their_buffers() {
     scan(&package).after("data").satisfies("is in order", |data: &[u32]| data.is_sorted());
     // An override is one of all passes.
     let more: Vec<u32> = values().iter().map(|value| value + 2).collect();
-    scan(&package).override_("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
+    scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
 /// A pass that is left out, a wrong reference and a wrong statement are seen.
@@ -203,7 +204,7 @@ fn textures_are_stored_and_sampled() {
         .compute()
         .with("source", Texture::from_fn(8, 4, texel))
         .with("middle", Texture::from_fn(8, 4, |_, _| Vec4::ZERO))
-        .same("sampled", "middle")
+        .alias("sampled", "middle")
         .with("blurred", Texture::from_fn(8, 4, |_, _| Vec4::ZERO))
         .dispatch("across", [2, 1, 1])
         .dispatch("twice", [2, 1, 1])

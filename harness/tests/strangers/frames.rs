@@ -1,9 +1,10 @@
 //! Frames as engines draw them: each state with what is seen if it is ignored.
 
 use glam::{Vec2, Vec3, Vec4};
+use karat::Path;
 use karat::draw::{
-    Blend, Component, Cull, DepthBias, Draw, Factor, Format, Mesh, Operation, Stencil,
-    StencilOperation, Winding,
+    Blend, BlendComponent, BlendFactor, BlendOperation, Cull, DepthBias, Draw, Format, Mesh,
+    Stencil, StencilOperation, Winding,
 };
 use karat::fixture::Compare;
 use karat::prelude::*;
@@ -251,36 +252,36 @@ fn pixels_are_blended() {
             .draw(green(all(0.5)))
             .draw(red(left(0.25)).blend(blend).blend_constant([0.25, 0.5, 1.0, 0.5]))
     };
-    let both = |source, target, operation| {
-        let component = Component { source, target, operation };
+    let both = |src_factor, dst_factor, operation| {
+        let component = BlendComponent { src_factor, dst_factor, operation };
         Blend::Custom { color: component, alpha: component }
     };
-    use Factor::{
-        Constant, New, NewAlpha, NewAlphaSaturated, Old, OldAlpha, One, OneMinusConstant,
-        OneMinusNew, OneMinusOld, OneMinusOldAlpha, Zero,
+    use BlendFactor::{
+        Constant, Dst, DstAlpha, One, OneMinusConstant, OneMinusDst, OneMinusDstAlpha, OneMinusSrc,
+        Src, SrcAlpha, SrcAlphaSaturated, Zero,
     };
     let constant = Vec4::new(0.25, 0.5, 1.0, 0.5);
-    let add = Operation::Add;
+    let add = BlendOperation::Add;
     for (blend, expected) in [
         (Blend::Replace, new),
         (Blend::Add, old + new),
         (Blend::Alpha, (new * 0.5 + old * 0.5).truncate().extend(0.5 + 0.75 * 0.5)),
         (Blend::Premultiplied, new + old * 0.5),
         (Blend::Multiply, new * old),
-        (both(Zero, OneMinusNew, add), old * (1.0 - new)),
-        (both(New, Old, add), new * new + old * old),
-        (both(OneMinusOld, Zero, add), new * (1.0 - old)),
-        (both(OldAlpha, OneMinusOldAlpha, add), new * 0.75 + old * 0.25),
+        (both(Zero, OneMinusSrc, add), old * (1.0 - new)),
+        (both(Src, Dst, add), new * new + old * old),
+        (both(OneMinusDst, Zero, add), new * (1.0 - old)),
+        (both(DstAlpha, OneMinusDstAlpha, add), new * 0.75 + old * 0.25),
         (both(Constant, OneMinusConstant, add), new * constant + old * (1.0 - constant)),
-        (both(NewAlphaSaturated, One, add), (new * 0.25 + old).truncate().extend(new.w + old.w)),
-        (both(One, One, Operation::Subtract), new - old),
-        (both(One, One, Operation::ReverseSubtract), old - new),
-        (both(One, One, Operation::Min), new.min(old)),
-        (both(One, One, Operation::Max), new.max(old)),
+        (both(SrcAlphaSaturated, One, add), (new * 0.25 + old).truncate().extend(new.w + old.w)),
+        (both(One, One, BlendOperation::Subtract), new - old),
+        (both(One, One, BlendOperation::ReverseSubtract), old - new),
+        (both(One, One, BlendOperation::Min), new.min(old)),
+        (both(One, One, BlendOperation::Max), new.max(old)),
         (
             Blend::Custom {
-                color: Component { source: NewAlpha, target: Zero, operation: add },
-                alpha: Component { source: One, target: Zero, operation: add },
+                color: BlendComponent { src_factor: SrcAlpha, dst_factor: Zero, operation: add },
+                alpha: BlendComponent { src_factor: One, dst_factor: Zero, operation: add },
             },
             (new * 0.5).truncate().extend(0.5),
         ),
@@ -344,7 +345,7 @@ fn copies_have_attributes_and_numbers() {
     let color = |id: f32, instance: f32, set: f32| Vec4::new(id, instance, set, 1.0);
     let two = [color(7.0, 0.0, 0.0), color(9.0, 1.0, 0.0)];
     expect(&frame(draw().instances(2)), two);
-    expect(&frame(draw().instances(2).short_indices()), two);
+    expect(&frame(draw().instances(2).u16_indices()), two);
     expect(&frame(draw().instances(2).indirect()), two);
     expect(&frame(draw()), [two[0], Vec4::ZERO]);
     let vertices = |draw: &str| Draw::vertices(draw, "fragment", 3);
@@ -402,7 +403,7 @@ fn frames_read_frames() {
     let lit = package
         .frame("", SIZE, SIZE)
         .with_frame("shadow_map", shadow)
-        .with("comparing", Sampler::Nearest.compare(Compare::Less))
+        .with("comparing", Sampler::NEAREST.compare(Compare::Less))
         .fragment("lit");
     expect(&lit, [Vec4::ZERO, Vec4::ONE]);
 }
@@ -488,7 +489,7 @@ fn targets_and_outputs_are_the_same() {
         (frame("whole"), "`whole` writes unsigned integers at @location(0)"),
         (frame("one").formats([Format::Rgba32Uint]), "`one` writes floats at @location(0)"),
         (frame("gained"), "the override `GAIN` has no value"),
-        (frame("one").override_("GIAN", 2.0), "no override `GIAN`"),
+        (frame("one").with_override("GIAN", 2.0), "no override `GIAN`"),
         (frame("one").samples(3), "it has 3 samples a pixel"),
         (frame("one").depth(), "its image is depth, which none of its draws writes"),
     ] {
@@ -519,7 +520,7 @@ fn targets_and_outputs_are_the_same() {
     for (_, image) in images(&frame("whole").formats([Format::Rgba32Uint])) {
         assert_eq!(pixel(&image, 0, 0), Vec4::splat(7.0));
     }
-    for (_, image) in images(&frame("gained").override_("GAIN", 0.25)) {
+    for (_, image) in images(&frame("gained").with_override("GAIN", 0.25)) {
         assert_eq!(pixel(&image, 0, 0), Vec4::splat(0.25));
     }
 }

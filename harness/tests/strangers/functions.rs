@@ -104,11 +104,14 @@ fn overrides_that_others_are_made_of_are_set() {
          @id(3) override N: u32 = 1u;\n\
          fn f(x: f32) -> f32 { return x + A + 10.0 * B + 100.0 * E + f32(N); }",
     );
-    let probe = || package.function("f").override_("D", 1.0);
+    let probe = || package.function("f").with_override("D", 1.0);
     let xs = || OneOf(vec![0.0_f32, 1.0, 4.0]);
     probe().over(xs()).agrees_with(|x: f64| x + 3.0 + 60.0 + 700.0, Abs(0.0));
-    probe().override_("A", 1.0).over(xs()).agrees_with(|x: f64| x + 2.0 + 30.0 + 400.0, Abs(0.0));
-    let twice = probe().override_("N", 1.0).override_("3", 2.0).over(xs());
+    probe()
+        .with_override("A", 1.0)
+        .over(xs())
+        .agrees_with(|x: f64| x + 2.0 + 30.0 + 400.0, Abs(0.0));
+    let twice = probe().with_override("N", 1.0).with_override("3", 2.0).over(xs());
     let error = twice
         .unrecorded()
         .try_agrees_with(|x: f64| x, Abs(0.0))
@@ -124,19 +127,19 @@ fn overrides_are_set() {
          const K = 3.0;\n\
          fn f(x: f32) -> f32 { return select(0.0, GAIN * x + f32(COUNT), ON); }",
     );
-    let probe = || package.function("f").override_("GAIN", 2.0).override_("ON", 1.0);
+    let probe = || package.function("f").with_override("GAIN", 2.0).with_override("ON", 1.0);
     let xs = || OneOf(vec![0.0_f32, 1.0, 4.0]);
     probe().over(xs()).agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0));
-    probe().override_("7", 5.0).over(xs()).agrees_with(|x: f64| 2.0 * x + 5.0, Abs(0.0));
+    probe().with_override("7", 5.0).over(xs()).agrees_with(|x: f64| 2.0 * x + 5.0, Abs(0.0));
     // One that is ignored is seen.
     probe()
-        .override_("COUNT", 5.0)
+        .with_override("COUNT", 5.0)
         .over(xs())
         .unrecorded()
         .try_agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0))
         .expect_err("COUNT is 5");
     let told = |name: &str, value: f64, parts: &[&str]| {
-        let probe = package.function("f").override_(name, value);
+        let probe = package.function("f").with_override(name, value);
         let error = probe
             .over(xs())
             .unrecorded()
@@ -147,14 +150,14 @@ fn overrides_are_set() {
     told("COUNT", 3.0, &["<f>:1:1", "the override `GAIN` has no value", "`--override GAIN=...`"]);
     told("GAINS", 3.0, &["no override `GAINS`", "did you mean `GAIN`?"]);
     let wrong = probe()
-        .override_("COUNT", -1.0)
+        .with_override("COUNT", -1.0)
         .over(xs())
         .unrecorded()
         .try_agrees_with(|x: f64| x, Abs(0.0));
     let text = wrong.expect_err("a u32").to_string();
     assert!(text.contains("`COUNT` is a u32, and -1 isn't one"), "{text}");
     let wrong = probe()
-        .override_("GAIN", f64::NAN)
+        .with_override("GAIN", f64::NAN)
         .over(xs())
         .unrecorded()
         .try_agrees_with(|x: f64| x, Abs(0.0));
@@ -172,7 +175,7 @@ fn written_storage_is_a_result_and_starts_anew() {
          @group(0) @binding(1) var<storage, read_write> line: array<vec3f>;\n\
          fn put(i: u32, x: f32) { line[i] = vec3f(x, 1.0, f32(arrayLength(&line))); }",
     );
-    let bins = || karat::fixture::Buffer::of_pod(&[10_u32, 1, 2, 3]);
+    let bins = || karat::fixture::Buffer::from_pod(&[10_u32, 1, 2, 3]);
     let domain = || (Integers(0..=5_u32), Integers(0..=9_u32));
     package.function("bump").with("bins", bins()).over(domain()).agrees_with(
         |i: u32, by: u32| {
@@ -237,7 +240,7 @@ fn storage_that_is_only_read_is_no_result() {
          fn f(i: u32) -> f32 { return f32(atomicLoad(&lights.count)) * lights.items[i]; }",
     );
     let words = [2_u32, 0.5_f32.to_bits(), 3.0_f32.to_bits()];
-    let probe = package.function("f").with("lights", karat::fixture::Buffer::of_pod(&words));
+    let probe = package.function("f").with("lights", karat::fixture::Buffer::from_pod(&words));
     probe.over(Integers(0..=1_u32)).agrees_with(|i: u32| if i == 0 { 1.0 } else { 6.0 }, Abs(0.0));
 }
 
@@ -375,7 +378,7 @@ fn implicit_levels_of_detail() {
     };
     let level = |uv: Quad<DVec2>| (8.0 * uv.dx.x).log2();
     let probe = |function: &str| {
-        package.function(function).with("image", image()).with("filtering", Sampler::Linear)
+        package.function(function).with("image", image()).with("filtering", Sampler::LINEAR)
     };
     probe("f").over(uv()).agrees_with(level, Abs(0.02));
     probe("biased").over((uv(), OneOf(vec![-1.0_f32, 0.0, 1.0]))).agrees_with(
@@ -461,13 +464,13 @@ fn textures_are_parameters() {
     );
     let ramp =
         |scale: f32| Texture::from_fn(4, 1, move |x, _| Vec4::new(scale * x as f32, 0.0, 0.0, 1.0));
-    let of = |name| package.function(name).with("s", Sampler::Nearest);
+    let of = |name| package.function(name).with("s", Sampler::NEAREST);
     let texel = |u: f64| (4.0 * u).floor().clamp(0.0, 3.0);
     let difference = || {
         let twice = of("twice").with("gain", Uniform::new(2.0_f32));
         twice.with("first", ramp(3.0)).over(Grid::linear(0.0625..=0.9375, 8))
     };
-    let two = || package.function("twice").with("s", Sampler::Nearest);
+    let two = || package.function("twice").with("s", Sampler::NEAREST);
     let right = two().with("gain", Uniform::new(2.0_f32));
     right
         .with("first", ramp(3.0))
@@ -505,7 +508,7 @@ fn textures_are_parameters() {
     package
         .function("lit")
         .with("shadows", depth)
-        .with("s", Sampler::Nearest.compare(Compare::LessEqual))
+        .with("s", Sampler::NEAREST.compare(Compare::LessEqual))
         .over(OneOf(vec![0.25_f32, 0.75]))
         .agrees_with(|depth: f64| if depth < 0.5 { 1.0 } else { 0.0 }, Abs(0.0));
     let levels = Texture::from_fn(4, 4, |_, _| Vec4::ONE);

@@ -164,7 +164,7 @@ fn frames() {
         .formats([Format::Rgba8UnormSrgb, Format::Rg16Float]) // the targets; `.target(1)` is judged
         .samples(4)
         .with_frame("shadow_map", shadow) // another frame is drawn first, and read
-        .with("comparing", Sampler::Linear.compare(Compare::LessEqual))
+        .with("comparing", Sampler::LINEAR.compare(Compare::LessEqual))
         .draw(
             Draw::mesh("vertex", "fragment", leaves())
                 .instances(100)

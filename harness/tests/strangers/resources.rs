@@ -1,6 +1,7 @@
 //! Samplers, textures and buffers of every kind.
 
 use glam::{DVec2, DVec4, IVec4, UVec2, UVec4, Vec2, Vec4};
+use karat::Path;
 use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
 use karat::unstable::probe::ProbeError;
@@ -48,9 +49,9 @@ fn addressed(sampler: Sampler, wrap: fn(f64) -> f64) {
 
 #[test]
 fn samplers_clamp_repeat_and_mirror() {
-    addressed(Sampler::Nearest, |texel| texel.clamp(0.0, 3.0));
-    addressed(Sampler::Nearest.repeat(), |texel| texel.rem_euclid(4.0));
-    addressed(Sampler::Nearest.mirror(), mirrored);
+    addressed(Sampler::NEAREST, |texel| texel.clamp(0.0, 3.0));
+    addressed(Sampler::NEAREST.repeat(), |texel| texel.rem_euclid(4.0));
+    addressed(Sampler::NEAREST.mirror(), mirrored);
 }
 
 /// A clamped sampler in place of a repeating one is seen.
@@ -58,7 +59,7 @@ fn samplers_clamp_repeat_and_mirror() {
 fn a_sampler_that_is_taken_for_another_is_seen() {
     let package = package("", SAMPLED);
     let repeated = |uv: DVec2| nearest(uv, |texel| texel.rem_euclid(4.0));
-    for wrong in [Sampler::Nearest, Sampler::Nearest.mirror(), Sampler::Linear.repeat()] {
+    for wrong in [Sampler::NEAREST, Sampler::NEAREST.mirror(), Sampler::LINEAR.repeat()] {
         let check = package.function("f").with("image", ramp()).with("filtering", wrong);
         check
             .over(coordinates())
@@ -71,7 +72,7 @@ fn a_sampler_that_is_taken_for_another_is_seen() {
 #[test]
 fn each_coordinate_has_its_own_address() {
     let package = package("", SAMPLED);
-    let sampler = Sampler::Nearest.address([Address::Repeat, Address::Mirror, Address::Clamp]);
+    let sampler = Sampler::NEAREST.address([Address::Repeat, Address::Mirror, Address::Clamp]);
     let reference = |uv: DVec2| {
         let at = (uv * 4.0).floor();
         DVec4::new(at.x.rem_euclid(4.0), mirrored(at.y), 0.0, 1.0)
@@ -102,9 +103,9 @@ fn filters_between_levels_and_their_clamp() {
         let lods = [-1.0, 0.0, 0.3, 0.7, 1.0, 1.2, 1.7, 2.0, 5.0_f32];
         probe.over(OneOf(lods.to_vec())).agrees_with(reference, FILTERED);
     };
-    check(Sampler::Linear, |lod| lod.clamp(0.0, 2.0));
-    check(Sampler::Linear.mip(Filter::Nearest), |lod| lod.clamp(0.0, 2.0).round());
-    check(Sampler::Linear.lod(1.0, 1.5), |lod| lod.clamp(1.0, 1.5));
+    check(Sampler::LINEAR, |lod| lod.clamp(0.0, 2.0));
+    check(Sampler::LINEAR.mip(Filter::Nearest), |lod| lod.clamp(0.0, 2.0).round());
+    check(Sampler::LINEAR.lod(1.0, 1.5), |lod| lod.clamp(1.0, 1.5));
 }
 
 /// Where a texel is larger than a pixel `mag` counts, and `min` where it is smaller.
@@ -118,7 +119,7 @@ fn filters_of_larger_and_smaller_texels() {
     let step =
         |size: u32| Texture::from_fn(size, size, move |x, _| f32::from(u8::from(2 * x >= size)));
     let image = step(4).with_levels([step(2)]);
-    let sampler = Sampler::Nearest.mag(Filter::Linear);
+    let sampler = Sampler::NEAREST.mag(Filter::Linear);
     let reference = |lod: f64| if lod <= 0.0 { 0.3 } else { 0.0 };
     package
         .function("f")
@@ -158,7 +159,7 @@ fn comparison_samplers_compare() {
         package
             .function("f")
             .with("shadow", depths())
-            .with("comparing", Sampler::Nearest.compare(compare))
+            .with("comparing", Sampler::NEAREST.compare(compare))
             .over((places(), OneOf(vec![0.0_f32, 0.25, 0.5, 0.6, 0.75, 1.0])))
             .agrees_with(
                 move |at: UVec2, reference: f64| f64::from(u8::from(holds(reference, depth(at)))),
@@ -188,7 +189,7 @@ fn every_texture_is_loaded_from() {
         (
             "texture_1d<f32>",
             "textureLoad(t, p.x, 0).x * 8.0",
-            Texture::line(4, |x| float(x, 0, 0)),
+            Texture::from_fn_1d(4, |x| float(x, 0, 0)),
             4,
         ),
         ("texture_2d<f32>", "textureLoad(t, p.xy, 0).x * 8.0", layer(0), 16),
@@ -296,22 +297,22 @@ fn cubes_have_faces_layers_and_depths() {
     let face = |value: f32| Texture::from_fn(2, 2, move |_, _| value);
     package
         .function("f")
-        .with("many", Texture::cubes((0..12_u8).map(|i| face(f32::from(i)))))
-        .with("filtering", Sampler::Nearest)
+        .with("many", Texture::cube_array((0..12_u8).map(|i| face(f32::from(i)))))
+        .with("filtering", Sampler::NEAREST)
         .over((Integers(0..=5_u32), Integers(0..=1_u32)))
         .agrees_with(|face: u32, layer: u32| f64::from(6 * layer + face), Abs(0.0));
     // An array of one cube is no cube, and wgpu's GL takes it for one.
     package
         .function("f")
-        .with("many", Texture::cubes((0..6_u8).map(|i| face(f32::from(i)))))
-        .with("filtering", Sampler::Nearest)
+        .with("many", Texture::cube_array((0..6_u8).map(|i| face(f32::from(i)))))
+        .with("filtering", Sampler::NEAREST)
         .over((Integers(0..=5_u32), Just(0_u32)))
         .refused_on(Path::GL, "wgpu's GL makes a plain cube of an array of one cube")
         .agrees_with(|face: u32, _: u32| f64::from(face), Abs(0.0));
     package
         .function("lit")
         .with("shadow", Texture::cube((0..6_u8).map(|i| face(f32::from(i) / 8.0))))
-        .with("comparing", Sampler::Nearest.compare(Compare::Less))
+        .with("comparing", Sampler::NEAREST.compare(Compare::Less))
         .over((Integers(0..=5_u32), OneOf(vec![0.2_f32, 0.4, 0.6])))
         .agrees_with(
             |face: u32, depth: f64| f64::from(u8::from(depth < f64::from(face) / 8.0)),
@@ -340,7 +341,7 @@ fn buffers_by_their_values_and_by_their_bytes() {
 
     let mut words = vec![3_u32, 2.0_f32.to_bits(), 0, 0];
     words.extend(items().flat_map(|item| item.to_array().map(f32::to_bits)));
-    let bytes = Buffer::of_pod(&words);
+    let bytes = Buffer::from_pod(&words);
     package
         .function("f")
         .with("lights", bytes.clone())
@@ -356,7 +357,7 @@ fn buffers_by_their_values_and_by_their_bytes() {
     let shifted = [vec![7.0_f32; 64], vec![0.0, 1.0, 2.0]].concat();
     package
         .function("g")
-        .with("plain", Buffer::of_pod(&shifted).from(256))
+        .with("plain", Buffer::from_pod(&shifted).with_offset(256))
         .over(three())
         .agrees_with(|i: u32| f64::from(i), Abs(0.0));
 }
@@ -414,7 +415,7 @@ fn mistakes_are_told_with_the_variables_line() {
     told(
         "f",
         "image",
-        Some(Sampler::Linear.into()),
+        Some(Sampler::LINEAR.into()),
         &["<r>:2:23", "a Sampler that doesn't compare"],
     );
     told("f", "imgae", Some(ramp().into()), &["no variable `imgae`", "did you mean `image`"]);
@@ -525,7 +526,7 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
     bytes.write(&sun).expect("it fits in memory");
     package
         .function("weighted")
-        .with("sun", Buffer::of_bytes(bytes.into_inner()))
+        .with("sun", Buffer::from_bytes(bytes.into_inner()))
         .over(Integers(0..=2_u32))
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
@@ -542,7 +543,7 @@ fn narrow_matrices_are_right_or_refused() {
          fn stored() -> f32 { return s[1].y; }",
     );
     let bytes: Vec<f32> = vec![1.0, 2.0, 3.0, 4.0, 7.0, 0.0];
-    let uniform = package.function("uniform_").with("g", Buffer::of_pod(&bytes));
+    let uniform = package.function("uniform_").with("g", Buffer::from_pod(&bytes));
     let result = uniform.over(()).unrecorded().try_agrees_with(|| 407.0, Abs(0.0));
     let on_gl = karat::path::selected().expect("paths").contains(&Path::GL);
     match (result, on_gl) {
@@ -552,6 +553,6 @@ fn narrow_matrices_are_right_or_refused() {
         }
         (other, _) => panic!("{other:?}"),
     }
-    let stored = package.function("stored").with("s", Buffer::of_pod(&bytes[..4]));
+    let stored = package.function("stored").with("s", Buffer::from_pod(&bytes[..4]));
     stored.over(()).agrees_with(|| 4.0, Abs(0.0));
 }

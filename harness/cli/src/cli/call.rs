@@ -41,8 +41,8 @@ pub(super) struct Args {
     /// Make up what isn't given, as `karat hazards` does: all arguments, and what variables hold; another CASE
     /// is another choice, and the first ones are ends of ranges
     #[arg(long, value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
-        conflicts_with_all = ["cases", "arguments"])]
-    made_up: Option<usize>,
+        conflicts_with_all = ["table", "arguments"])]
+    arbitrary: Option<usize>,
     /// The value of an `override`, by its name or its `@id`
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
@@ -51,29 +51,29 @@ pub(super) struct Args {
     paths: Vec<String>,
     /// Evaluate a table (CSV) instead, of at most 256 MB and 4194304 cases
     #[arg(long, value_name = "IN.CSV", conflicts_with = "arguments")]
-    cases: Option<PathBuf>,
+    table: Option<PathBuf>,
     /// Where the table goes [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
     /// Compare each case with this column of the table, within --tolerance, and fail if one differs. Of
     /// vectors there is a column for each component, `COLUMN.x`; of several results for each of them,
     /// `COLUMN.result` and so on
-    #[arg(long, value_name = "COLUMN", requires = "cases", requires = "tolerance")]
+    #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
     /// How far results may be from what is expected: `4 ulp`, `rel 1e-4 or abs 1e-6`, `exact`
     #[arg(long, requires = "expect")]
     tolerance: Option<String>,
     /// Write floats in hexadecimal, each bit of them
     #[arg(long)]
-    exact: bool,
+    hex: bool,
     /// Plot a sweep: in the terminal, or into FILE.SVG
-    #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "cases")]
+    #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "table")]
     plot: Option<Option<PathBuf>>,
     /// Show each intermediate in f32, in f64 and as WGSL bounds it
-    #[arg(long, conflicts_with = "cases")]
+    #[arg(long, conflicts_with = "table")]
     trace: bool,
     /// Write that as a page, beside the source
-    #[arg(long, value_name = "FILE", conflicts_with = "cases")]
+    #[arg(long, value_name = "FILE", conflicts_with = "table")]
     html: Option<PathBuf>,
     #[command(flatten)]
     package: PackageArgs,
@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // A package of one file is its module.
     let own = args.package.package.as_deref().filter(|path| path.is_file());
     let shader = PathBuf::from(&probed.function().span.file.name);
-    let inputs = || args.cases.as_deref().into_iter().chain([shader.as_path()]).chain(own);
+    let inputs = || args.table.as_deref().into_iter().chain([shader.as_path()]).chain(own);
     if let Some(output) = &args.out {
         spare("table", output, inputs())?;
     }
@@ -97,12 +97,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(file) = &args.html {
         spare_shaders("page", file, std::slice::from_ref(&package))?;
     }
-    let made_up = match args.made_up {
+    let made_up = match args.arbitrary {
         Some(case) => {
             let ranges = Ranges::of(&package)?;
             Some(
                 MadeUp::of(&probed, &ranges, case)
-                    .map_err(|error| anyhow!("--made-up: {error}"))?,
+                    .map_err(|error| anyhow!("--arbitrary: {error}"))?,
             )
         }
         None => None,
@@ -118,10 +118,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => None,
     };
     ensure!(
-        args.expect.is_none() || args.cases.is_some(),
-        "--expect needs a table: --cases IN.CSV"
+        args.expect.is_none() || args.table.is_some(),
+        "--expect needs a table: --table IN.CSV"
     );
-    if let Some(cases) = &args.cases {
+    if let Some(cases) = &args.table {
         if probed.takes_derivatives() {
             let varying = cases::varying(cases, probed.function())?;
             probed = probed.with_quads(&varying);
@@ -151,7 +151,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => {
             ensure!(
                 args.out.is_none(),
-                "--out needs a table: --cases IN.CSV, or a sweep `0..1:100`"
+                "--out needs a table: --table IN.CSV, or a sweep `0..1:100`"
             );
             ensure!(args.plot.is_none(), "--plot needs a sweep: an argument such as `0..1:100`");
             single(&request, &given.lanes, args, out)
@@ -167,7 +167,7 @@ impl Args {
         paths: &'a [Path],
         expect: Option<(&'a str, Tolerance)>,
     ) -> Request<'a> {
-        let (output, exact) = (self.out.as_deref(), self.exact);
+        let (output, exact) = (self.out.as_deref(), self.hex);
         Request { probed, fixtures, paths, output, exact, expect }
     }
 }

@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let mut found = project.found(&args.package)?;
     if args.require.is_some() {
-        found.iter_mut().for_each(|one| one.package = one.package.requiring_tint());
+        found.iter_mut().for_each(|one| one.package = one.package.require_tint());
     }
     let uses = match found.iter().all(|one| one.stated) {
         true => Vec::new(),

@@ -140,7 +140,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .map(str::parse)
         .collect::<Result<_, _>>()?;
     // A required path is looked at even where the platform can't have it, and so is one of a driver.
-    let usual = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
+    let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
     let mut all: Vec<Path> = usual.chain([Path::CPU]).chain(karat::path::programs()?).collect();
     for path in &required {
         if !all.contains(path) {

@@ -23,18 +23,18 @@ use super::{Ending, Outcome, Reported, complain, write_json};
 pub(super) struct FolderArgs {
     /// Folder of goldens [default: as in `metadata.karat` of Cargo.toml, else `golden`]
     #[arg(long, value_name = "DIR")]
-    golden: Option<PathBuf>,
+    goldens: Option<PathBuf>,
 }
 
 impl FolderArgs {
     /// The folder that was named.
     pub(super) fn named(&self) -> Option<&Path> {
-        self.golden.as_deref()
+        self.goldens.as_deref()
     }
 
     /// The folder that was named, or else that of the project. It is there.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
-        if let Some(folder) = &self.golden {
+        if let Some(folder) = &self.goldens {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
             return Ok(folder.clone());
         }
@@ -45,7 +45,7 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
+            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
         }
         Ok(folder)
     }
@@ -53,7 +53,7 @@ impl FolderArgs {
     /// The goldens that a review decides about: of what a CI run left, those that its frames were compared
     /// with, which a first golden makes.
     pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
-        let (None, Some(artefact)) = (&self.golden, from) else {
+        let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
         };
         let project = Project::find()?;
@@ -67,7 +67,7 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
+            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -80,7 +80,7 @@ fn absent(folder: &Path, others: &[String]) -> String {
         others => format!(" (there is `{others}`)"),
     };
     let folder = folder.display();
-    format!("there is no folder `{folder}`; name the folder of goldens with --golden DIR{others}")
+    format!("there is no folder `{folder}`; name the folder of goldens with --goldens DIR{others}")
 }
 
 fn has_pending(folder: &str) -> bool {
@@ -416,14 +416,14 @@ impl Wanted {
     }
 
     fn is(&self, frame: &Frame) -> bool {
-        let of_crate = match &self.krate {
+        let from_crate = match &self.krate {
             None => true,
             Some(None) => false,
             Some(Some(krate)) => {
                 [frame.krate(), folder_of(frame)].iter().any(|known| krate.matches(known))
             }
         };
-        of_crate && self.names(&frame.pending.case)
+        from_crate && self.names(&frame.pending.case)
     }
 }
 

@@ -93,7 +93,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         out,
         "  karat watch {folder}     the tests again at each edit: break a function, and see it"
     )?;
-    writeln!(out, "  karat hazards --package {folder}   what can go wrong, with no test")?;
+    writeln!(out, "  karat hazards --shaders {folder}   what can go wrong, with no test")?;
     match written {
         Some(file) => writeln!(
             out,
@@ -260,7 +260,7 @@ impl<'i> Functions<'i> {
         tell(
             named(&mut self.floats.iter().map(|(item, _)| *item)),
             &format!(
-                "not finite for arguments that names and types suggest; `karat hazards --package {folder}` \
+                "not finite for arguments that names and types suggest; `karat hazards --shaders {folder}` \
                  says why"
             ),
         );
@@ -416,8 +416,8 @@ fn write_table(
         tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
     std::fs::write(arguments.path(), text).context("there is no room for temporary files")?;
     let mut command = this()?;
-    command.args(["call", &item.name, "--path", "cpu", "--exact", "--cases"]).arg(arguments.path());
-    let ran = command.arg("--package").arg(folder).stderr(Stdio::null()).output();
+    command.args(["call", &item.name, "--path", "cpu", "--exact", "--table"]).arg(arguments.path());
+    let ran = command.arg("--shaders").arg(folder).stderr(Stdio::null()).output();
     let Some(output) = ran.ok().filter(|ran| ran.status.success()) else { return Ok(false) };
     let called = String::from_utf8_lossy(&output.stdout);
     // Columns of results are called after the path there, and `result` in a test's table.

@@ -172,7 +172,7 @@ impl Project {
                 let other = || packages.iter().position(has);
                 let index = own.or_else(other).unwrap_or(0);
                 if let Some(package) = packages.get_mut(index) {
-                    *package = package.clone().validated_with(module, &features);
+                    *package = package.clone().module_features(module, &features);
                 }
             }
         }

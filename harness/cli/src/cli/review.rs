@@ -30,7 +30,7 @@ pub(super) struct Args {
     open: bool,
     /// Show all goldens, too, with their history
     #[arg(long)]
-    goldens: bool,
+    all_goldens: bool,
     #[command(flatten)]
     ci: CiArgs,
     #[command(flatten)]
@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(artefact) = &artefact {
         review = review.pending_in(artefact.folder());
     }
-    if args.goldens {
+    if args.all_goldens {
         review = review.with_goldens();
     }
     if let Some(run) = last_run(artefact.as_ref(), &goldens) {
@@ -117,7 +117,7 @@ fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
 
 /// What the commands on the page need to find the same folders.
 fn arguments(args: &Args) -> String {
-    let named = [("--from", args.from.named()), ("--golden", args.folder.named())];
+    let named = [("--from", args.from.named()), ("--goldens", args.folder.named())];
     let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));
     let words: Vec<String> =
         given.map(|(name, path)| format!("{name} {}", quoted(&path.to_string_lossy()))).collect();

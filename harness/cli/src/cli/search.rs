@@ -1,7 +1,7 @@
 //! The search for what is to run: the packages of a project, and the files in them that were meant as tests.
 //! Each command that runs, validates or lists something calls it.
 //!
-//! - A package that is named, by `--package`, `--crate` or a command's folder, is the only one.
+//! - A package that is named, by `--shaders`, `--crate` or a command's folder, is the only one.
 //! - `metadata.karat.packages` of a Cargo.toml says which packages lie in its folder and below: the
 //!   workspace's for all members, a member's for itself.
 //! - Where none says, packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
@@ -59,7 +59,7 @@ impl Project {
         args: &PackageArgs,
         used: &BTreeSet<PathBuf>,
     ) -> anyhow::Result<Vec<Found>> {
-        let hint = "name the shader folder with --package DIR";
+        let hint = "name the shader folder with --shaders DIR";
         let mut found: Vec<Found> = Vec::new();
         if let Some(name) = &args.krate {
             let package = Package::open_crate(self.root(), name, args.root.as_deref())?;
@@ -111,7 +111,7 @@ impl Project {
             false => format!(
                 "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \
                  there is no folder `{SHADERS}` beside one, and no recorded test used one; name the shader \
-                 folder with --package DIR, or run `karat test` first"
+                 folder with --shaders DIR, or run `karat test` first"
             ),
         };
         anyhow::bail!(none)

@@ -43,7 +43,7 @@ pub(super) struct Args {
     #[arg(long, conflicts_with_all = ["exact", "filter"])]
     failed: bool,
     /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
-    #[arg(short = 'p', long = "cargo-package", value_name = "NAME")]
+    #[arg(short = 'p', long = "package", value_name = "NAME")]
     cargo_packages: Vec<String>,
     /// Only this test target (the name of a file in `tests/`); may be repeated
     #[arg(long = "test", value_name = "NAME")]
@@ -56,7 +56,7 @@ pub(super) struct Args {
     require: Option<String>,
     /// Leave frames out, which need a driver
     #[arg(long)]
-    functions: bool,
+    no_frames: bool,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -200,7 +200,7 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 impl Args {
     /// By the option, or by the variable that it sets.
     fn leaves_frames_out(&self) -> bool {
-        self.functions || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
+        self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }
 }
 
@@ -457,7 +457,7 @@ impl<'a> Asked<'a> {
         let args = self.args;
         let packages = args.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = args.targets.iter().map(|name| format!("--test {name}"));
-        let functions = args.functions.then(|| "--functions".to_owned());
+        let functions = args.no_frames.then(|| "--no-frames".to_owned());
         // Of a Cargo project a folder's own tests are a part.
         let folder = self.folder.as_ref().filter(|_| is_cargo);
         let folder = folder.map(|folder| folder.display().to_string());
@@ -494,7 +494,7 @@ impl<'a> Asked<'a> {
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
-            command.args(no_frames.then_some("--functions"));
+            command.args(no_frames.then_some("--no-frames"));
             for feature in suite::written(&self.args.package.features) {
                 command.args(["--feature", &feature]);
             }
@@ -592,7 +592,7 @@ impl<'a> Asked<'a> {
     ) -> anyhow::Result<ExitStatus> {
         let args = self.args;
         command.env("KARAT_RECORD", record);
-        command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
+        command.envs(args.no_frames.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
         let mut told = false;

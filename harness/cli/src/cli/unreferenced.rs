@@ -86,7 +86,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
-        let why = "so there is nothing to judge; name the folder of goldens with --golden DIR";
+        let why = "so there is nothing to judge; name the folder of goldens with --goldens DIR";
         return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
     }
     let none = evidence.frames.is_empty() && evidence.read.is_empty();
@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
             "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
-             name their folder with --golden DIR",
+             name their folder with --goldens DIR",
             elsewhere.join("`, `")
         ))
         .into());

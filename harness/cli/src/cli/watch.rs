@@ -30,7 +30,7 @@ use screen::Screen;
 use worker::Worker;
 pub(super) use worker::{Reads, Request, Said};
 
-/// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
+/// How long a shader may take here, unless KARAT_TIMEOUT says: who waits has an editor open.
 const DEADLINE: &str = "10";
 /// Paths, unless KARAT_PATHS says.
 const PATHS: &str = "cpu,vulkan";

@@ -32,7 +32,7 @@ fn drivers_do_not_complain() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }");
     let ran =
-        karat(folder.path(), &["call", "half", "1", "--package", "m.wgsl", "--path", "vulkan"]);
+        karat(folder.path(), &["call", "half", "1", "--shaders", "m.wgsl", "--path", "vulkan"]);
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
 }
 
@@ -161,7 +161,7 @@ fn sweeps_are_tables_and_curves() {
     let lines: Vec<&str> = out.lines().collect();
     assert_eq!(lines[0], "t,up,cpu.x,cpu.y");
     assert_eq!((lines.len(), lines[3]), (6, "0.5,true,0.125,0.5"));
-    let exact = called(&folder, &["lit::cubic", "0..1:3", "true", "--exact"]);
+    let exact = called(&folder, &["lit::cubic", "0..1:3", "true", "--hex"]);
     assert!(exact.contains("0x1p-1,true,0x1p-3,0x1p-1"), "{exact}");
     let drawn = called(&folder, &["lit::cubic", "t=-1..1:100", "true", "--plot"]);
     assert!(drawn.contains("t = -1.0000") && drawn.contains("* cpu.x"), "{drawn}");
@@ -179,10 +179,10 @@ fn a_table_is_a_check() {
     let table = "# cubes\nnote,t,up,cube.x,cube.y\nfirst,0.5,true,0.125,0.5\n\
                  second,0x1p-2,false,0x1p-6,-0.25\n";
     write(folder.path(), "cases.csv", table);
-    let out = called(&folder, &["lit::cubic", "--cases", "cases.csv"]);
+    let out = called(&folder, &["lit::cubic", "--table", "cases.csv"]);
     assert!(out.starts_with("t,up,note,cube.x,cube.y,cpu.x,cpu.y\n"), "{out}");
     assert!(out.contains("0.25,false,second,0x1p-6,-0.25,0.015625,-0.25"), "{out}");
-    let check = ["--cases", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
+    let check = ["--table", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
     let out = called(&folder, &[&["lit::cubic"][..], &check].concat());
     assert_eq!(out, "cpu: all 2 rows agree (4 ulp)\n");
     write(folder.path(), "cases.csv", &table.replace("0x1p-6", "0.02"));
@@ -255,7 +255,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     let sweep = called(&folder, &["lit::edge", "0.125@0..1:3@0"]);
     assert!(sweep.starts_with("d.value,d.dx,d.dy,cpu\n0.125,0,0,"), "{sweep}");
     write(folder.path(), "sweep.csv", &sweep);
-    let again = called(&folder, &["lit::edge", "--cases", "sweep.csv"]);
+    let again = called(&folder, &["lit::edge", "--table", "sweep.csv"]);
     assert!(again.starts_with("d.value,d.dx,d.dy,given.cpu,cpu\n"), "{again}");
     assert!(again.contains("0.125,0.5,0,0.25,0.25"), "{again}");
     let error = |arguments: &[&str], part: &str| {
@@ -265,7 +265,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     error(&["lit::cubic", "0..1:3", "true", "--plot=o.png"], "--plot=o.svg");
     error(&["lit::cubic", "0..nan:3", "true"], "from one number to another");
     error(&["lit::looked_up", "0..2:4", "--bind", "table=1,2,3"], "there are 3 integers");
-    let spec = ["lit::cubic", "--cases", "sweep.csv", "--expect", "cube", "--tolerance", "spec"];
+    let spec = ["lit::cubic", "--table", "sweep.csv", "--expect", "cube", "--tolerance", "spec"];
     error(&spec, "`spec` is no number");
     error(
         &["lit::cubic", "1", "true", "--override", "GAIN=1", "--override", "GAIN=2"],
@@ -299,13 +299,13 @@ fn slips_are_told() {
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
     told(&["lit::cubic", "0x1.0000001p+0", "true"], "is no f32");
     write(folder.path(), "cases.csv", "t,upp\n0.5,true\n");
-    told(&["lit::cubic", "--cases", "cases.csv"], "no column `up` (did you mean `upp`?)");
+    told(&["lit::cubic", "--table", "cases.csv"], "no column `up` (did you mean `upp`?)");
     write(folder.path(), "cases.csv", "t,up\n0.5,ture\n");
-    told(&["lit::cubic", "--cases", "cases.csv"], "`cases.csv` line 2, column `up`");
+    told(&["lit::cubic", "--table", "cases.csv"], "`cases.csv` line 2, column `up`");
     let expect = ["--expect", "cube", "--tolerance", "exact"];
-    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
+    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
     write(folder.path(), "cases.csv", "t,up,cube.x,cube.y\n0.5,true,nan,1\n");
-    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "is no finite number");
+    told(&[&["lit::cubic", "--table", "cases.csv"][..], &expect].concat(), "is no finite number");
 }
 
 #[test]
@@ -323,7 +323,7 @@ fn what_is_asked_for_is_done_or_refused() {
     let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
     write(folder.path(), "returned.csv", &table);
     let again =
-        ["lit::cubic", "--cases", "returned.csv", "--expect", "cpu", "--tolerance", "exact"];
+        ["lit::cubic", "--table", "returned.csv", "--expect", "cpu", "--tolerance", "exact"];
     assert_eq!(called(&folder, &again), "cpu: all 7 rows agree (0 ulp)\n");
 }
 
@@ -393,12 +393,12 @@ fn what_is_not_given_is_made_up() {
     let call = |more: &[&str]| {
         karat(
             folder.path(),
-            &[&["call", "f", "--package", "m.wgsl", "--path", "cpu"][..], more].concat(),
+            &[&["call", "f", "--shaders", "m.wgsl", "--path", "cpu"][..], more].concat(),
         )
     };
     let error = call(&["0.5", "3"]).error();
-    assert!(error.contains("--made-up"), "{error}");
-    let made = call(&["--made-up"]).good();
+    assert!(error.contains("--arbitrary"), "{error}");
+    let made = call(&["--arbitrary"]).good();
     for part in [
         "made up: n_dot_l = ",
         "made up: id = ",
@@ -407,10 +407,10 @@ fn what_is_not_given_is_made_up() {
     ] {
         assert!(made.contains(part), "no `{part}` in {made}");
     }
-    assert_eq!(made, call(&["--made-up"]).good(), "the same in each run");
-    assert_ne!(made, call(&["--made-up=7"]).good());
-    let bound = call(&["--made-up", "--bind", "p={\"groups\": 1, \"gain\": 0}"]).good();
+    assert_eq!(made, call(&["--arbitrary"]).good(), "the same in each run");
+    assert_ne!(made, call(&["--arbitrary=7"]).good());
+    let bound = call(&["--arbitrary", "--bind", "p={\"groups\": 1, \"gain\": 0}"]).good();
     assert!(!bound.contains("made up: p."), "{bound}");
-    assert!(call(&["--made-up=5000"]).error().contains("cases, from 0"));
-    assert!(call(&["0.5", "3", "--made-up"]).error().contains("cannot be used with"));
+    assert!(call(&["--arbitrary=5000"]).error().contains("cases, from 0"));
+    assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }

@@ -92,7 +92,7 @@ fn a_package_of_nothing_is_no_success() {
     let ran = karat(project.path(), &["check"]);
     assert!(ran.code == Some(1) && ran.out.contains("declares no function"), "{ran:?}");
     write(project.path(), "empty/readme", "");
-    let ran = karat(project.path(), &["check", "--package", "empty"]);
+    let ran = karat(project.path(), &["check", "--shaders", "empty"]);
     assert!(ran.code != Some(0), "{ran:?}");
 }
 
@@ -108,7 +108,7 @@ fn names_in_karat_toml_are_those_of_the_package() {
     write(folder.path(), "shaders/view.wgsl", view);
     let check = |file: &str, declared: &str| {
         write(folder.path(), &format!("shaders/{file}"), declared);
-        let ran = karat(folder.path(), &["check", "--package", "shaders"]);
+        let ran = karat(folder.path(), &["check", "--shaders", "shaders"]);
         std::fs::remove_file(folder.path().join("shaders").join(file)).expect("it is there");
         ran
     };

@@ -20,7 +20,7 @@ fn with_tint(folder: &FilePath, arguments: &[&str]) -> Ran {
     ran
 }
 
-const CHECK: &[&str] = &["check", "--package", "shaders"];
+const CHECK: &[&str] = &["check", "--shaders", "shaders"];
 const VALID: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
 const REQUIRED: &str = "[compilers]\nrequire = [\"tint\"]\n";
 
@@ -138,7 +138,7 @@ fn each_command_that_validates_asks_tint() {
         ran.out.contains("Tint rejects 1 module") && ran.out.contains("m.wgsl:1:36"),
         "{ran:?}"
     );
-    let columns = ["matrix", "--package", "shaders", "--columns", "tint,cpu", "--json"];
+    let columns = ["matrix", "--shaders", "shaders", "--columns", "tint,cpu", "--json"];
     let ran = with_tint(folder.path(), &columns);
     let matrix = json(&ran.out);
     let rows = matrix[0]["rows"].as_array().expect("rows");
@@ -423,9 +423,9 @@ fn files_that_are_shipped_stay_shippable() {
     assert!(out.contains("warning: 2 tests here, which an engine that loads this file"), "{out}");
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
     assert!(last_line(&out).contains("tests stand in 1 module"), "{out}");
-    let plain = karat(folder.path(), &["show", "--plain", "n", "--package", "shaders"]).good();
+    let plain = karat(folder.path(), &["show", "--plain", "n", "--shaders", "shaders"]).good();
     assert_eq!(plain, "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n");
-    let error = karat(folder.path(), &["show", "--plain", "nn", "--package", "shaders"]).error();
+    let error = karat(folder.path(), &["show", "--plain", "nn", "--shaders", "shaders"]).error();
     assert!(error.contains("did you mean `n`?"), "{error}");
 }
 
@@ -501,7 +501,7 @@ mod fakes {
         let mut command = command(folder, &[CHECK, more].concat());
         command.env("KARAT_TINT", folder.join("package")).env("PATH", path.expect("folders"));
         // Hung is what takes longer than this.
-        command.env("XDG_CACHE_HOME", folder).env("KARAT_DEADLINE", "1");
+        command.env("XDG_CACHE_HOME", folder).env("KARAT_TIMEOUT", "1");
         output(&mut command)
     }
 

@@ -21,7 +21,7 @@ fn a_cause_is_told_once() {
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
     std::fs::create_dir(folder.join("folder.exr")).expect("a folder");
     write(folder, "text.zip", "no zip");
-    write(folder, "run/run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
+    write(folder, "run/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
     std::fs::create_dir(folder.join("run/1.jsonl")).expect("a folder");
     let image = karat::Image::new(1, 1, vec![[1.0; 4]]);
     image.write_exr(&folder.join("a.exr"), karat::image::Precision::Float, None).expect("written");
@@ -35,8 +35,8 @@ fn a_cause_is_told_once() {
         (&["pending", "--from", "text.zip"], "can't use `text.zip`: it isn't a readable zip: "),
         (&["unreferenced", "--record", "run"], "can't read the record `run/1.jsonl`: "),
         (&["report", "--record", "run"], "can't read the record `run/1.jsonl`: "),
-        (&["call", "calc::same", "--cases", "text.zip/a.csv"], "can't read `text.zip/a.csv`"),
-        (&["list", "--package", "text.zip/a.wgsl"], "text.zip/a.wgsl"),
+        (&["call", "calc::same", "--table", "text.zip/a.csv"], "can't read `text.zip/a.csv`"),
+        (&["list", "--shaders", "text.zip/a.wgsl"], "text.zip/a.wgsl"),
     ] {
         let error = error(folder, arguments);
         assert!(error.contains(message), "{arguments:?}: {error}");
@@ -53,7 +53,7 @@ fn what_no_run_left_has_no_verdict() {
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
     std::fs::create_dir(folder.join("empty")).expect("a folder");
     zip(&folder.join("empty.zip"), &[]);
-    let run: &[u8] = br#"{"passed":true,"schema":3,"selected":[]}"#;
+    let run: &[u8] = br#"{"passed":true,"schema":4,"selected":[]}"#;
     zip(&folder.join("green.zip"), &[("record/run.json", run)]);
     let green = std::fs::read(folder.join("green.zip")).expect("written");
     zip(&folder.join("outer.zip"), &[("ci/green.zip", &green), ("records/1.jsonl", b"{}")]);

@@ -60,7 +60,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     let folder = shaders();
     let paths = open_paths(folder.path());
     let asked: Vec<&str> = paths.iter().flat_map(|path| ["--path", path.as_str()]).collect();
-    let call = ["call", "open", "1", "2", "--package", "m.wgsl"];
+    let call = ["call", "open", "1", "2", "--shaders", "m.wgsl"];
     let ran = karat(folder.path(), &[&call[..], &asked].concat());
     assert_eq!((ran.code, &*ran.err), (Some(0), ""), "{ran:?}");
     assert!(paths.iter().any(|path| path == "cpu"), "{paths:?}");
@@ -74,7 +74,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
 #[test]
 fn a_hidden_hazard_is_no_success() {
     let folder = shaders();
-    let only = ["hazards", "--package", "m.wgsl", "--only", "capped", "--input", "roughness=0..1"];
+    let only = ["hazards", "--shaders", "m.wgsl", "--only", "capped", "--input", "roughness=0..1"];
     let ran = karat(folder.path(), &only);
     assert!(ran.out.contains("1.0 / roughness") && ran.out.contains("1 hazard"), "{ran:?}");
     let hidden = json(&karat(folder.path(), &[&only[..], &["--json"]].concat()).out);

@@ -194,7 +194,7 @@ fn no_file_breaks_the_page_of_translations() {
     let name = "<img src=x>";
     write(&folder.path().join(name), "m.wgsl", "fn f(x: f32) -> f32 { return x; }\nfn g(\n");
     write(&folder.path().join(name), "n.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
-    let arguments = ["matrix", "--package", name, "--columns", "cpu", "--markdown", "m.md"];
+    let arguments = ["matrix", "--shaders", name, "--columns", "cpu", "--markdown", "m.md"];
     karat(folder.path(), &arguments);
     let page = std::fs::read_to_string(folder.path().join("m.md")).expect("written");
     assert!(page.contains("&lt;img") && !page.contains("<img"), "{page}");

@@ -17,7 +17,7 @@ fn a_table_replaces_no_input() {
     let names = ["x.csv", "./sub/../x.csv", "hard.csv", "soft.csv"];
     // Elsewhere links need privileges.
     for name in names.into_iter().filter(|name| cfg!(unix) || *name != "soft.csv") {
-        let arguments = ["call", "calc::double", "--cases", "x.csv", "--out", name];
+        let arguments = ["call", "calc::double", "--table", "x.csv", "--out", name];
         let error = karat(folder, &arguments).error();
         let message = format!("the table `{name}` would overwrite `x.csv`, which is read");
         assert!(error.contains(&message) && error.contains("name another file"), "{error}");
@@ -26,7 +26,7 @@ fn a_table_replaces_no_input() {
     // A shader is read, too.
     let shader = "fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
     write(folder, "my.wgsl", shader);
-    let arguments = ["--package", "my.wgsl", "--cases", "x.csv", "--out", "my.wgsl"];
+    let arguments = ["--shaders", "my.wgsl", "--table", "x.csv", "--out", "my.wgsl"];
     let error = karat(folder, &[&["call", "twice"][..], &arguments].concat()).error();
     assert!(error.contains("the table `my.wgsl` would overwrite `my.wgsl`"), "{error}");
     assert_eq!(std::fs::read_to_string(path("my.wgsl")).expect("there"), shader);
@@ -56,7 +56,7 @@ fn a_report_replaces_no_record() {
     let project = project();
     let folder = project.path();
     write(folder, "run/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "run/run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
+    write(folder, "run/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
     for file in ["run/run.json", "run/1.jsonl"] {
         let error = karat(folder, &["report", "--record", "run", "--junit", file]).error();
         assert!(error.contains(&format!("the report `{file}` would overwrite `")), "{error}");
@@ -72,9 +72,9 @@ fn every_output_is_written_whole() {
     pending_frame(folder, "scene", "any");
     write(folder, "in.csv", "1\n");
     write(folder, "record/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "record/run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
+    write(folder, "record/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
     for (file, arguments) in [
-        ("out.csv", &["call", "calc::double", "--cases", "in.csv", "--out", "out.csv"][..]),
+        ("out.csv", &["call", "calc::double", "--table", "in.csv", "--out", "out.csv"][..]),
         ("a.png", &["preview", "scene.new.exr", "--out", "a.png"]),
     ] {
         let old = folder.join(format!("old-{file}"));
@@ -109,7 +109,7 @@ fn a_full_disk_leaves_the_table_of_before() {
     shell.args(["-c", limited]).arg(karat);
     // Drivers write files of their own, and one that is required is opened.
     shell.env_remove("KARAT_PATHS").env_remove("KARAT_REQUIRE");
-    let call = ["call", "calc::double", "--path", "cpu", "--cases", "in.csv", "--out", "out.csv"];
+    let call = ["call", "calc::double", "--path", "cpu", "--table", "in.csv", "--out", "out.csv"];
     let ran = output(shell.args(call));
     assert!(ran.code == Some(2) && ran.err.contains("can't write `out.csv`"), "{ran:?}");
     let kept = std::fs::read_to_string(folder.join("out.csv")).expect("there");
@@ -125,7 +125,7 @@ fn devices_and_links_stay_what_they_are() {
     let folder = project.path();
     write(folder, "in.csv", "1\n");
     let table = |out: &str| {
-        karat(folder, &["call", "calc::double", "--cases", "in.csv", "--out", out]).good()
+        karat(folder, &["call", "calc::double", "--table", "in.csv", "--out", out]).good()
     };
     // A pipe of our own: a mistake must not replace a device of this machine.
     let pipe = folder.join("pipe");
@@ -144,7 +144,7 @@ fn devices_and_links_stay_what_they_are() {
     // Whoever reads the file that standard output goes to has it open.
     let file = std::fs::File::create(folder.join("stdout.csv")).expect("created");
     let mut command =
-        command(folder, &["call", "calc::double", "--cases", "in.csv", "--out", "/dev/stdout"]);
+        command(folder, &["call", "calc::double", "--table", "in.csv", "--out", "/dev/stdout"]);
     assert!(command.stdout(file.try_clone().expect("a copy")).status().expect("it runs").success());
     assert!(file.metadata().expect("there").nlink() == 1, "the file was replaced");
     assert!(std::fs::read_to_string(folder.join("stdout.csv")).expect("there").starts_with("x,"));
@@ -175,7 +175,7 @@ fn devices_and_links_stay_what_they_are() {
 fn a_table_without_an_end_is_refused() {
     let project = project();
     let folder = project.path();
-    let call = |table: &str| karat(folder, &["call", "calc::double", "--cases", table]).error();
+    let call = |table: &str| karat(folder, &["call", "calc::double", "--table", table]).error();
     let error = call("/dev/zero");
     assert!(error.contains("`/dev/zero` is longer than 256 MB"), "{error}");
     let sparse = std::fs::File::create(folder.join("huge.csv")).expect("created");

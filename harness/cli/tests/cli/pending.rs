@@ -89,7 +89,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let golden = folder.join("golden");
     let missing = karat(folder, &["pending"]);
     assert_eq!(missing.code, Some(2), "{missing:?}");
-    assert!(missing.err.contains("name the folder of goldens with --golden DIR"), "{missing:?}");
+    assert!(missing.err.contains("name the folder of goldens with --goldens DIR"), "{missing:?}");
     std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
     assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
     assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
@@ -125,7 +125,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let out = karat(folder, &["reject", "furnace/*", "furnace/rough"]).good();
     assert_eq!(out, "rejected furnace/rough\nrejected furnace/smooth\n");
     assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
-    let error = karat(folder, &["pending", "--golden", "nowhere"]).error();
+    let error = karat(folder, &["pending", "--goldens", "nowhere"]).error();
     assert!(error.contains("there is no folder `nowhere`"), "{error}");
 }
 
@@ -352,7 +352,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     assert!(!folder.join("golden").exists());
     assert_eq!(std::fs::read_dir(folder.join("crates/lamp/golden")).expect("there").count(), 0);
     // Naming another folder is refused, too.
-    let other = [&accept[..], &["--golden", "crates/lamp/golden"]].concat();
+    let other = [&accept[..], &["--goldens", "crates/lamp/golden"]].concat();
     let error = karat(folder, &other).failure(1);
     assert!(error.contains("compared with goldens of `crates/sky/golden`"), "{error}");
     let may = [&accept[..], &["--ci-may-write"]].concat();

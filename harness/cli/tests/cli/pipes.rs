@@ -20,9 +20,9 @@ fn eventful() -> TempDir {
         image.write_exr(&folder.join(name), karat::image::Precision::Float, None).expect("written");
     }
     write(folder, "passed/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "passed/run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
+    write(folder, "passed/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
     write(folder, "failed/1.jsonl", &function("calc::double", "gl", "fail", Some("it fails")));
-    write(folder, "failed/run.json", r#"{"passed":false,"schema":3,"selected":[]}"#);
+    write(folder, "failed/run.json", r#"{"passed":false,"schema":4,"selected":[]}"#);
     project
 }
 
@@ -43,7 +43,7 @@ const COMMANDS: [(&[&str], i32); 27] = [
     (&["--version"], 0),
     (&["pending"], 1),
     (&["pending", "--json"], 1),
-    (&["pending", "--golden", "shaders"], 0),
+    (&["pending", "--goldens", "shaders"], 0),
     (&["diff", "a.exr", "b.exr"], 1),
     (&["diff", "a.exr", "b.exr", "--json"], 1),
     (&["diff", "a.exr", "a.exr"], 0),
@@ -87,7 +87,7 @@ fn a_command_completes_its_work_whoever_reads() {
     assert_eq!(run(&["reject", "*"]), Some(0));
     assert!(!golden.join("room.new.exr").exists());
     write(folder, "in.csv", "1\n");
-    assert_eq!(run(&["call", "calc::double", "--cases", "in.csv", "--out", "out.csv"]), Some(0));
+    assert_eq!(run(&["call", "calc::double", "--table", "in.csv", "--out", "out.csv"]), Some(0));
     assert!(folder.join("out.csv").is_file());
     assert_eq!(run(&["diff", "a.exr", "b.exr", "--heatmap", "flip.png"]), Some(1));
     assert!(folder.join("flip.png").is_file());

@@ -29,7 +29,7 @@ fn line(
     };
     let paths: Vec<_> = paths.iter().map(path).collect();
     let record = serde_json::json!({
-        "schema": 3, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
+        "schema": 4, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
         "message": message, "fault": message.map(fault)
     });
     format!("{record}\n")

@@ -259,7 +259,7 @@ fn a_folder_of_tests_alone_passes() {
     let ran = run(path, &["test", "tests", "--paths", "cpu"]).good();
     assert!(ran.contains("1 check, 0 failed"), "{ran}");
     assert!(!ran.contains("isn't known") && !ran.contains("declares no"), "{ran}");
-    assert!(run(path, &["check", "--package", "tests"]).good().contains("1 test)"));
+    assert!(run(path, &["check", "--shaders", "tests"]).good().contains("1 test)"));
     write(path, "shaders/a.wgsl", &HALF.replace("0.5", "0.25"));
     assert_eq!(run(path, &["test", "tests", "--paths", "cpu"]).code, Some(1));
 }

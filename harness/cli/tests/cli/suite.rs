@@ -13,10 +13,10 @@ fn blend(a: f32, b: f32) -> f32 { return a * b; }\n";
 const DECLARED: &str = "[[test]]\nfunction = \"schlick\"\nover = { f0 = \"0..1\", v_dot_h = \"0..1\" }\n\
 in_range = [0, 1]\nfinite = true\nmonotone = { v_dot_h = \"decreasing\" }\n\
 agrees_with = \"by_pow\"\ntolerance = \"rel 1e-5 or abs 1e-6\"\n\
-[[test]]\nfunction = \"lambert\"\nintegral = { over = \"projected_hemisphere\", is = 1 }\n\
+[[test]]\nfunction = \"lambert\"\nintegral = { over = \"projected_hemisphere\", equals = 1 }\n\
 tolerance = \"rel 1e-6\"\n\
 [[test]]\nfunction = \"blend\"\nsymmetric_in = [\"a\", \"b\"]\n\
-limit = { a = 0, through = [0.1, 0.01, 0.001], is = 0 }\nover = { a = 1, b = \"0.5..1\" }\n\
+limit = { a = 0, through = [0.1, 0.01, 0.001], equals = 0 }\nover = { a = 1, b = \"0.5..1\" }\n\
 tolerance = \"abs 1e-2\"\n\
 [[test]]\nname = \"table\"\nfunction = \"blend\"\ntable = \"blend.csv\"\ntolerance = \"exact\"\n";
 
@@ -561,10 +561,10 @@ fn tests_are_stripped_from_what_is_drawn_and_listed() {
     );
     write(folder.path(), "brdf.wgsl", &text);
     cpu(folder.path(), &[]).good();
-    let list = karat(folder.path(), &["list", "--package", "."]).good();
+    let list = karat(folder.path(), &["list", "--shaders", "."]).good();
     assert!(list.contains("blend") && !list.contains("own"), "{list}");
-    karat(folder.path(), &["check", "--package", "."]).good();
-    let show = karat(folder.path(), &["show", "brdf::blend", "--package", "."]).good();
+    karat(folder.path(), &["check", "--shaders", "."]).good();
+    let show = karat(folder.path(), &["show", "brdf::blend", "--shaders", "."]).good();
     assert!(!show.contains("karat::") && !show.contains("own"), "{show}");
 }
 
@@ -680,7 +680,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     );
     write(folder.path(), "grad.test.toml", &alone);
     karat(folder.path(), &["test", ".", "--paths", "vulkan"]).good();
-    let left_out = karat(folder.path(), &["test", ".", "--functions"]);
+    let left_out = karat(folder.path(), &["test", ".", "--no-frames"]);
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
 
@@ -721,8 +721,8 @@ fn declared_values_are_compared_with_their_golden() {
     };
     unreferenced("1 golden", "0 unreferenced, 0 stray");
     // The golden is a table for other commands, too.
-    let call = ["call", "tone", "--cases", "golden/tone/linear.csv", "--tolerance", "exact"];
-    let call = [&call[..], &["--expect", "result", "--package", "tone.wgsl"]].concat();
+    let call = ["call", "tone", "--table", "golden/tone/linear.csv", "--tolerance", "exact"];
+    let call = [&call[..], &["--expect", "result", "--shaders", "tone.wgsl"]].concat();
     karat(folder, &call).good();
 
     tone("0.25");
@@ -926,9 +926,9 @@ fn decimals_are_what_the_shader_has() {
         [[test]]\nname = \"ends\"\nfunction = \"third\"\nin_range = [0.3, 0.3]\n\
         [[test]]\nname = \"rows\"\nfunction = \"same\"\ntable = \"rows.csv\"\ntolerance = \"exact\"\n\
         [[test]]\nname = \"near\"\nfunction = \"stepped\"\ntolerance = \"exact\"\n\
-        limit = { x = 0, through = [0.1, 0.01], is = 0.3 }\n\
+        limit = { x = 0, through = [0.1, 0.01], equals = 0.3 }\n\
         [[test]]\nname = \"light\"\nfunction = \"glow\"\ntolerance = \"1 ulp\"\n\
-        integral = { over = \"sphere\", is = 3.7699113 }\n";
+        integral = { over = \"sphere\", equals = 3.7699113 }\n";
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "own.wgsl", TEXT);
     write(folder.path(), "own.test.toml", DECLARED);

@@ -52,7 +52,7 @@ fn a_module_is_printed_with_its_entry_points() {
     assert_eq!(karat(folder.path(), &one).good().matches("#version 450").count(), 1);
     let hlsl = karat(folder.path(), &["translate", "frame", "--to", "hlsl"]).good();
     assert!(hlsl.contains("corner, shade") && hlsl.contains("SV_Target0"), "{hlsl}");
-    let file = ["translate", "frame", "--to", "hlsl", "--package", "shaders/frame.wgsl"];
+    let file = ["translate", "frame", "--to", "hlsl", "--shaders", "shaders/frame.wgsl"];
     assert_eq!(karat(folder.path(), &file).good(), hlsl, "a file alone is a package");
     let valid = ["translate", "frame", "--to", "wgsl", "--validate"];
     let said = karat(folder.path(), &valid).good();
@@ -210,7 +210,7 @@ fn compute_entry_points_with_buffers_are_run() {
     write(folder.path(), "sums.wgsl", SUMS);
     let columns = "vulkan,gl,vulkan:wgsl,vulkan:spirv,vulkan:glsl,vulkan:hlsl,msl";
     let columns = run_here(columns.split(',')).join(",");
-    let arguments = ["matrix", "--json", "--package", "sums.wgsl", "--columns", &columns];
+    let arguments = ["matrix", "--json", "--shaders", "sums.wgsl", "--columns", &columns];
     let matrix = json(&karat(folder.path(), &arguments).good());
     for (column, cell) in row(&matrix, "add") {
         match column.as_str() {
@@ -245,7 +245,7 @@ fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shader.wgsl", text);
     let columns = run_here(columns.split(',')).join(",");
-    let common = ["matrix", "--package", "shader.wgsl", "--cases", "128", "--columns", &columns];
+    let common = ["matrix", "--shaders", "shader.wgsl", "--cases", "128", "--columns", &columns];
     let ran = karat(folder.path(), &common);
     let again = karat(folder.path(), &[&common[..], &["--json"]].concat());
     assert_eq!(again.code, ran.code, "{again:?}");
@@ -420,7 +420,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
     let temporary = folder.path().join("tmp");
     std::fs::create_dir(&temporary).expect("a folder");
     let columns = ["--columns", "vulkan,vulkan:wgsl", "--json"];
-    let arguments = [&["matrix", "--package", "shader.wgsl"], &columns[..]].concat();
+    let arguments = [&["matrix", "--shaders", "shader.wgsl"], &columns[..]].concat();
     let mut command = command(folder.path(), &arguments);
     command.env("TMPDIR", &temporary).stdout(Stdio::piped()).stderr(Stdio::piped());
     let supervisor = command.spawn().expect("it runs");
@@ -461,9 +461,9 @@ fn a_deadline_ends_one_row_of_the_matrix() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shader.wgsl", &slow_and_three());
     let columns = ["--columns", "vulkan,vulkan:wgsl", "--json"];
-    let arguments = [&["matrix", "--package", "shader.wgsl"], &columns[..]].concat();
+    let arguments = [&["matrix", "--shaders", "shader.wgsl"], &columns[..]].concat();
     let mut command = command(folder.path(), &arguments);
-    let output = command.env("KARAT_DEADLINE", "1").output().expect("it runs");
+    let output = command.env("KARAT_TIMEOUT", "1").output().expect("it runs");
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
     let matrix = json(&String::from_utf8_lossy(&output.stdout));
@@ -520,7 +520,7 @@ fn a_matrix_without_evidence_fails() {
         |more: &[&str]| karat(folder.path(), &[&["matrix", "--cases", "16"], more].concat());
     let pointers = "fn raise(x: f32) -> f32 { if x > 1.0 { discard; } return x; }\n";
     write(folder.path(), "pointers.wgsl", pointers);
-    let none = matrix(&["--package", "pointers.wgsl"]).error();
+    let none = matrix(&["--shaders", "pointers.wgsl"]).error();
     assert!(none.contains("no row to judge"), "{none}");
     let mut bare = command(folder.path(), &["matrix", "--columns", "hlsl,msl", "--only", "maths"]);
     let bare = output(bare.env("PATH", folder.path()).env_remove("VULKAN_SDK")).error();
@@ -559,7 +559,7 @@ fn a_matrix_without_evidence_fails() {
     let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
                 @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
     write(folder.path(), "idle.wgsl", idle);
-    let columns = ["--columns", "vulkan,vulkan:wgsl", "--json", "--package", "idle.wgsl"];
+    let columns = ["--columns", "vulkan,vulkan:wgsl", "--json", "--shaders", "idle.wgsl"];
     let cell = &row(&json(&matrix(&columns).good()), "idle")["vulkan:wgsl"];
     assert_eq!((&cell["status"], &cell["compared"]), (&json("\"executed\""), &json("0")));
     let required = ["--require", "vulkan:wgsl=agrees"];
@@ -814,7 +814,7 @@ mod planted {
         assert!(ran.out.contains("INVALID") && !ran.out.contains("known"), "{ran:?}");
         let xml = std::fs::read_to_string(folder.path().join("m.xml")).expect("it is written");
         assert!(xml.contains("it is declared not to get to `agrees`, and fails before"), "{xml}");
-        let file = ["--package", "shaders/maths.wgsl", "--only", "blend"];
+        let file = ["--shaders", "shaders/maths.wgsl", "--only", "blend"];
         let columns = ["--columns", "vulkan,vulkan:wgsl"];
         let ran = karat(folder.path(), &[&["matrix"], &file[..], &columns[..]].concat()).good();
         assert!(ran.contains("not looked at: 1 declared failures"), "{ran}");

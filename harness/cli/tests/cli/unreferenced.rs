@@ -59,7 +59,7 @@ fn goldens_that_all_are_compared_pass() {
     assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
     // What `cargo ci test` writes is read, too.
     let folder = record(&project, &all, None);
-    write(&folder, "run.json", r#"{"passed":true,"schema":3,"selected":[]}"#);
+    write(&folder, "run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
     karat(project.path(), &["unreferenced"]).good();
 }
 
@@ -143,14 +143,14 @@ fn a_folder_without_goldens_has_no_verdict() {
     std::fs::create_dir(folder.join("empty")).expect("a folder");
     write(folder, "empty/README.md", "goldens will be here");
     for arguments in [&[][..], &["--json"], &["--delete"]] {
-        let all = [&["unreferenced", "--golden", "empty"], arguments].concat();
+        let all = [&["unreferenced", "--goldens", "empty"], arguments].concat();
         let ran = karat(folder, &all);
         assert_eq!(ran.out, "", "{arguments:?}");
         assert!(ran.failure(3).contains("there is no golden in `empty`"), "{arguments:?}");
     }
     // What a golden has left behind is something to judge.
     write(folder, "empty/gone.png", "");
-    assert_eq!(karat(folder, &["unreferenced", "--golden", "empty"]).code, Some(1));
+    assert_eq!(karat(folder, &["unreferenced", "--goldens", "empty"]).code, Some(1));
 }
 
 #[test]

@@ -262,7 +262,7 @@ fn a_failure_of_no_case_is_red_in_the_table() {
                   tolerance = \"exact\"\n";
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", golden);
     assert_eq!(test(folder.path(), &[]).code, Some(1));
-    karat(folder.path(), &["accept", "f", "--golden", "wgsl/golden", "--because", "the first"])
+    karat(folder.path(), &["accept", "f", "--goldens", "wgsl/golden", "--because", "the first"])
         .good();
     test(folder.path(), &[]).good();
     write(folder.path(), "wgsl/a.test.toml", &golden.replace("0..1", "0..2"));

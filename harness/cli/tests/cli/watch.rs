@@ -46,7 +46,7 @@ impl Watching {
     pub(crate) fn of(here: &FilePath, arguments: &[&str], more: impl Fn(&mut Command)) -> Self {
         let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
         let mut command = command(here, &arguments);
-        command.env("KARAT_DEADLINE", "1").stdin(Stdio::null()).stdout(Stdio::piped());
+        command.env("KARAT_TIMEOUT", "1").stdin(Stdio::null()).stdout(Stdio::piped());
         more(&mut command);
         let mut child = command.spawn().expect("it starts");
         let out = child.stdout.take().expect("it is piped");
@@ -220,7 +220,7 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     assert_eq!(cpu.code, Some(1), "nobody drew it: {cpu:?}");
     let red = once("cpu,vulkan");
     assert!(red.code == Some(1) && red.out.contains("vulkan: 1 of 3 tests fail"), "{red:?}");
-    let accept = ["accept", "grey", "--golden", "shaders/golden", "--any-adapter"];
+    let accept = ["accept", "grey", "--goldens", "shaders/golden", "--any-adapter"];
     karat(folder.path(), &[&accept[..], &["--because", "it is grey"]].concat()).good();
     let green = once("cpu,vulkan").good();
     assert!(green.contains(told) && green.contains("vulkan: 3 tests pass"), "{green}");
@@ -336,7 +336,7 @@ fn it_never_wakes_on_its_own_output() {
         let mut shell = Command::new("/bin/sh");
         // Its own group: all that it starts ends with it.
         shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
-        shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_DEADLINE", "1");
+        shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "1");
         shell.stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = std::os::unix::process::CommandExt::process_group(&mut shell, 0)
             .spawn()
@@ -466,7 +466,7 @@ fn a_killed_watch_leaves_no_process_behind() {
                  for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    expect_true(y > 0.0);\n}\n";
     write(&shaders, "calc_test.wgsl", hangs);
     let mut command = command(folder.path(), &["watch", "shaders", "--paths", "cpu", "--lines"]);
-    command.env("KARAT_DEADLINE", "600").env("KARAT_FUEL", "4000000000");
+    command.env("KARAT_TIMEOUT", "600").env("KARAT_FUEL", "4000000000");
     command.stdin(Stdio::null()).stdout(Stdio::null());
     let mut child = command.spawn().expect("it starts");
     let wait = |count: usize| {

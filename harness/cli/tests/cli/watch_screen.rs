@@ -50,7 +50,7 @@ impl Terminal {
         command.env("KARAT_REQUIRE", "vulkan");
         // A person looks at this screen.
         command.env_remove("CI");
-        command.env("KARAT_DEADLINE", "1");
+        command.env("KARAT_TIMEOUT", "1");
         // What opens pages on this machine isn't to.
         command.env("PATH", "");
         let child = pair.slave.spawn_command(command).expect("it starts");

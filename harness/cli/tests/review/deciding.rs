@@ -317,7 +317,7 @@ fn a_server_that_has_gone_is_named() {
 fn files_show_the_frames_without_any_network() {
     let project = Project::with_tiny();
     let report = project.folder().join("a report");
-    let mut command = project.karat(&["review", "--golden", "golden", "--static"]);
+    let mut command = project.karat(&["review", "--goldens", "golden", "--static"]);
     let ran = command.arg(&report).output().expect("it was built");
     assert_eq!(ran.status.code(), Some(0), "{ran:?}");
     let text = String::from_utf8_lossy(&ran.stdout).into_owned();
@@ -336,9 +336,9 @@ fn files_show_the_frames_without_any_network() {
     );
     assert_eq!(
         browser.text(&tab, "#accept-command"),
-        "karat accept tiny --golden golden --because \"…\""
+        "karat accept tiny --goldens golden --because \"…\""
     );
-    assert_eq!(browser.text(&tab, "#reject-command"), "karat reject tiny --golden golden");
+    assert_eq!(browser.text(&tab, "#reject-command"), "karat reject tiny --goldens golden");
     assert_eq!(browser.value(&tab, "document.getElementById('accept').checkVisibility()"), false);
     browser.press(&tab, "a");
     assert_eq!(browser.value(&tab, "document.activeElement.id"), "accept-command");

@@ -523,7 +523,7 @@ fn values_that_are_accepted_stand_among_the_goldens() {
     assert_eq!(facts.expect("a table").1.modules["package"], hash.hash, "of a module in memory");
     project.put_golden("tiny", &tiny());
     project.commit("the values of f");
-    let server = project.serve_with(&["--goldens"]);
+    let server = project.serve_with(&["--all-goldens"]);
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
     browser.settle(&tab);
@@ -569,7 +569,7 @@ fn older_versions_of_values_are_compared_row_by_row() {
         browser.settle(tab);
     };
 
-    let server = project.serve_with(&["--goldens"]);
+    let server = project.serve_with(&["--all-goldens"]);
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
     browser.settle(&tab);

@@ -142,7 +142,7 @@ fn the_exit_code_tells_whether_something_is_left() {
 
     let ran = project.karat(&["review"]).output().expect("it was built");
     assert_eq!((ran.status.code(), ran.stdout.as_slice()), (Some(0), &b"nothing is pending\n"[..]));
-    let ran = project.karat(&["review", "--golden", "nowhere"]).output().expect("it was built");
+    let ran = project.karat(&["review", "--goldens", "nowhere"]).output().expect("it was built");
     assert_eq!(ran.status.code(), Some(2));
     let help = project.karat(&["review", "--help"]).output().expect("it was built");
     let help = String::from_utf8_lossy(&help.stdout).into_owned();

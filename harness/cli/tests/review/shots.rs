@@ -175,7 +175,7 @@ fn origins_are_drawn() {
     let case = "sun_by_angle";
     left_values(&project, case, "0.5");
     accept_values(&project, case);
-    let server = project.serve_with(&["--goldens"]);
+    let server = project.serve_with(&["--all-goldens"]);
     let mut browser = Browser::start();
     let tab = browser.open(&format!("{}#{case}", server.url));
     browser.prefer_dark(&tab, true);

@@ -23,7 +23,7 @@ fn put_record(project: &Project, records: &[Value]) {
     std::fs::create_dir_all(&folder).expect("a folder");
     let lines: String = records.iter().map(|record| format!("{record}\n")).collect();
     std::fs::write(folder.join("1.jsonl"), lines).expect("written");
-    let run = json!({ "schema": 3, "selected": [], "passed": false });
+    let run = json!({ "schema": 4, "selected": [], "passed": false });
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
@@ -31,7 +31,7 @@ fn frame_record(project: &Project) -> Value {
     let module = project.folder().join("shaders/light.wgsl");
     let message = "error: it differs\n  replay: KARAT_PATHS=vulkan cargo test frames";
     json!({
-        "schema": 3, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
+        "schema": 4, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
         "subject": { "kind": "frame", "golden": "tiny", "folder": "golden", "location": "tests/frames.rs:7:5" },
         "message": message, "fault": fault(message),
         "read": [{ "file": module, "hash": "" }],
@@ -44,7 +44,7 @@ fn function_record() -> Value {
     let message = "error: `lobe::ggx` fails <script>window.injected = 1</script>\n  \
                    replay: KARAT_SEED=1 cargo test lobes";
     json!({
-        "schema": 3, "test": "lobes", "verdict": "fail",
+        "schema": 4, "test": "lobes", "verdict": "fail",
         "subject": { "kind": "function", "package": "shaders", "function": "lobe::ggx", "check": "agrees_with",
             "assertion": "1 ulp", "location": "shaders/a.wgsl:1:1", "seed": 1 },
         "message": message, "fault": fault(message),
@@ -318,7 +318,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
     // A golden that nothing is pending for is compared with what it was.
     std::fs::remove_file(project.pending("tiny")).expect("there");
-    let (_server, mut browser, tab) = open(&project, &["--goldens"]);
+    let (_server, mut browser, tab) = open(&project, &["--all-goldens"]);
     browser.value(&tab, &choose(&commits[0]));
     browser.wait(&tab, "karat.state.part === 1");
     browser.press(&tab, "3");
@@ -329,7 +329,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
     // From files, too.
     let report = project.folder().join("report");
-    let ran = project.karat(&["review", "--goldens", "--static"]).arg(&report).output();
+    let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);
@@ -339,7 +339,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     assert!(report.join(format!("data/0-{}.js", commits[0])).is_file());
     // What an older page left is gone.
     std::fs::remove_dir_all(project.folder().join(".git")).expect("there");
-    let ran = project.karat(&["review", "--goldens", "--static"]).arg(&report).output();
+    let ran = project.karat(&["review", "--all-goldens", "--static"]).arg(&report).output();
     assert!(ran.expect("it was built").status.success());
     assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
 }
@@ -442,7 +442,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     project.git(&["init", "-q"]);
     project.git(&["add", "golden"]);
     project.git(&["commit", "-q", "-m", "both"]);
-    let (_server, mut browser, tab) = open(&project, &["--goldens"]);
+    let (_server, mut browser, tab) = open(&project, &["--all-goldens"]);
     let names = "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["tiny", "rooms/dark"]));
     assert_eq!(browser.text(&tab, "#cases .folder"), "accepted goldens");

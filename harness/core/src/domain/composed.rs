@@ -5,14 +5,14 @@ use std::marker::PhantomData;
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
-/// See [`Domain::composed`].
+/// See [`Domain::compose`].
 ///
 /// ```
 /// use glam::Vec2;
 /// # use karat::prelude::*;
 ///
 /// // One `vec2f`, not two numbers.
-/// let uv = (0.0..=1.0, 0.0..=1.0).composed::<Vec2>();
+/// let uv = (0.0..=1.0, 0.0..=1.0).compose::<Vec2>();
 /// let package = Package::from_source("m", "fn swap(uv: vec2f) -> vec2f { return uv.yx; }");
 /// package.function("swap").over(uv).stays_within(0.0, 1.0);
 /// ```
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_structure_is_made_of_its_members() {
-        let domain = (UnitRgb, 0.25..=1.0_f32, Integers(1..=4_u32)).composed::<Layer>();
+        let domain = (UnitRgb, 0.25..=1.0_f32, Integers(1..=4_u32)).compose::<Layer>();
         assert!(domain.emptiness().is_none());
         for index in 0..1000 {
             let layer: Layer = domain.draw(&mut Source::new(7, index)).expect("it draws");
@@ -151,11 +151,11 @@ mod tests {
     #[test]
     fn a_vector_is_made_of_numbers_and_of_vectors() {
         let unit = || 0.0..=1.0_f32;
-        let square = (unit(), 2.0..=3.0_f32).composed::<Vec2>();
+        let square = (unit(), 2.0..=3.0_f32).compose::<Vec2>();
         let at = square.draw(&mut Source::new(1, 1)).expect("it draws");
         assert!((0.0..=1.0).contains(&at.x) && (2.0..=3.0).contains(&at.y));
         assert!(
-            ((unit(), unit()).composed::<Vec2>(), unit()).composed::<Vec3>().emptiness().is_none()
+            ((unit(), unit()).compose::<Vec2>(), unit()).compose::<Vec3>().emptiness().is_none()
         );
     }
 
@@ -164,10 +164,10 @@ mod tests {
         let unit = || 0.0..=1.0_f32;
         let told = |emptiness: Option<Emptiness>| emptiness.expect("it doesn't fit").fault;
         assert_eq!(
-            told((unit(), unit()).composed::<Vec3>().emptiness()),
+            told((unit(), unit()).compose::<Vec3>().emptiness()),
             "is of (f32, f32), where a vec3<f32> has 3 numbers of its type"
         );
-        let swapped = (0.0..=1.0_f32, UnitRgb, Integers(1..=4_u32)).composed::<Layer>();
+        let swapped = (0.0..=1.0_f32, UnitRgb, Integers(1..=4_u32)).compose::<Layer>();
         assert_eq!(
             told(swapped.emptiness()),
             "is of (f32, vec3<f32>, u32), where Layer has (vec3<f32>, f32, u32)"

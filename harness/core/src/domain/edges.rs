@@ -56,10 +56,10 @@ impl Edges<f32> {
     /// ```
     /// use karat::{Domain, Edges};
     ///
-    /// assert!(Edges::f32().and_non_finite().edges().contains(&f32::INFINITY));
+    /// assert!(Edges::f32().with_non_finite().edges().contains(&f32::INFINITY));
     /// ```
     #[must_use]
-    pub fn and_non_finite(mut self) -> Self {
+    pub fn with_non_finite(mut self) -> Self {
         self.0.extend([f32::INFINITY, f32::NEG_INFINITY, f32::NAN]);
         self
     }
@@ -192,7 +192,7 @@ impl AnyF32 {
         Self { edges: Edges::f32() }
     }
 
-    /// With infinities and NaN: see [`Edges::and_non_finite`].
+    /// With infinities and NaN: see [`Edges::with_non_finite`].
     ///
     /// ```
     /// use karat::domain::{AnyF32, Domain};
@@ -201,7 +201,7 @@ impl AnyF32 {
     /// ```
     #[must_use]
     pub fn with_non_finite() -> Self {
-        Self { edges: Edges::f32().and_non_finite() }
+        Self { edges: Edges::f32().with_non_finite() }
     }
 }
 
@@ -258,7 +258,7 @@ mod tests {
         assert!(edges.iter().all(|edge| edge.is_finite()));
         let normal = Edges::f32().without_denormals().0;
         assert!(normal.iter().all(|edge| !edge.is_subnormal()) && normal.contains(&-0.0));
-        let more = Edges::f32().and_non_finite().0;
+        let more = Edges::f32().with_non_finite().0;
         assert_eq!(more.len(), edges.len() + 3);
         assert_eq!(Edges::u32().admits(&65_537), Some(true));
         assert_eq!(Edges::i32().admits(&i32::MIN), Some(true));

@@ -29,7 +29,7 @@ impl ExposureMap {
     pub(super) fn new(rect: Rect, mut values: Vec<f32>, pair: &Pair<'_>) -> Self {
         for (index, value) in (0..).zip(&mut values) {
             let (x, y) = (rect.left + index % rect.width, rect.top + index / rect.width);
-            if !pair.counts(x, y) {
+            if !pair.is_compared(x, y) {
                 *value = f32::NAN;
             }
         }

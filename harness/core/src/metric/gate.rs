@@ -195,7 +195,7 @@ impl Gate {
                 worst = Some(WorstPixel { x, y, channel, golden, actual, ratio: largest });
             }
         });
-        let sweep = outliers.map(|count| 100.0 * count as f32 / pair.compared() as f32);
+        let sweep = outliers.map(|count| 100.0 * count as f32 / pair.compared_count() as f32);
         let (count, rect) = (outliers[0], worst.map(|_| Rect::spanning(bounds)));
         Some(Outliers { count, rect: rect?, worst: worst?, sweep })
     }

@@ -141,7 +141,7 @@ impl Noise<'_> {
             }
             let sound = |pixel: &[f32; 4]| pixel[..3].iter().all(|v| *v >= 0.0 && v.is_finite());
             let places = (0..).map(|index| pair.place(index)).zip(image.pixels());
-            let mut unsound = places.filter(|((x, y), p)| pair.counts(*x, *y) && !sound(p));
+            let mut unsound = places.filter(|((x, y), p)| pair.is_compared(*x, *y) && !sound(p));
             if let Some(((x, y), [red, green, blue, _])) = unsound.next() {
                 return Some(format!(
                     "the variance of the {name} is {red}, {green}, {blue} at ({x}, {y}); each is a \
@@ -164,7 +164,7 @@ impl Noise<'_> {
         let variances = self.golden.pixels().iter().zip(self.actual.pixels());
         for (index, ((golden, actual), (vg, va))) in images.zip(variances).enumerate() {
             let (x, y) = pair.place(index);
-            if !pair.counts(x, y) {
+            if !pair.is_compared(x, y) {
                 continue;
             }
             let (weight, light) = (surroundings.weight(index), colour(golden));
@@ -233,7 +233,7 @@ impl Surroundings {
         let light = |(index, (golden, actual)): (usize, (&[f32; 4], &[f32; 4]))| {
             let (x, y) = pair.place(index);
             let halves = [golden, actual].map(|pixel| 0.5 * Vec4::from_array(*pixel).abs());
-            if pair.counts(x, y) { (halves[0] + halves[1]).with_w(1.0) } else { Vec4::ZERO }
+            if pair.is_compared(x, y) { (halves[0] + halves[1]).with_w(1.0) } else { Vec4::ZERO }
         };
         Self {
             width: pair.golden().width() as usize,

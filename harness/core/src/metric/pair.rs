@@ -24,7 +24,7 @@ pub(super) const STRIP: usize = 512;
 ///
 /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
 /// let pair = Pair::new(&golden, &actual)?;
-/// assert_eq!((pair.compared(), pair.is_identical()), (2, false));
+/// assert_eq!((pair.compared_count(), pair.is_identical()), (2, false));
 /// # Ok::<(), karat::metric::PairError>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -100,7 +100,7 @@ impl<'a> Pair<'a> {
     ///
     /// let image = Image::new(4, 4, vec![[1.0; 4]; 16]);
     /// let pair = Pair::masked(&image, &image, &Mask::only(&[Rect::new(0, 0, 2, 2)]))?;
-    /// assert_eq!(pair.compared(), 4);
+    /// assert_eq!(pair.compared_count(), 4);
     /// # Ok::<(), karat::metric::PairError>(())
     /// ```
     ///
@@ -246,11 +246,11 @@ impl<'a> Pair<'a> {
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
-    /// assert!(pair.counts(1, 0)); // no mask leaves it out
+    /// assert!(pair.is_compared(1, 0)); // no mask leaves it out
     /// # Ok::<(), karat::metric::PairError>(())
     /// ```
     #[must_use]
-    pub fn counts(&self, x: u32, y: u32) -> bool {
+    pub fn is_compared(&self, x: u32, y: u32) -> bool {
         let index = y as usize * self.golden.width() as usize + x as usize;
         self.mask.as_ref().is_none_or(|flags| flags[index])
     }
@@ -263,11 +263,11 @@ impl<'a> Pair<'a> {
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
-    /// assert_eq!(pair.compared(), 2);
+    /// assert_eq!(pair.compared_count(), 2);
     /// # Ok::<(), karat::metric::PairError>(())
     /// ```
     #[must_use]
-    pub fn compared(&self) -> usize {
+    pub fn compared_count(&self) -> usize {
         self.compared
     }
 
@@ -288,7 +288,7 @@ impl<'a> Pair<'a> {
             return width as usize * height as usize;
         }
         let all = (top..top + height).flat_map(|y| (left..left + width).map(move |x| (x, y)));
-        all.filter(|(x, y)| self.counts(*x, *y)).count()
+        all.filter(|(x, y)| self.is_compared(*x, *y)).count()
     }
 
     /// What is computed once of the pair; of another type than the first it is computed each time.

@@ -152,9 +152,9 @@ impl ErrorMap {
     /// ```
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
-        let counted = self.pixels().filter(|(x, y, _)| pair.counts(*x, *y));
+        let counted = self.pixels().filter(|(x, y, _)| pair.is_compared(*x, *y));
         // A sum of nothing is -0.
-        (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared() as f64
+        (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared_count() as f64
     }
 
     /// The [`TILE`] with the largest mean, and that mean, over those of its pixels that are
@@ -177,7 +177,7 @@ impl ErrorMap {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
         let mut cells = vec![0.0; columns as usize * rows as usize];
-        for (x, y, value) in self.pixels().filter(|(x, y, _)| pair.counts(*x, *y)) {
+        for (x, y, value) in self.pixels().filter(|(x, y, _)| pair.is_compared(*x, *y)) {
             cells[(y / CELL * columns + x / CELL) as usize] += value;
         }
         let cell = |column: u32, row: u32| {

@@ -38,8 +38,8 @@ impl Spec {
     ///     .over((1.1..=2.5, 0.0..=1.0))
     ///     .agrees_with(|ior: f64, c: f64| ior * c, Spec.needing(Rel(1e-2))); // two digits are enough
     /// ```
-    pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
-        Granting { need: tolerance.into(), otherwise: None, measured: false }
+    pub fn needing(self, tolerance: impl Into<Tolerance>) -> SpecTolerance {
+        SpecTolerance { need: tolerance.into(), otherwise: None, measured: false }
     }
 
     /// [`Spec`], and this tolerance where WGSL allows too much.
@@ -52,8 +52,8 @@ impl Spec {
     ///     .over(-1.0..=1.0)
     ///     .agrees_with(|c: f64| 0.75 * (1.0 + c * c), Spec.or(Abs(1e-6)));
     /// ```
-    pub fn or(self, tolerance: impl Into<Tolerance>) -> Granting {
-        Granting::from(self).or(tolerance)
+    pub fn or(self, tolerance: impl Into<Tolerance>) -> SpecTolerance {
+        SpecTolerance::from(self).or(tolerance)
     }
 }
 
@@ -74,13 +74,13 @@ impl Spec {
 /// SHADERS
 ///     .function("phase::henyey_greenstein")
 ///     .over((-0.9..=0.9, -1.0..=1.0))
-///     .agrees_with(|g: f64, c: f64| (1.0 - g * g) / (1.0 + g * g - 2.0 * g * c).powf(1.5), Device);
+///     .agrees_with(|g: f64, c: f64| (1.0 - g * g) / (1.0 + g * g - 2.0 * g * c).powf(1.5), DeviceSpec);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Device;
+pub struct DeviceSpec;
 
-impl Device {
-    /// [`Device`] for whoever needs more or fewer digits.
+impl DeviceSpec {
+    /// [`DeviceSpec`] for whoever needs more or fewer digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -88,13 +88,13 @@ impl Device {
     /// SHADERS
     ///     .function("noise::wave")
     ///     .over(-100.0..=100.0)
-    ///     .agrees_with(|x: f64| x.sin(), Device.needing(Abs(1e-4)));
+    ///     .agrees_with(|x: f64| x.sin(), DeviceSpec.needing(Abs(1e-4)));
     /// ```
-    pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
-        Granting { measured: true, ..Spec.needing(tolerance) }
+    pub fn needing(self, tolerance: impl Into<Tolerance>) -> SpecTolerance {
+        SpecTolerance { measured: true, ..Spec.needing(tolerance) }
     }
 
-    /// [`Device`], and this tolerance where the adapter may be too far off.
+    /// [`DeviceSpec`], and this tolerance where the adapter may be too far off.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -102,24 +102,24 @@ impl Device {
     /// SHADERS
     ///     .function("noise::wave")
     ///     .over(-100.0..=100.0)
-    ///     .agrees_with(|x: f64| x.sin(), Device.or(Abs(1e-6)));
+    ///     .agrees_with(|x: f64| x.sin(), DeviceSpec.or(Abs(1e-6)));
     /// ```
-    pub fn or(self, tolerance: impl Into<Tolerance>) -> Granting {
-        Granting::from(self).or(tolerance)
+    pub fn or(self, tolerance: impl Into<Tolerance>) -> SpecTolerance {
+        SpecTolerance::from(self).or(tolerance)
     }
 }
 
-/// [`Spec`] or [`Device`] with what its author needs.
+/// [`Spec`] or [`DeviceSpec`] with what its author needs.
 ///
 /// ```
 /// use karat::{Abs, Rel, Spec};
 ///
-/// let granting = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
-/// assert_eq!(granting.to_string(), "what WGSL allows if that is within rel 1e-2, or else abs 1e-6");
+/// let spec_tolerance = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
+/// assert_eq!(spec_tolerance.to_string(), "what WGSL allows if that is within rel 1e-2, or else abs 1e-6");
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
-pub struct Granting {
+pub struct SpecTolerance {
     /// How far apart results may be that WGSL allows.
     #[doc(hidden)]
     pub need: Tolerance,
@@ -131,33 +131,33 @@ pub struct Granting {
     pub measured: bool,
 }
 
-impl Granting {
+impl SpecTolerance {
     /// Judges by this tolerance where WGSL allows more than is needed, or anything.
     ///
     /// ```
     /// use karat::{Abs, Rel, Spec};
     ///
-    /// let granting = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
-    /// # let _ = granting;
+    /// let spec_tolerance = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
+    /// # let _ = spec_tolerance;
     /// ```
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
 }
 
-impl From<Spec> for Granting {
+impl From<Spec> for SpecTolerance {
     fn from(spec: Spec) -> Self {
         spec.needing(Rel(NEED))
     }
 }
 
-impl From<Device> for Granting {
-    fn from(device: Device) -> Self {
+impl From<DeviceSpec> for SpecTolerance {
+    fn from(device: DeviceSpec) -> Self {
         device.needing(Rel(NEED))
     }
 }
 
-impl fmt::Display for Granting {
+impl fmt::Display for SpecTolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self.measured { "what this adapter keeps to" } else { "what WGSL allows" })?;
         match &self.need {
@@ -185,7 +185,7 @@ pub enum Criterion {
     /// Its distance from the reference.
     Within(Tolerance),
     /// What WGSL allows, or what the adapter was measured to keep to.
-    Allowed(Granting),
+    Allowed(SpecTolerance),
 }
 
 macro_rules! within {
@@ -205,15 +205,15 @@ impl From<Spec> for Criterion {
     }
 }
 
-impl From<Device> for Criterion {
-    fn from(device: Device) -> Self {
+impl From<DeviceSpec> for Criterion {
+    fn from(device: DeviceSpec) -> Self {
         Self::Allowed(device.into())
     }
 }
 
-impl From<Granting> for Criterion {
-    fn from(granting: Granting) -> Self {
-        Self::Allowed(granting)
+impl From<SpecTolerance> for Criterion {
+    fn from(spec_tolerance: SpecTolerance) -> Self {
+        Self::Allowed(spec_tolerance)
     }
 }
 
@@ -221,7 +221,7 @@ impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Within(tolerance) => tolerance.fmt(f),
-            Self::Allowed(granting) => granting.fmt(f),
+            Self::Allowed(spec_tolerance) => spec_tolerance.fmt(f),
         }
     }
 }

@@ -29,7 +29,7 @@ where
     /// out within a cell, and a spike of the density that neither a sample nor a quadrature node
     /// meets. So compare the density itself with a reference as well.
     ///
-    /// The density's integral has to be 1. With [`may_leave`](Self::may_leave) it may be less; the
+    /// The density's integral has to be 1. With [`may_leave_support`](Self::may_leave_support) it may be less; the
     /// rest has to be the share of samples outside the support. A sample whose density is 0 fails
     /// the check, whatever the other samples do.
     ///

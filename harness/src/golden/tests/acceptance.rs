@@ -329,7 +329,7 @@ fn a_frame_of_another_folder_is_refused() {
     assert_eq!((found, all.unusable.len()), (vec!["a/golden", "b/golden"], 0));
     let acceptance = Acceptance { because: "why".to_owned(), ..Acceptance::default() };
     let error = other.accept(&all.frames[0], &acceptance).expect_err("it is the other's");
-    let text = "`logo` was compared with goldens of `a/golden`: name them with --golden a/golden";
+    let text = "`logo` was compared with goldens of `a/golden`: name them with --goldens a/golden";
     assert_eq!(error.to_string(), text);
     let accepted = one.accept(&all.frames[0], &acceptance).expect("it is its own");
     let golden = pending_at(&accepted.golden).provenance;

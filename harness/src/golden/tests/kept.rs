@@ -59,7 +59,7 @@ fn noise_is_kept_with_the_golden() {
     assert_eq!(project.parts(), ["color", "color.variance"]);
 
     let margin = check(&noisy(-0.1, 0.0), 0.01).expect("nothing but noise");
-    assert_eq!((margin.decided_by, margin.beyond_gate), (Criterion::Noise, 64 * 48));
+    assert_eq!((margin.decided_by, margin.beyond_gate), (FrameCriterion::Noise, 64 * 48));
     assert!(margin.to_string().starts_with("passes by noise: the gate is exceeded by 3072 pixels"));
     let failed = check(&noisy(-0.1, 0.05), 0.01).expect_err("it is brighter");
     assert!(failed.to_string().contains("noise alone has"), "{failed}");

@@ -82,16 +82,16 @@ fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
 fn what_passes_says_what_decided() {
     let project = Project::with_golden();
     let margin = project.check("vulkan", &ramp(), None, None).expect("equal");
-    assert_eq!((margin.decided_by, margin.to_string().as_str()), (Criterion::Bits, "equal"));
+    assert_eq!((margin.decided_by, margin.to_string().as_str()), (FrameCriterion::Bits, "equal"));
     let drift = with(&[(3, 30)], 1.0 + 1.0 / 1024.0);
     let margin = project.check("vulkan", &drift, None, None).expect("within the gate");
-    assert_eq!(margin.decided_by, Criterion::Gate);
+    assert_eq!(margin.decided_by, FrameCriterion::Gate);
     assert!(margin.ratio > 0.9 && margin.ratio <= 1.0, "{margin:?}");
 
     // A pixel of an edge, a twentieth off.
     let edge = with(&[(3, 30)], 1.05);
     let margin = project.check("vulkan", &edge, None, None).expect("FLIP sees next to nothing");
-    assert_eq!((margin.decided_by, margin.beyond_gate), (Criterion::Flip, 1));
+    assert_eq!((margin.decided_by, margin.beyond_gate), (FrameCriterion::Flip, 1));
     insta::assert_snapshot!(margin, @"passes by FLIP: the gate is exceeded by 1 pixel, largest FLIP tile 0.00101 of 0.01, mean FLIP 8.61e-5 of 0.005");
     let mask = Mask::only(&[Rect::new(0, 24, 64, 24)]);
     let margin = project.check("vulkan", &edge, None, Some(&mask)).expect("it passes");
@@ -125,7 +125,7 @@ fn tolerances_are_trees() {
         assert_eq!(check(&tolerance).is_ok(), passes, "{tolerance}");
     }
     let decided = check(&Any(vec![gate(), All(vec![FlipTile(0.01), red(0.49)])])).expect("passes");
-    assert_eq!((decided.decided_by, decided.ratio), (Criterion::Metric, 0.98));
+    assert_eq!((decided.decided_by, decided.ratio), (FrameCriterion::Metric, 0.98));
     assert_eq!(decided.tolerance, "rel 1e-3 or (FLIP tile 0.01 and red 0.5)");
     for (useless, reason) in [
         (FrameTolerance::gate(f32::NAN), "NaN; it is a relative difference from 0 to below 1"),

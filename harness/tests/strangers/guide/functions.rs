@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3, Vec4};
+use karat::Path;
 use karat::prelude::*;
 
 pub(super) static SHADERS: Package = karat::package!("tests/strangers/shaders");
@@ -76,7 +77,7 @@ fn grading() {
     SHADERS
         .function("grade::graded")
         .with("curve", curve)
-        .with("curve_sampler", Sampler::Linear)
+        .with("curve_sampler", Sampler::LINEAR)
         .with("exposure", Uniform::new(2.0_f32))
         .with("offsets", Storage::new([0.0_f32, 0.25, 0.5]))
         .over((0.0..=1.0, Integers(0..=2_u32)))

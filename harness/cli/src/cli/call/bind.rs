@@ -90,7 +90,7 @@ pub(super) fn fixtures(
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
         bail!(
-            "`{name}`, a {kind}, is used{place}: add --bind {name}={}, or --made-up",
+            "`{name}`, a {kind}, is used{place}: add --bind {name}={}, or --arbitrary",
             example(missing.kind)
         );
     }

@@ -1,4 +1,4 @@
-//! `karat call --cases`: a table of cases, evaluated, and compared if it says what is expected.
+//! `karat call --table`: a table of cases, evaluated, and compared if it says what is expected.
 
 use std::fs::File;
 use std::io::{Read, Write};

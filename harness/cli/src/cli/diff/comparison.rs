@@ -217,7 +217,7 @@ impl Comparison {
             verdict,
             reason: (verdict == Ending::Differs).then_some(Reason::Values),
             tolerance: bounds.tolerance.to_string(),
-            compared: pair.compared(),
+            compared: pair.compared_count(),
             own_mask: false,
             gate: Some(gate),
             flip: Some(flip),

@@ -147,7 +147,7 @@ fn readme(
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
-    writeln!(text, "Karat repeats it here: `karat matrix --package shader.wgsl --columns {all}`.")?;
+    writeln!(text, "Karat repeats it here: `karat matrix --shaders shader.wgsl --columns {all}`.")?;
     Ok(text)
 }
 

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::unstable::record::{Grant, PathRecord, Record, Subject, Verdict};
+use karat::unstable::record::{Allowance, PathRecord, Record, Subject, Verdict};
 
 use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
@@ -164,7 +164,7 @@ fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<u
             continue;
         };
         failed += usize::from(is_failure(record));
-        add_rows(&mut table, &[function, check], record, assertion, Some(grant));
+        add_rows(&mut table, &[function, check], record, assertion, Some(allowance));
     }
     if !table.is_empty() {
         table.write(out)?;
@@ -193,18 +193,18 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
 }
 
 /// A row for each path of a record, or one that says that none ran.
-/// `grant` is what a table shows of what WGSL allows.
+/// `allowance` is what a table shows of what WGSL allows.
 fn add_rows(
     table: &mut Table,
     names: &[&str],
     record: &Record,
     assertion: &str,
-    grant: Option<fn(&Grant) -> String>,
+    allowance: Option<fn(&Allowance) -> String>,
 ) {
-    let mut row = |style, cells: [&str; 4], granted: Option<&Grant>, asserted: &str| {
-        let grant = grant.map(|text| granted.map(text).unwrap_or_default());
+    let mut row = |style, cells: [&str; 4], allowed: Option<&Allowance>, asserted: &str| {
+        let allowance = allowance.map(|text| allowed.map(text).unwrap_or_default());
         let cells = names.iter().chain(&cells).map(ToString::to_string);
-        table.row(style, cells.chain(grant).chain([asserted.to_owned()]).collect());
+        table.row(style, cells.chain(allowance).chain([asserted.to_owned()]).collect());
     };
     if record.paths.is_empty() {
         row(BAD, ["-", "0", "ERROR", ""], None, assertion);
@@ -217,7 +217,7 @@ fn add_rows(
         if otherwise {
             let cells =
                 [&*path.adapter.path, &path.cases.to_string(), "FAIL (see its message)", ""];
-            row(BAD, cells, path.granted.as_ref(), &path.asserted);
+            row(BAD, cells, path.allowed.as_ref(), &path.asserted);
             continue;
         }
         let good = passes(path);
@@ -235,22 +235,22 @@ fn add_rows(
         };
         let cases = path.cases.to_string();
         let cells = [&*path.adapter.path, &cases, worst.trim_end(), &share];
-        row(style, cells, path.granted.as_ref(), &asserted);
+        row(style, cells, path.allowed.as_ref(), &asserted);
     }
 }
 
 /// The largest error that WGSL allows over its bound, and in how much of the cases it is above it:
 /// `40%`, `300% in 12%`, `anything in 3%`. Any error is infinitely more than a tolerance of nothing:
 /// `more in 12%`.
-fn grant(grant: &Grant) -> String {
-    let worst = match grant.worst {
+fn allowance(allowance: &Allowance) -> String {
+    let worst = match allowance.worst {
         Some(worst) => percentage(worst),
-        None if grant.unbounded == 0 => "more".to_owned(),
+        None if allowance.unbounded == 0 => "more".to_owned(),
         None => "anything".to_owned(),
     };
     #[expect(clippy::cast_precision_loss, reason = "a share to two digits")]
-    let share = 100.0 * grant.wider as f64 / grant.cases as f64;
-    match grant.wider {
+    let share = 100.0 * allowance.wider as f64 / allowance.cases as f64;
+    match allowance.wider {
         0 => worst,
         _ if share < 1.0 => format!("{worst} in <1%"),
         _ => format!("{worst} in {share:.0}%"),
@@ -261,14 +261,17 @@ fn grant(grant: &Grant) -> String {
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     // A wrong shader says nothing of its tolerance.
     let passes = |record: &&&Record| record.verdict == Verdict::Pass;
-    let grants = |record: &&&Record| {
-        passes(record) && record.paths.iter().any(|path| path.granted.is_some())
+    let allowances = |record: &&&Record| {
+        passes(record) && record.paths.iter().any(|path| path.allowed.is_some())
     };
     let is_wider = |record: &&&Record| {
         passes(record)
-            && record.paths.iter().any(|path| path.granted.is_some_and(|grant| grant.wider > 0))
+            && record
+                .paths
+                .iter()
+                .any(|path| path.allowed.is_some_and(|allowance| allowance.wider > 0))
     };
-    let declared = records.iter().filter(grants).count();
+    let declared = records.iter().filter(allowances).count();
     let wider = records.iter().filter(is_wider).count();
     if wider > 0 {
         writeln!(
@@ -309,18 +312,19 @@ pub(super) mod tests {
 
     #[test]
     fn tolerances_below_what_wgsl_allows_are_told() {
-        let grant = |wider, worst| grant(&Grant { cases: 200, wider, worst, unbounded: wider });
-        assert_eq!(grant(0, Some(0.4)), "40%");
-        assert_eq!(grant(50, Some(3.0)), "300% in 25%");
-        assert_eq!(grant(1, None), "anything in <1%");
-        let inexact = Grant { cases: 200, wider: 100, worst: None, unbounded: 0 };
-        assert_eq!(self::grant(&inexact), "more in 50%");
+        let allowance =
+            |wider, worst| allowance(&Allowance { cases: 200, wider, worst, unbounded: wider });
+        assert_eq!(allowance(0, Some(0.4)), "40%");
+        assert_eq!(allowance(50, Some(3.0)), "300% in 25%");
+        assert_eq!(allowance(1, None), "anything in <1%");
+        let inexact = Allowance { cases: 200, wider: 100, worst: None, unbounded: 0 };
+        assert_eq!(self::allowance(&inexact), "more in 50%");
         let mut records = [record(Verdict::Pass, 0, None)];
         let mut text = Vec::new();
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         assert!(text.is_empty(), "nothing is known");
-        records[0].paths[0].granted =
-            Some(Grant { cases: 200, wider: 1, worst: None, unbounded: 1 });
+        records[0].paths[0].allowed =
+            Some(Allowance { cases: 200, wider: 1, worst: None, unbounded: 1 });
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
@@ -346,7 +350,7 @@ pub(super) mod tests {
             ratio: Some(7.0),
             asserted: "1 ulp".to_owned(),
             known_issue: known_issue.map(str::to_owned),
-            granted: None,
+            allowed: None,
             errors: None,
             plot: None,
             histogram: None,

@@ -104,12 +104,12 @@ fn answer(
     known.retain(|name, _| all.contains(name));
     let mut concerned = Vec::new();
     for test in tests {
-        let essence = suite.essence(test);
-        let same = essence.is_some() && known.get(&test.name) == Some(&essence);
+        let normalized_text = suite.normalized_text(test);
+        let same = normalized_text.is_some() && known.get(&test.name) == Some(&normalized_text);
         if same && !request.all && latest.renew(&test.name, files) {
             continue;
         }
-        known.insert(test.name.clone(), essence);
+        known.insert(test.name.clone(), normalized_text);
         concerned.push(test);
     }
     let asked: Vec<&str> = concerned.iter().map(|test| &*test.name).collect();

@@ -40,7 +40,7 @@ pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> Str
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut command = Command::new(program);
         command.arg("accept").args(frames).args(["--because", because]);
-        command.arg("--golden").arg(folder);
+        command.arg("--goldens").arg(folder);
         command.current_dir(project.root()).stdin(Stdio::null());
         let ran = command.output().context("can't run `karat accept`")?;
         let text = [ran.stdout, ran.stderr].concat();

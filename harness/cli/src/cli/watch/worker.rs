@@ -112,8 +112,8 @@ impl Worker {
         // Frames need a driver.
         command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
-        if std::env::var_os("KARAT_DEADLINE").is_none() {
-            command.env("KARAT_DEADLINE", DEADLINE);
+        if std::env::var_os("KARAT_TIMEOUT").is_none() {
+            command.env("KARAT_TIMEOUT", DEADLINE);
         }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().context("a process for tests can't be started")?;

@@ -143,7 +143,7 @@ impl Run<'_> {
 impl Settings {
     /// Tests of one configuration: the histogram, and the number of samples beside it.
     pub(super) fn tests(&self) -> u64 {
-        if self.may_leave { 2 } else { 1 }
+        if self.may_leave_support { 2 } else { 1 }
     }
 
     /// Rows and columns of cells.

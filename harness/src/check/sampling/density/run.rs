@@ -122,7 +122,7 @@ impl Run<'_> {
         let bound = settings.mass + self.half_rounding(0) + error;
         let off = total - 1.0;
         // A density that leaves samples out is short of 1 by as much as they are.
-        let right = if settings.may_leave { off <= bound } else { off.abs() <= bound };
+        let right = if settings.may_leave_support { off <= bound } else { off.abs() <= bound };
         if !right {
             judgement.findings.push(Finding::Mass { integral: total, bound });
         }
@@ -130,7 +130,7 @@ impl Run<'_> {
             judgement.p = 0.0;
         }
         // A density whose integral is wrong says nothing of how many samples leave.
-        if settings.may_leave && right {
+        if settings.may_leave_support && right {
             // Of all shares within the integral's error, the one that the samples speak for most.
             let share = left as f64 / samples as f64;
             let nearest =
@@ -182,10 +182,10 @@ impl Run<'_> {
             .map_err(|none| self.evidence(none))?;
         let bound = settings.mass + self.half_rounding(0) + claimed.error;
         let off = claimed.total - 1.0;
-        if off > bound || !settings.may_leave && off < -bound {
+        if off > bound || !settings.may_leave_support && off < -bound {
             return Ok(1.0); // whatever the samples
         }
-        if !settings.may_leave {
+        if !settings.may_leave_support {
             return Ok(shape);
         }
         let deviation = (actual.total * (1.0 - actual.total) / samples).max(0.0).sqrt();
@@ -228,7 +228,7 @@ impl Run<'_> {
                         counts.left += 1;
                         // It reflects nothing, and counts as such.
                         counts.weights.iter_mut().for_each(|moments| moments.add(0.0));
-                        if !settings.may_leave {
+                        if !settings.may_leave_support {
                             counts.outside.add(shown);
                         }
                         continue;

@@ -1,4 +1,4 @@
-//! What of a text means something: two texts with the same essence are the same program.
+//! What of a text means something: two texts with the same normalized_text are the same program.
 
 use super::Program;
 use crate::package::plain;
@@ -6,7 +6,7 @@ use crate::package::plain;
 impl Program {
     /// The linked text without comments, and with one blank in place of many.
     #[must_use]
-    pub fn essence(&self) -> String {
+    pub fn normalized_text(&self) -> String {
         plain(self.text())
     }
 }

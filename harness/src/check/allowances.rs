@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use crate::interpret::{Bound, Interpreted};
 use crate::probe::ProbeError;
-use crate::record::Grant;
+use crate::record::Allowance;
 use crate::reflect::Program;
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
@@ -21,13 +21,13 @@ pub(super) fn wanted(program: &Program) -> usize {
 }
 
 /// What WGSL allows some cases of a batch.
-pub(super) struct Grants {
+pub(super) struct Allowances {
     cases: Vec<usize>,
     /// Those of each case, one after the other.
     bounds: Vec<Bound>,
 }
 
-impl Grants {
+impl Allowances {
     /// Asks for cases of a batch: half of them its first ones, where edges are, and others that are
     /// spread over it. `left` is how many are still to be asked for.
     pub(super) fn of(
@@ -52,17 +52,18 @@ impl Grants {
         scalars: &[Scalar],
         expected: &[f64],
         tolerance: &Tolerance,
-    ) -> Grant {
+    ) -> Allowance {
         let cases = self.cases.len() as u64;
-        let mut grant = Grant { cases, wider: 0, worst: Some(0.0), unbounded: 0 };
+        let mut allowance = Allowance { cases, wider: 0, worst: Some(0.0), unbounded: 0 };
         for (case, bounds) in self.cases.iter().zip(self.bounds.chunks(scalars.len())) {
             let expected = &expected[case * scalars.len()..][..scalars.len()];
             let ratio = allowed(scalars, bounds, expected, tolerance);
-            grant.unbounded += u64::from(bounds.iter().any(|bound| bound.ends().is_none()));
-            grant.wider += u64::from(!(ratio <= 1.0));
-            grant.worst = grant.worst.map(|worst| worst.max(ratio)).filter(|x| x.is_finite());
+            allowance.unbounded += u64::from(bounds.iter().any(|bound| bound.ends().is_none()));
+            allowance.wider += u64::from(!(ratio <= 1.0));
+            allowance.worst =
+                allowance.worst.map(|worst| worst.max(ratio)).filter(|x| x.is_finite());
         }
-        grant
+        allowance
     }
 }
 
@@ -89,9 +90,13 @@ mod tests {
     use crate::probe::Probed;
     use crate::tolerance::{Abs, Ulp};
 
-    fn grant(body: &str, reference: fn(f64) -> f64, tolerance: impl Into<Tolerance>) -> Grant {
+    fn allowance(
+        body: &str,
+        reference: fn(f64) -> f64,
+        tolerance: impl Into<Tolerance>,
+    ) -> Allowance {
         let text = format!("fn f(x: f32) -> f32 {{ return {body}; }}");
-        let package = Package::from_source("grants", text.as_str());
+        let package = Package::from_source("allowances", text.as_str());
         let probed = Probed::new(&package, "f").expect("it is valid");
         let fixtures = Vec::new();
         let witness = Interpreted::new(&probed, &fixtures).expect("the engine executes it");
@@ -100,28 +105,28 @@ mod tests {
         let rows = x.iter().map(|x| x.to_bits()).collect();
         let batch = Batch::new(0, rows, 1000, 1, 1);
         let mut left = 100;
-        let grants = Grants::of(&witness, &batch, &mut left).expect("it runs");
+        let allowances = Allowances::of(&witness, &batch, &mut left).expect("it runs");
         assert_eq!((left, wanted(&probed.program)), (0, 128));
-        grants.against(&[Scalar::F32], &expected, &tolerance.into())
+        allowances.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
     /// A sine may be off by 2^-11.
     #[test]
     fn tolerances_that_other_drivers_may_leave_are_found() {
-        let loose = grant("sin(x)", f64::sin, Abs(1e-3));
+        let loose = allowance("sin(x)", f64::sin, Abs(1e-3));
         assert_eq!((loose.cases, loose.wider), (100, 0));
         let worst = loose.worst.expect("WGSL bounds it");
         assert!((worst - 0.488).abs() < 0.01, "{worst}");
-        let tight = grant("sin(x)", f64::sin, Ulp(4.0));
+        let tight = allowance("sin(x)", f64::sin, Ulp(4.0));
         assert_eq!(tight.wider, 100);
         assert!(tight.worst.is_some_and(|worst| worst > 1000.0), "{tight:?}");
         // Of 100 cases the first is 0, to a power.
-        let unbounded = grant("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
+        let unbounded = allowance("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
         assert_eq!((unbounded.wider, unbounded.worst, unbounded.unbounded), (1, None, 1));
         // A driver has the constant that the shader has; the reference alone may have another 0.3.
-        let constant = grant("0.3", |_| f64::from(0.3_f32), Ulp(0.0));
+        let constant = allowance("0.3", |_| f64::from(0.3_f32), Ulp(0.0));
         assert_eq!((constant.wider, constant.worst), (0, Some(0.0)));
-        let inexact = grant("0.3 * x", |x| f64::from(0.3_f32) * x, Ulp(0.0));
+        let inexact = allowance("0.3 * x", |x| f64::from(0.3_f32) * x, Ulp(0.0));
         assert!(inexact.wider > 50 && inexact.unbounded == 0, "{inexact:?}");
     }
 }

@@ -15,9 +15,9 @@ impl Suite {
     /// All that a test's verdict depends on, but for comments and blanks of shaders and the driver; `None`
     /// where it can't be told, as of a shader that isn't valid.
     #[must_use]
-    pub fn essence(&self, test: &Test) -> Option<String> {
+    pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
-            Kind::Wgsl(test) => test.essence().map(str::to_owned),
+            Kind::Wgsl(test) => test.normalized_text().map(str::to_owned),
             Kind::Function(assertion) => {
                 let mut text = self.fingerprint(&assertion.function)?.to_owned();
                 match &assertion.what {
@@ -33,7 +33,7 @@ impl Suite {
             }
             Kind::Frame(frame) => {
                 let module = frame.module.as_deref().unwrap_or_default();
-                let text = Program::of_module(&self.package, module).ok()?.essence();
+                let text = Program::of_module(&self.package, module).ok()?.normalized_text();
                 let golden = content(&frame.golden_file())?;
                 let files = files(frame.with.values(), &frame.folder)?;
                 Some(format!("{text} {frame:?} {golden} {files}"))

@@ -4,20 +4,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::tally::{Class, Judged};
 use crate::interpret::Bound;
-use crate::tolerance::{Granting, LaneError, Unit};
+use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;
 
 /// What is allowed for the cases of a batch, and what their author needs.
 #[derive(Clone, Copy)]
-pub(super) struct Granted<'g> {
-    pub(super) granting: &'g Granting,
+pub(super) struct Allowed<'g> {
+    pub(super) spec_tolerance: &'g SpecTolerance,
     /// Those of each case, one after the other.
     pub(super) bounds: &'g [Bound],
     /// Whether a case was judged by its bounds, and not by what is wanted where they are too wide.
     pub(super) judged: &'g AtomicBool,
 }
 
-impl Granted<'_> {
+impl Allowed<'_> {
     /// Judges a case, lane by lane; the worst counts.
     pub(super) fn judge(
         &self,
@@ -33,7 +33,7 @@ impl Granted<'_> {
             let (value, reference) = (scalar.decode(actual[lane]), expected[lane]);
             let mut found = self.lane(lane, value, reference, bound);
             if let (Unit::Conditioning | Unit::Unbounded, Some(tolerance)) =
-                (found.unit, &self.granting.otherwise)
+                (found.unit, &self.spec_tolerance.otherwise)
                 && !found.passes()
             {
                 by_bounds = false;
@@ -75,19 +75,20 @@ impl Granted<'_> {
         if !bound.allows(value) {
             let distance = outside(value, 0.0);
             let distance = if distance.is_finite() { distance } else { f64::INFINITY };
-            let unit = if self.granting.measured { Unit::Measured } else { Unit::Driver };
+            let unit = if self.spec_tolerance.measured { Unit::Measured } else { Unit::Driver };
             return wrong(distance, unit);
         }
         if least == most {
             return LaneError::ZERO;
         }
-        let needed = [least, most].map(|end| self.granting.need.measure_sum(lane, end, reference));
+        let needed =
+            [least, most].map(|end| self.spec_tolerance.need.measure_sum(lane, end, reference));
         let widest = needed.into_iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio));
         let widest = widest.unwrap_or(LaneError::ZERO);
         if !widest.passes() {
             return LaneError { unit: Unit::Conditioning, ..widest };
         }
-        let own = self.granting.need.measure_sum(lane, value, reference);
+        let own = self.spec_tolerance.need.measure_sum(lane, value, reference);
         LaneError { ratio: widest.ratio, ..own }
     }
 }

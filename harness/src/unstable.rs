@@ -1,0 +1,148 @@
+//! What programs around tests use, such as Karat's own command line. Names and meanings may change in any
+//! release, so a test names none of it: what tests use is at the root of the library and in its other modules.
+//!
+//! ```
+//! use karat::unstable::record::Verdict;
+//!
+//! let verdicts: Vec<Verdict> = karat::unstable::record::read("target/none".as_ref())
+//!     .map_or(Vec::new(), |records| records.iter().map(|record| record.verdict).collect());
+//! assert!(verdicts.is_empty());
+//! ```
+
+#[doc(inline)]
+pub use karat_core::{diagnostic, output, settings, stats};
+
+/// Checks of functions whose types are known at run time, and tests in WGSL.
+pub mod check {
+    pub use crate::check::dynamic::{ExpectWords, Words};
+    pub use crate::check::wgsl_test::{TestGroup, WgslTest};
+}
+
+/// What an edit changed: each function before and after it.
+#[cfg(feature = "engine")]
+pub mod compare {
+    pub use crate::compare::*;
+}
+
+/// What compute passes dispatch, as data.
+pub mod dispatch {
+    pub use crate::dispatch::*;
+}
+
+/// Domains that are put together at run time, and their values as words.
+pub mod domain {
+    pub use karat_core::domain::{
+        Dynamic, Held, Numbering, Part, Parts, Stream, Typed, complexity,
+    };
+}
+
+/// What a frame draws, as data.
+pub mod draw {
+    pub use crate::draw::drawing::{Drawing, Source};
+}
+
+/// The trait of all that runs shaders, and how a program serves one.
+pub mod executor {
+    pub use crate::executor::*;
+}
+
+/// Goldens as files: what waits, what is accepted, where they are from.
+pub mod golden {
+    pub use crate::golden::acceptance::{AcceptError, Acceptance, Accepted};
+    pub use crate::golden::changes::ChangedRow;
+    pub use crate::golden::compare::{Deviation, FrameDifference, FrameMargin};
+    pub use crate::golden::pending::{Pending, PendingFrames, Unusable};
+    pub use crate::golden::place::{build_output, in_ci};
+    pub use crate::golden::profile::Profile;
+    pub use crate::golden::provenance::{FrameFinding, Provenance};
+    pub use crate::golden::table::{Column, Table, TableFacts};
+}
+
+/// What can go wrong inside of the functions of a package, without a test.
+#[cfg(feature = "engine")]
+pub mod hazards {
+    pub use crate::hazards::*;
+}
+
+/// Image files.
+pub mod image {
+    pub use karat_core::image::{
+        ExrFile, Part, Staged, encode_srgb, is_beside, is_leftover, luminance, remove_leftover,
+        write_whole,
+    };
+}
+
+/// What an executor runs, as data.
+pub mod job {
+    pub use crate::job::*;
+}
+
+/// Arguments and resources by declared ranges, names and types.
+#[cfg(any(feature = "engine", feature = "routes"))]
+pub mod made_up {
+    pub use crate::made_up::*;
+}
+
+/// Every translation of a package: translated, validated, executed, compared.
+#[cfg(feature = "routes")]
+pub mod matrix {
+    pub use crate::matrix::*;
+}
+
+/// Maps of the differences between two frames.
+pub mod metric {
+    pub use karat_core::metric::{ErrorMap, ExposureMap, MASK, TILE, WorstPixel};
+}
+
+/// What a package is made of.
+pub mod package {
+    pub use crate::package::function_item::FunctionItem;
+    pub use crate::package::functions::LeftOut;
+}
+
+/// What paths can do, and what programs that run jobs greet with.
+pub mod path {
+    pub use crate::path::process::Greeting;
+    pub use crate::reflect::Ability;
+}
+
+/// Functions with their kernels.
+pub mod probe {
+    pub use crate::probe::*;
+}
+
+/// Verdicts as JSON lines.
+pub mod record {
+    pub use crate::record::*;
+}
+
+/// Linked text, naga's IR and the source map in one place; signatures, bindings, limits.
+pub mod reflect {
+    pub use crate::reflect::*;
+}
+
+/// The running test: its name, its replays, and what is known to fail.
+pub mod run {
+    pub use crate::run::*;
+}
+
+/// Chrome's compiler of WGSL.
+pub mod tint {
+    pub use crate::tint::*;
+}
+
+/// How far numbers are apart, as text.
+pub mod tolerance {
+    pub use karat_core::tolerance::{beyond, power, significant, times_allowed};
+}
+
+/// Each intermediate of one call.
+#[cfg(feature = "engine")]
+pub mod trace {
+    pub use crate::interpret::trace::{Step, Value, trace};
+}
+
+/// Words as text.
+pub mod value {
+    pub use karat_core::value::{Differing, format_f32, format_lane, hexfloat};
+}
