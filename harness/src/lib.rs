@@ -81,7 +81,7 @@ mod run;
 mod tint;
 pub mod unstable;
 
-use karat_core::{diagnostic, lines, output, settings};
+use karat_core::{diagnostic, expectation, lines, output, settings};
 
 #[doc(inline)]
 pub use karat_core::shareable;

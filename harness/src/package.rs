@@ -12,7 +12,6 @@ mod conditions;
 mod depth;
 mod directives;
 mod error;
-pub(crate) mod expectations;
 mod feature;
 mod fingerprint;
 pub(crate) mod function_item;
@@ -34,6 +33,8 @@ mod scan;
 mod scope;
 mod splice;
 mod syntax;
+pub(crate) mod test_items;
+pub(crate) mod workspace;
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

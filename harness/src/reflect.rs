@@ -27,10 +27,9 @@ mod rounds;
 mod signature;
 mod validation;
 
-use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 pub(crate) use naga::Module as Ir;
 use naga::front::wgsl;
@@ -59,6 +58,7 @@ pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
+use crate::package::workspace::{self, Kind};
 use crate::package::{Linked, LinkedModule, Package, PackageError};
 
 /// A linked and validated shader: text, IR, and the way back to the author's files.
@@ -78,8 +78,13 @@ struct Checked {
     layouter: Layouter,
 }
 
-/// Texts of which a process keeps what naga made: as many as a large package has functions and tests.
-const MOST_CHECKED: usize = 2048;
+/// By the text.
+impl Kind for Checked {
+    type Key = blake3::Hash;
+    type Value = Arc<Self>;
+    // As many as a large package has functions and tests.
+    const MOST: usize = 2048;
+}
 
 /// Why a name of naga's IR is there: its WGSL front end names functions, arguments, members, variables and overrides.
 const NAMED: &str = "WGSL names it";
@@ -206,19 +211,12 @@ impl Program {
 
     /// One text is parsed and validated once in a process: an edit leaves most functions as they are.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
-        type Known = HashMap<blake3::Hash, Arc<Checked>>;
-        static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
-        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
         let hash = blake3::hash(linked.text().as_bytes());
-        if let Some(checked) = known().get(&hash).cloned() {
+        if let Some(checked) = workspace::get::<Checked>(&hash) {
             return Ok(Self { linked, checked, overrides: Overrides::new() });
         }
         let program = Self::parsed(linked)?;
-        let mut known = known();
-        if known.len() >= MOST_CHECKED {
-            known.clear();
-        }
-        known.insert(hash, Arc::clone(&program.checked));
+        workspace::keep::<Checked>(hash, Arc::clone(&program.checked));
         Ok(program)
     }
 
@@ -300,6 +298,11 @@ impl Program {
             .into_iter()
             .filter_map(|(ability, needed)| needed.then_some(ability))
             .collect()
+    }
+
+    /// The call of an expectation that was told this number.
+    pub(crate) fn expectation(&self, call: u32) -> Option<&Span> {
+        self.linked.calls.get(&call)
     }
 
     /// The stretches of [`text`](Self::text) that authors wrote.

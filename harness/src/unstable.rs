@@ -131,6 +131,11 @@ pub mod tint {
     pub use crate::tint::*;
 }
 
+/// What a process keeps of packages, and how a process that lives on forgets what may be stale.
+pub mod workspace {
+    pub use crate::package::workspace::refresh;
+}
+
 /// How far numbers are apart, as text.
 pub mod tolerance {
     pub use karat_core::tolerance::{beyond, power, significant, times_allowed};

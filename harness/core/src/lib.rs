@@ -5,6 +5,8 @@
 
 pub mod diagnostic;
 pub mod domain;
+#[doc(hidden)]
+pub mod expectation;
 pub mod image;
 #[doc(hidden)]
 pub mod lines;

@@ -10,9 +10,10 @@ use super::trial::{Body, Last};
 use super::{Agreement, Failure, Probe, Together, Vacuous};
 use crate::diagnostic::one_line;
 use crate::domain::{Emptiness, Held, Origin, Shrinkable, Stream};
+use crate::expectation::{KEPT_WORDS, MOST_KEPT, Wanted};
 use crate::package::Package;
-use crate::package::expectations::{self, KEPT_WORDS, MOST_KEPT, Wanted};
 use crate::record::ExpectationFault;
+use crate::reflect::Program;
 use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
@@ -130,10 +131,10 @@ impl<'r> Report<'r> {
     }
 
     /// The expectations that fail, and what else is known.
-    fn described(&self) -> Described {
+    fn described(&self, program: &Program) -> Described {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
             let seen = kept.text();
-            let Some(span) = expectations::call(kept.words[0]) else {
+            let Some(span) = program.expectation(kept.words[0]) else {
                 return ExpectationFault { place: String::new(), seen };
             };
             let text = span.file.text.get(span.range.clone()).unwrap_or_default();
@@ -158,9 +159,11 @@ impl<'r> Report<'r> {
 }
 
 /// Judges the reports of a batch.
-struct Reports;
+struct Reports<'r> {
+    program: &'r Program,
+}
 
-impl Judge for Reports {
+impl Judge for Reports<'_> {
     fn judge(&self, _: usize, actual: &[u32]) -> Judged {
         let report = Report { words: actual };
         let measure = LaneError::statement(report.passes());
@@ -169,7 +172,7 @@ impl Judge for Reports {
     }
 
     fn describe(&self, actual: &[u32]) -> Option<Described> {
-        Some(Report { words: actual }.described())
+        Some(Report { words: actual }.described(self.program))
     }
 }
 
@@ -328,8 +331,9 @@ impl<'a> Plan<'a> {
         let withheld = AtomicBool::new(false);
         let run = (identity, &withheld);
         let mut verb = |session: &Session<'_>| {
+            let reports = Reports { program: &session.called.probed.program };
             let tally = session.run(&mut |batch, running| {
-                let tally = session.judge(batch, running, |_| None, &Reports)?;
+                let tally = session.judge(batch, running, |_| None, &reports)?;
                 if self.probe.telling.is_some() && tally.fails() {
                     // Nobody sees this one.
                     suspicious.store(true, Ordering::Relaxed);

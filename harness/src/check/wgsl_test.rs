@@ -6,7 +6,8 @@ use std::sync::{Arc, OnceLock};
 
 use super::{Probe, Together};
 use crate::diagnostic::Span;
-use crate::package::expectations::{REPORT_WORDS, TestItem};
+use crate::expectation::REPORT_WORDS;
+use crate::package::test_items::TestItem;
 use crate::package::{Features, Package, PackageError};
 use crate::reflect::{Program, ReflectError};
 use crate::value::{Scalar, Shape};

@@ -7,13 +7,14 @@
 
 mod metadata;
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::PackageError;
+use super::workspace::{self, Kind};
 use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
@@ -119,11 +120,19 @@ struct Wanted<'w> {
     version: Option<&'w str>,
 }
 
+/// What cargo says of projects, and of crates at a version. Another `Cargo.toml` is seen by the next process.
+struct Graphs;
+
+impl Kind for Graphs {
+    type Key = (PathBuf, String);
+    type Value = Result<Arc<Graph>, String>;
+    // More projects than one process opens.
+    const MOST: usize = 1000;
+}
+
 /// Finds a crate for the project that has this folder; `root` is the folder of its modules, if it
 /// isn't the one that the crate says or that its files lie in.
 pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Found, PackageError> {
-    type Known = HashMap<(PathBuf, String), Result<Arc<Graph>, String>>;
-    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
     let error = |reason: String| PackageError::Crate { name: wanted.to_owned(), reason };
     let (name, version) = match wanted.split_once('@') {
         Some((name, version)) => (name, Some(version)),
@@ -142,15 +151,15 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
     let wanted = Wanted { name, version };
     // A version needs no project, but its registries may be those of one.
     let key = (base.to_owned(), version.map_or_else(String::new, |v| format!("{name}@{v}")));
-    let graph = {
-        // Whoever comes second waits for what cargo says to the first.
-        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        let ask = || match version {
-            Some(version) => fetched(base, name, version),
-            None => of_project(base),
-        };
-        known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone().map_err(error)?
+    let ask = || match version {
+        Some(version) => fetched(base, name, version),
+        None => of_project(base),
     };
+    // A second thread waits for what cargo says to the first.
+    let graph = workspace::with::<Graphs, _>(|known| {
+        known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone()
+    });
+    let graph = graph.map_err(error)?;
     let index = graph.index_of(wanted).map_err(error)?;
     let root = root.map(|root| graph.crates[index].folder.join(root));
     if let Some(root) = root.as_ref().filter(|root| !root.is_dir()) {

@@ -6,18 +6,19 @@
 //! again when its module has another text.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use blake3::{Hash, Hasher};
 
 use super::directives;
-use super::expectations::TestItem;
 use super::feature::Features;
 use super::imports;
 use super::library::{Library, ModulePath};
 use super::linked::Item;
 use super::linker::Linker;
 use super::syntax::Module;
+use super::test_items::TestItem;
+use super::workspace::{self, Kind};
 use super::{Package, PackageError};
 
 /// The tests of a module with their fingerprints.
@@ -109,7 +110,11 @@ struct Last {
     known: Known,
 }
 
-static LAST: Mutex<Option<Last>> = Mutex::new(None);
+impl Kind for Last {
+    type Key = ();
+    type Value = Self;
+    const MOST: usize = 1;
+}
 
 /// The declarations of a package, each described once for all of its modules.
 struct Described<'a> {
@@ -121,7 +126,7 @@ struct Described<'a> {
 
 impl<'a> Described<'a> {
     fn new(package: &'a Package, library: &'a Library, there: &[String]) -> Self {
-        let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let last = workspace::with::<Last, _>(|last| last.remove(&()));
         let known = last.filter(|last| last.package == *package && last.there == there);
         let known = known.and_then(|mut last| {
             library.number_as(&last.packages);
@@ -136,7 +141,7 @@ impl<'a> Described<'a> {
         let (package, there) = (self.package.clone(), there.to_vec());
         let known = Known { modules: self.library.parsed(), ..self.known };
         let last = Last { package, there, packages, known };
-        *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
+        workspace::keep::<Last>((), last);
     }
 
     fn tests(&mut self, module: &str) -> TestItems {
@@ -396,9 +401,9 @@ mod tests {
         let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
         let found = || {
             let again = package.fingerprints(&names);
-            let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let last = workspace::with::<Last, _>(|last| last.remove(&()));
             let anew = package.fingerprints(&names);
-            *LAST.lock().unwrap_or_else(PoisonError::into_inner) = last;
+            workspace::with::<Last, _>(|kept| kept.extend(last.map(|last| ((), last))));
             assert_eq!(again, anew);
             ["a::f", "a::other"].map(|name| again.get(name).cloned())
         };

@@ -5,26 +5,24 @@ mod features;
 mod included;
 
 use std::cell::{OnceCell, RefCell};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 use blake3::Hash;
 
 use super::directives;
-use super::expectations;
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::parse::parse;
 use super::syntax::Module;
+use super::workspace::{self, Kind};
 use super::{CONSTANTS, EXTENSIONS};
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown, text_hash};
-
-/// Parsed modules that a process keeps: more than any package has, and a bound for long-lived ones.
-const MOST_KEPT: usize = 10_000;
+use crate::expectation;
 
 /// A module: the package that has it, by its index in the library, and its path in there.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -423,23 +421,26 @@ impl Sources {
     }
 }
 
+/// Parsed modules by their names and texts, and features.
+struct Modules;
+
+impl Kind for Modules {
+    type Key = (Hash, Features);
+    type Value = Arc<Module>;
+    // More than any package has.
+    const MOST: usize = 10_000;
+}
+
 /// A parsed module; once in a process for the same file and features.
 fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
-    type Known = HashMap<(Hash, Features), Arc<Module>>;
-    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.name.as_bytes()).update(&[0]).update(file.text.as_bytes());
     let key = (hasher.finalize(), features);
-    let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(module) = lock().get(&key) {
-        return Ok(Arc::clone(module));
+    if let Some(module) = workspace::get::<Modules>(&key) {
+        return Ok(module);
     }
     let module = Arc::new(parse(file, &key.1)?);
-    let mut known = lock();
-    if known.len() >= MOST_KEPT {
-        known.clear();
-    }
-    known.insert(key, Arc::clone(&module));
+    workspace::keep::<Modules>(key, Arc::clone(&module));
     Ok(module)
 }
 
@@ -460,7 +461,8 @@ impl Package {
         {
             return Ok(Some(Self::of_origin(Origin::Found(found))));
         }
-        Ok(expectations::package(name))
+        let expectations = expectation::package(name);
+        Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
     /// Finds a module by its path inside the package.

@@ -147,5 +147,5 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
         names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
     let (file, sources) = (Arc::clone(file), library.sources(root, file));
-    Linked { spliced, names, file, whole: true, sources }
+    Linked { spliced, names, file, whole: true, calls: BTreeMap::new(), sources }
 }

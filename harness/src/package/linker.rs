@@ -186,6 +186,7 @@ impl<'a> Linker<'a> {
             names: BTreeMap::new(),
             file: Arc::clone(file),
             whole: plain && own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
+            calls: self.parts.values().flat_map(|part| part.module.calls.iter().cloned()).collect(),
             sources: self.library.sources(&self.root, file),
         };
         self.copy_directives(&items, whole, &mut linked.spliced);

@@ -2,12 +2,11 @@
 //! work in the matrix of translations, what arguments are, which hazards are accepted, and which compilers
 //! and limits the package is for.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
@@ -16,6 +15,7 @@ use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
 use super::limits::Limits;
+use super::workspace::{self, Kind};
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
 use crate::settings;
@@ -153,10 +153,16 @@ fn joined(folder: &Path, path: &Path) -> PathBuf {
     if joined.as_os_str().is_empty() { PathBuf::from(".") } else { joined }
 }
 
-type Printed = HashMap<(PathBuf, blake3::Hash, Vec<String>), String>;
-
 /// What programs have printed of modules.
-static PRINTED: LazyLock<Mutex<Printed>> = LazyLock::new(Mutex::default);
+struct Printed;
+
+impl Kind for Printed {
+    type Key = (PathBuf, blake3::Hash, Vec<String>);
+    type Value = String;
+    const MOST: usize = 10_000;
+    /// They may read other files.
+    const VOLATILE: bool = true;
+}
 
 impl Package {
     /// The sections of the folder's `karat.toml`.
@@ -165,16 +171,6 @@ impl Package {
         let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
         let require_tint = manifest.compilers.require_tint || self.requires_tint;
         Ok(Compilers { file, require_tint, ..manifest.compilers })
-    }
-
-    /// Forgets what programs have printed of modules (`preprocess` in `karat.toml`): whoever lives on between
-    /// edits doesn't know what else they read.
-    ///
-    /// ```
-    /// karat::Package::forget_printed();
-    /// ```
-    pub fn forget_printed() {
-        PRINTED.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
@@ -282,6 +278,14 @@ const MOST_BYTES: u64 = 16 << 20;
 /// How often a program is looked after.
 const POLL: Duration = Duration::from_millis(10);
 
+/// Texts of `karat.toml`, and what the package that was asked for last has by each.
+impl Kind for Manifest {
+    type Key = String;
+    type Value = (Origin, Self);
+    // More than the packages that one test uses.
+    const MOST: usize = 64;
+}
+
 impl Manifest {
     /// That of a package; an empty one if there is no file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
@@ -297,16 +301,13 @@ impl Manifest {
             Err(other) => return Err(error(other.to_string())),
         };
         // Each check asks for it, and parsing takes as long as a small check.
-        static LAST: Mutex<Option<(Origin, String, Manifest)>> = Mutex::new(None);
-        let last = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_known = |(origin, known, _): &&(Origin, String, Manifest)| {
-            *origin == package.origin && *known == text
-        };
-        if let Some((_, _, known)) = last().as_ref().filter(is_known) {
-            return Ok(known.clone());
+        if let Some((origin, manifest)) = workspace::get::<Self>(&text)
+            && origin == package.origin
+        {
+            return Ok(manifest);
         }
         let manifest = Self::parsed(package, &file, &text)?;
-        *last() = Some((package.origin.clone(), text, manifest.clone()));
+        workspace::keep::<Self>(text, (package.origin.clone(), manifest.clone()));
         Ok(manifest)
     }
 
@@ -448,7 +449,7 @@ impl Manifest {
     }
 
     /// A module as it is, or as the package's program prints it; once in a process for the same text, until
-    /// it is [forgotten](Package::forget_printed).
+    /// it is [forgotten](workspace::refresh).
     pub(super) fn expanded(
         &self,
         root: &Path,
@@ -456,12 +457,11 @@ impl Manifest {
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
         let [program, arguments @ ..] = &*self.preprocess else { return Ok(source) };
-        let lock = || PRINTED.lock().unwrap_or_else(PoisonError::into_inner);
         let hash = blake3::hash(source.text.as_bytes());
         let key = (path.to_owned(), hash, self.preprocess.clone());
         // In brackets, as texts are that are in no file.
         let name = format!("<{}, as `{program}` prints it>", source.name);
-        if let Some(text) = lock().get(&key).cloned() {
+        if let Some(text) = workspace::get::<Printed>(&key) {
             return Ok(SourceFile { name, text });
         }
         let error = |reason: String| {
@@ -477,7 +477,7 @@ impl Manifest {
         if text.trim().is_empty() {
             return Err(error("it prints nothing".to_owned()));
         }
-        lock().insert(key, text.clone());
+        workspace::keep::<Printed>(key, text.clone());
         Ok(SourceFile { name, text })
     }
 }

@@ -10,7 +10,7 @@ use super::feature::Features;
 use super::lexer::{Kind, Token, lex};
 use super::scope::references;
 use super::syntax::Module;
-use super::{PackageError, expectations};
+use super::{PackageError, test_items};
 use crate::diagnostic::SourceFile;
 
 /// Reads a file under conditions.
@@ -40,6 +40,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     inactive.extend(directed.inactive);
     let mut module = Module {
         replaced,
+        calls: Vec::new(),
         includes,
         composes,
         file: Arc::clone(file),
@@ -56,7 +57,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     };
     module.brackets = partners(file, &module.tokens)?;
     module.find_items()?;
-    expectations::prepare(&mut module);
+    test_items::prepare(&mut module);
     for (index, declaration) in module.declarations.iter().enumerate() {
         if let Some(name) = &declaration.name {
             module.by_name.entry(name.clone()).or_default().push(index);

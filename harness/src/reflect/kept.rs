@@ -1,17 +1,23 @@
 //! Keeps the programs of a process, so that several checks link, parse and validate a function
 //! once.
 
-use std::collections::HashMap;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::{Program, ReflectError};
 use crate::package::Package;
+use crate::package::workspace::{self, Kind};
 
-/// Names of which a process keeps programs: more than any project tests, and a bound for long-lived
-/// ones.
-const MOST_KEPT: usize = 4096;
+/// Programs by what they hold, each of several packages.
+struct Programs;
+
+impl Kind for Programs {
+    type Key = Wanted;
+    type Value = Vec<(Package, Arc<Program>)>;
+    // More names than any project tests.
+    const MOST: usize = 4096;
+}
 
 /// Packages of which programs of one name are kept; many texts in memory may have the same name.
 const MOST_PACKAGES: usize = 8;
@@ -28,13 +34,12 @@ pub(super) enum Wanted {
 /// program of a text that has changed since is never taken. What a new file would change is seen by
 /// the next process.
 pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
-    type Kept = HashMap<Wanted, Vec<(Package, Arc<Program>)>>;
-    static KEPT: LazyLock<Mutex<Kept>> = LazyLock::new(Mutex::default);
-    let lock = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
-    let known =
-        lock().get(wanted).and_then(|kept| kept.iter().find(|kept| of_package(kept)).cloned());
-    if let Some((_, program)) = known
+    let known = workspace::with::<Programs, _>(|kept| {
+        let kept = kept.get(wanted)?.iter().find(|kept| of_package(kept))?;
+        Some(Arc::clone(&kept.1))
+    });
+    if let Some(program) = known
         && program.linked.sources.are_current()?
     {
         return Ok(program);
@@ -54,16 +59,14 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
         program = Program::from_linked(linked)?;
     }
     let program = Arc::new(program);
-    let mut kept = lock();
-    if kept.len() >= MOST_KEPT {
-        kept.clear();
-    }
-    let kept = kept.entry(wanted.clone()).or_default();
-    kept.retain(|kept| !of_package(kept));
-    if kept.len() >= MOST_PACKAGES {
-        kept.remove(0); // the oldest
-    }
-    kept.push((package.clone(), Arc::clone(&program)));
+    workspace::with::<Programs, _>(|kept| {
+        let kept = kept.entry(wanted.clone()).or_default();
+        kept.retain(|kept| !of_package(kept));
+        if kept.len() >= MOST_PACKAGES {
+            kept.remove(0); // the oldest
+        }
+        kept.push((package.clone(), Arc::clone(&program)));
+    });
     Ok(program)
 }
 

@@ -1,29 +1,32 @@
 //! Keeps the kernels that a process has parsed, because each path compiles the same one.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use naga::Module;
 use naga::front::wgsl;
 
 use super::Overrides;
+use crate::package::workspace::{self, Kind};
 
-/// Kernels that are kept: those that all threads compile at a time, for path after path.
-const MOST_KEPT: usize = 64;
+/// Kernels by their texts.
+struct Kernels;
+
+impl Kind for Kernels {
+    type Key = blake3::Hash;
+    type Value = Arc<Module>;
+    // Several times what all threads compile at a time, for path after path.
+    const MOST: usize = 256;
+}
 
 /// naga's IR of a kernel, which is parsed once for all paths; or what is wrong with it.
 pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
-    static KEPT: Mutex<VecDeque<(blake3::Hash, Arc<Module>)>> = Mutex::new(VecDeque::new());
-    let lock = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let key = blake3::hash(text.as_bytes());
-    if let Some((_, module)) = lock().iter().find(|(known, _)| *known == key) {
-        return Ok(Arc::clone(module));
+    if let Some(module) = workspace::get::<Kernels>(&key) {
+        return Ok(module);
     }
     let module = super::on_deep_stack(|| wgsl::parse_str(text));
     let module = Arc::new(module.map_err(|error| error.emit_to_string(text))?);
-    let mut kept = lock();
-    kept.truncate(MOST_KEPT - 1);
-    kept.push_front((key, Arc::clone(&module)));
+    workspace::keep::<Kernels>(key, Arc::clone(&module));
     Ok(module)
 }
 

@@ -1,13 +1,14 @@
 //! Modules by the paths that they give themselves.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
 use crate::package::manifest::Manifest;
 use crate::package::overlay::Overlay;
+use crate::package::workspace::{self, Kind};
 use crate::package::{Origin, Package, PackageError, directives};
 
 /// Paths that modules give themselves, each with its components in the package.
@@ -68,15 +69,22 @@ impl Library {
     }
 }
 
+/// Paths that the modules of crates give themselves, by the folders of those.
+struct OfCrates;
+
+impl Kind for OfCrates {
+    type Key = PathBuf;
+    type Value = Arc<Composed>;
+    // More crates than a project has with shaders in them.
+    const MOST: usize = 1000;
+}
+
 impl Package {
     /// Paths that modules give themselves, each with its place in the package.
     fn composed(&self) -> Arc<Composed> {
-        static KNOWN: LazyLock<Mutex<HashMap<PathBuf, Arc<Composed>>>> =
-            LazyLock::new(Mutex::default);
-        let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
         // Files of a crate don't change.
         let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
-        if let Some(known) = fixed.as_ref().and_then(|root| lock().get(root).cloned()) {
+        if let Some(known) = fixed.as_ref().and_then(workspace::get::<OfCrates>) {
             return known;
         }
         let mut found = Vec::new();
@@ -89,7 +97,7 @@ impl Package {
         }
         let found = Arc::new(found);
         if let Some(root) = fixed {
-            lock().insert(root, Arc::clone(&found));
+            workspace::keep::<OfCrates>(root, Arc::clone(&found));
         }
         found
     }

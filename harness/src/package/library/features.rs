@@ -2,22 +2,31 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 
 use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
+use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
+
+/// Features that modules of a package ask about: once seen, one isn't looked for again.
+struct Asked;
+
+impl Kind for Asked {
+    type Key = (PathBuf, String);
+    type Value = ();
+    // More features than packages have.
+    const MOST: usize = 10_000;
+}
 
 impl Library {
     /// Whether something asks about each feature that is set.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
-        static ASKED: Mutex<BTreeSet<(PathBuf, String)>> = Mutex::new(BTreeSet::new());
         let package = self.package(0);
         let root = package.root();
-        let lock = || ASKED.lock().unwrap_or_else(PoisonError::into_inner);
         let features = self.features(0);
-        let names =
-            features.keys().filter(|name| !lock().contains(&(root.clone(), (*name).clone())));
+        let names = features
+            .keys()
+            .filter(|name| workspace::get::<Asked>(&(root.clone(), (*name).clone())).is_none());
         let names: Vec<&String> = names.collect();
         if names.is_empty() {
             return Ok(());
@@ -49,7 +58,9 @@ impl Library {
         }
         // A text in memory has no place of its own.
         if !root.as_os_str().is_empty() {
-            lock().extend(names.into_iter().map(|name| (root.clone(), name.clone())));
+            workspace::with::<Asked, _>(|asked| {
+                asked.extend(names.into_iter().map(|name| ((root.clone(), name.clone()), ())));
+            });
         }
         Ok(())
     }

@@ -14,7 +14,6 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use karat::Package;
 use karat::unstable::diagnostic::FileRead;
 use karat::unstable::record::{self, Record};
 use karat::unstable::reflect::Dependence;
@@ -29,7 +28,7 @@ use super::serve::{requests, say};
 pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
     let mut tests = Tests { programs: Programs::of(root), ..Tests::default() };
     for request in requests(libtest::end_all) {
-        Package::forget_printed();
+        karat::unstable::workspace::refresh();
         if let Some(file) = &request.report {
             let there = tests.names("");
             say(&tests.latest.write(file, |name| there.contains(name)), out)?;

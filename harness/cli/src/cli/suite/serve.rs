@@ -27,7 +27,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     let whole = Whole::of(folder)?;
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
-        Package::forget_printed();
+        karat::unstable::workspace::refresh();
         // Before the tests are read: what is saved meanwhile is no text that they were judged by.
         let files = latest.files(&request.changed);
         let done = match Suite::open(folder) {

@@ -1,364 +1,13 @@
-//! Tests in WGSL: functions with `@test` that call expectations, such as `expect_near`.
-//!
-//! Expectations come from the package `karat`, and from `wgsl_test` under the names that the WESL
-//! community's test runner has for them. Both are Karat's own, so `import karat::expect_near;` works in
-//! any package. Each call is told its place: the linker writes a number behind its `(`. What an
-//! expectation saw is kept in private variables; who runs the test judges it on the host.
+//! Tests in WGSL, as a module declares them: functions with `@test`, whose calls of
+//! [expectations](crate::expectation) are told their places.
 
-use std::collections::{BTreeSet, HashMap};
-use std::fmt::Write as _;
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::collections::BTreeSet;
 
+use super::PackageError;
 use super::lexer::Kind;
 use super::syntax::{Declaration, Module};
-use super::{Package, PackageError};
 use crate::diagnostic::{Diagnostic, Span};
-
-/// What an expectation that may fail keeps: its place, its kind and how many components it has, the
-/// values, what was expected of them, and two bounds.
-pub(crate) const KEPT_WORDS: usize = 12;
-
-/// How many of them a case keeps. A test with more failures than these is told by those and a count.
-pub(crate) const MOST_KEPT: usize = 3;
-
-/// Words of what a test returns: how many expectations were evaluated, how many of them may have
-/// failed, and the first of these.
-pub(crate) const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
-
-/// What an expectation wants. The numbers are those in the generated WGSL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
-    True,
-    EqualU32,
-    EqualI32,
-    EqualF32,
-    /// At most this far apart.
-    Near,
-    /// At most this far apart, as a share of what is expected.
-    Relative,
-    /// At most so many `f32` steps apart.
-    Ulp,
-    /// Within the larger of an absolute and a relative distance.
-    Within,
-    Finite,
-    AtMost,
-    Less,
-    InRange,
-}
-
-impl Wanted {
-    pub(crate) const ALL: [Self; 12] = [
-        Self::True,
-        Self::EqualU32,
-        Self::EqualI32,
-        Self::EqualF32,
-        Self::Near,
-        Self::Relative,
-        Self::Ulp,
-        Self::Within,
-        Self::Finite,
-        Self::AtMost,
-        Self::Less,
-        Self::InRange,
-    ];
-}
-
-/// The text of a package of expectations, and their names.
-struct Brought {
-    text: String,
-    names: BTreeSet<String>,
-}
-
-impl Brought {
-    fn new(text: String) -> Self {
-        let declared = text.split("fn expect").skip(1);
-        let names = declared.filter_map(|rest| Some(format!("expect{}", rest.split('(').next()?)));
-        Self { names: names.collect(), text }
-    }
-}
-
-static KARAT: LazyLock<Brought> = LazyLock::new(|| Brought::new(karat()));
-static WGSL_TEST: LazyLock<Brought> = LazyLock::new(|| Brought::new(wgsl_test()));
-
-/// The package that Karat brings under a name.
-pub(super) fn package(name: &str) -> Option<Package> {
-    let brought = brought(name)?;
-    Some(Package::from_source(name, brought.text.as_str()))
-}
-
-fn brought(name: &str) -> Option<&'static Brought> {
-    match name {
-        "karat" => Some(&KARAT),
-        "wgsl_test" => Some(&WGSL_TEST),
-        _ => None,
-    }
-}
-
-/// Suffixes of the functions for one to four components, and their types.
-const FLOATS: [(&str, &str); 4] =
-    [("", "f32"), ("_vec2", "vec2f"), ("_vec3", "vec3f"), ("_vec4", "vec4f")];
-const WHOLES: [(&str, &str); 4] =
-    [("_u32", "u32"), ("_vec2u", "vec2u"), ("_vec3u", "vec3u"), ("_vec4u", "vec4u")];
-const SIGNED: [(&str, &str); 4] =
-    [("_i32", "i32"), ("_vec2i", "vec2i"), ("_vec3i", "vec3i"), ("_vec4i", "vec4i")];
-
-/// `x`, or its components and zeros, as four words.
-fn words(x: &str, width: usize) -> String {
-    match width {
-        1 => format!("vec4u(bitcast<u32>({x}), 0u, 0u, 0u)"),
-        2 => format!("vec4u(bitcast<vec2u>({x}), 0u, 0u)"),
-        3 => format!("vec4u(bitcast<vec3u>({x}), 0u)"),
-        _ => format!("bitcast<vec4u>({x})"),
-    }
-}
-
-/// The same of `f32`, for comparisons.
-fn four(x: &str, width: usize) -> String {
-    match width {
-        1 => format!("vec4f({x}, 0.0, 0.0, 0.0)"),
-        2 => format!("vec4f({x}, 0.0, 0.0)"),
-        3 => format!("vec4f({x}, 0.0)"),
-        _ => x.to_owned(),
-    }
-}
-
-/// Where a case keeps what may have failed. Compilers of drivers take tens of times as long over an array
-/// that is indexed by a variable, so each place has variables of its own.
-fn report() -> String {
-    let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
-    let (mut stored, mut listed) = (String::new(), String::new());
-    for kept in 0..MOST_KEPT {
-        write!(
-            text,
-            "var<private> head{kept}: vec4u;\nvar<private> actual{kept}: vec4u;\n\
-             var<private> expected{kept}: vec4u;\n"
-        )
-        .expect("text takes text");
-        writeln!(
-            stored,
-            "    if suspected == {kept}u {{ head{kept} = vec4u(site, kind, bound); \
-             actual{kept} = actual; expected{kept} = expected; }}"
-        )
-        .expect("text takes text");
-        let words = |name: &str, lanes: [&str; 4]| {
-            lanes.map(|lane| format!(", {name}{kept}.{lane}")).concat()
-        };
-        listed += &format!(", head{kept}.x, head{kept}.y");
-        listed += &words("actual", ["x", "y", "z", "w"]);
-        listed += &words("expected", ["x", "y", "z", "w"]);
-        listed += &format!(", head{kept}.z, head{kept}.w");
-    }
-    write!(
-        text,
-        "
-fn begin() {{
-    evaluated = 0u;
-    suspected = 0u;
-}}
-
-fn counts() -> array<u32, 2> {{
-    return array<u32, 2>(evaluated, suspected);
-}}
-
-fn report() -> array<u32, {REPORT_WORDS}> {{
-    return array<u32, {REPORT_WORDS}>(evaluated, suspected{listed});
-}}
-
-fn judge(site: u32, kind: u32, actual: vec4u, expected: vec4u, bound: vec2u, passes: bool) {{
-    evaluated += 1u;
-    if passes {{
-        return;
-    }}
-{stored}    suspected += 1u;
-}}
-"
-    )
-    .expect("text takes text");
-    text
-}
-
-fn karat() -> String {
-    // A driver may assume that no value is NaN, so what is one is told by its bits. What passes is told
-    // by a narrower bound than the author's; the rest is judged on the host. However a difference is
-    // rounded, it isn't below a bound that it exceeds.
-    let mut text = format!(
-        "{}
-
-fn are_finite(x: vec4f) -> bool {{
-    return all((bitcast<vec4u>(x) & vec4u(0x7f800000u)) != vec4u(0x7f800000u));
-}}
-
-fn are_near(actual: vec4f, expected: vec4f, absolute: f32, relative: f32) -> bool {{
-    let bound = max(vec4f(absolute), relative * max(abs(actual), abs(expected)));
-    return are_finite(actual) && are_finite(expected) && are_finite(bound)
-        && absolute >= 0.0 && relative >= 0.0
-        && all((abs(actual - expected) <= 0.999 * bound) | (abs(actual - expected) < vec4f(absolute)));
-}}
-
-// From the least to the largest number: a bound of as many bounds nothing.
-const MOST_STEPS: f32 = 4278190080.0;
-
-fn place(x: f32) -> u32 {{
-    let bits = bitcast<u32>(x);
-    return select(0x80000000u + bits, 0x80000000u - (bits & 0x7fffffffu), bits >= 0x80000000u);
-}}
-
-fn steps(a: f32, b: f32) -> f32 {{
-    let first = place(a);
-    let other = place(b);
-    return f32(max(first, other) - min(first, other));
-}}
-
-fn within_steps(actual: vec4f, expected: vec4f, bound: f32) -> bool {{
-    let apart = vec4f(steps(actual.x, expected.x), steps(actual.y, expected.y),
-        steps(actual.z, expected.z), steps(actual.w, expected.w));
-    return are_finite(actual) && are_finite(expected) && are_finite(vec4f(bound))
-        && bound < MOST_STEPS && all(apart <= vec4f(bound));
-}}
-
-fn judge_within(site: u32, width: u32, actual: vec4f, expected: vec4f, relative: f32, absolute: f32) {{
-    let passes = are_near(actual, expected, absolute, relative);
-    judge(site, {}u * 8u + width, bitcast<vec4u>(actual), bitcast<vec4u>(expected),
-        vec2u(bitcast<u32>(relative), bitcast<u32>(absolute)), passes);
-}}
-
-fn judge_ulp(site: u32, width: u32, actual: vec4f, expected: vec4f, bound: f32) {{
-    judge(site, {}u * 8u + width, bitcast<vec4u>(actual), bitcast<vec4u>(expected),
-        vec2u(bitcast<u32>(bound), 0u), within_steps(actual, expected, bound));
-}}
-
-fn expect_true(site: u32, condition: bool) {{
-    judge(site, 1u, vec4u(u32(condition)), vec4u(1u), vec2u(0u), condition);
-}}
-
-fn expect_false(site: u32, condition: bool) {{
-    judge(site, 1u, vec4u(u32(condition)), vec4u(0u), vec2u(0u), !condition);
-}}
-",
-        report(),
-        Wanted::Within as u32,
-        Wanted::Ulp as u32,
-    );
-    let exact = [(WHOLES, Wanted::EqualU32), (SIGNED, Wanted::EqualI32)];
-    for (types, wanted) in exact {
-        for (width, (suffix, ty)) in (1..).zip(types) {
-            let kind = wanted as u32 * 8 + u32::try_from(width).unwrap_or(1);
-            writeln!(
-                text,
-                "fn expect_equal{suffix}(site: u32, actual: {ty}, expected: {ty}) {{ \
-                 judge(site, {kind}u, {}, {}, vec2u(0u), all(actual == expected)); }}",
-                words("actual", width),
-                words("expected", width),
-            )
-            .expect("text takes text");
-        }
-    }
-    for (width, (suffix, ty)) in (1..).zip(FLOATS) {
-        let (actual, expected) = (four("actual", width), four("expected", width));
-        let kind = |wanted: Wanted| format!("{}u", wanted as usize * 8 + width);
-        let of = |name: &str, more: &str, body: &str| {
-            format!("fn expect_{name}{suffix}(site: u32, actual: {ty}{more}) {{ {body} }}\n")
-        };
-        let pair = format!(", expected: {ty}");
-        let bounded = format!(", expected: {ty}, tolerance: f32");
-        let judge = |wanted: Wanted, bound: &str, passes: &str| {
-            format!(
-                "let a = {actual}; let e = {expected}; judge(site, {}, bitcast<vec4u>(a), \
-                 bitcast<vec4u>(e), vec2u(bitcast<u32>({bound}), 0u), {passes});",
-                kind(wanted)
-            )
-        };
-        let finite = "are_finite(a) && are_finite(e)";
-        text += &of(
-            "near",
-            &bounded,
-            &judge(Wanted::Near, "tolerance", "are_near(a, e, tolerance, 0.0)"),
-        );
-        text += &of(
-            "rel",
-            &bounded,
-            &judge(
-                Wanted::Relative,
-                "tolerance",
-                &format!(
-                    "{finite} && are_finite(tolerance * abs(e)) && are_finite(vec4f(tolerance)) && all(abs(a - e) <= 0.999 * tolerance * abs(e))"
-                ),
-            ),
-        );
-        text +=
-            &of("ulp", &bounded, &judge(Wanted::Ulp, "tolerance", "within_steps(a, e, tolerance)"));
-        text += &of(
-            "equal",
-            &pair,
-            &judge(Wanted::EqualF32, "0.0", &format!("{finite} && all(a == e)")),
-        );
-        text += &of(
-            "at_most",
-            &pair,
-            &judge(Wanted::AtMost, "0.0", &format!("{finite} && all(a <= e)")),
-        );
-        // The components that aren't there are equal.
-        let less = (0..width).map(|lane| format!(" && a[{lane}] < e[{lane}]")).collect::<String>();
-        text += &of("less", &pair, &judge(Wanted::Less, "0.0", &format!("{finite}{less}")));
-        let inside = (0..width).map(|lane| format!(" && least <= a[{lane}] && a[{lane}] <= most"));
-        text += &of(
-            "in_range",
-            ", least: f32, most: f32",
-            &format!(
-                "let a = {actual}; judge(site, {}, bitcast<vec4u>(a), vec4u(0u), \
-                 bitcast<vec2u>(vec2f(least, most)), \
-                 are_finite(a) && are_finite(vec4f(least, most, 0.0, 0.0)){});",
-                kind(Wanted::InRange),
-                inside.collect::<String>()
-            ),
-        );
-        text += &of(
-            "finite",
-            "",
-            &format!(
-                "let a = {actual}; judge(site, {}, bitcast<vec4u>(a), vec4u(0u), vec2u(0u), are_finite(a));",
-                kind(Wanted::Finite)
-            ),
-        );
-    }
-    text
-}
-
-/// The names of the WESL community's runner. Its tolerances: 1e-3 relative, 1e-6 absolute.
-fn wgsl_test() -> String {
-    let mut text = "import karat::{judge_within, judge_ulp, judge};
-fn expect(site: u32, condition: bool) {
-    judge(site, 1u, vec4u(u32(condition)), vec4u(1u), vec2u(0u), condition);
-}
-fn expectEq(site: u32, actual: u32, expected: u32) {
-    judge(site, 9u, vec4u(actual), vec4u(expected), vec2u(0u), actual == expected);
-}
-"
-    .to_owned();
-    for (width, (_, ty)) in (1..).zip(FLOATS) {
-        let (actual, expected) = (four("actual", width), four("expected", width));
-        let suffix = if width == 1 { String::new() } else { format!("Vec{width}") };
-        write!(
-            text,
-            "fn expectNear{suffix}(site: u32, actual: {ty}, expected: {ty}) {{ \
-             judge_within(site, {width}u, {actual}, {expected}, 1e-3, 1e-6); }}\n\
-             fn expectWithin{suffix}(site: u32, actual: {ty}, expected: {ty}, relTol: f32, absTol: f32) {{ \
-             judge_within(site, {width}u, {actual}, {expected}, relTol, absTol); }}\n\
-             fn expectUlp{suffix}(site: u32, actual: {ty}, expected: {ty}, maxUlp: f32) {{ \
-             judge_ulp(site, {width}u, {actual}, {expected}, maxUlp); }}\n"
-        )
-        .expect("text takes text");
-    }
-    text
-}
-
-/// Calls of expectations in all modules that this process has read, by the number that they are told.
-static SITES: LazyLock<Mutex<HashMap<u32, Span>>> = LazyLock::new(Mutex::default);
-
-/// The call that was told this number.
-pub(crate) fn call(site: u32) -> Option<Span> {
-    SITES.lock().unwrap_or_else(PoisonError::into_inner).get(&site).cloned()
-}
+use crate::expectation;
 
 /// Removes the attributes of tests, and tells each expectation its place.
 pub(super) fn prepare(module: &mut Module) {
@@ -374,12 +23,13 @@ pub(super) fn prepare(module: &mut Module) {
 fn tell_places(module: &mut Module) {
     let mut known: BTreeSet<(Option<&'static str>, String)> = BTreeSet::new();
     for import in &module.imports {
-        for (name, brought) in [("karat", &*KARAT), ("wgsl_test", &*WGSL_TEST)] {
+        for name in ["karat", "wgsl_test"] {
+            let names = &expectation::package(name).expect("Karat brings it").names;
             let mut words = import.clone().skip_while(|at| module.text(*at) != "import");
             if words.nth(1).is_none_or(|first| module.text(first) != name) {
                 continue;
             }
-            for at in import.clone().filter(|at| brought.names.contains(module.text(*at))) {
+            for at in import.clone().filter(|at| names.contains(module.text(*at))) {
                 let alias = (module.text(at + 1) == "as").then_some(at + 2);
                 known.insert((None, module.text(alias.unwrap_or(at)).to_owned()));
             }
@@ -394,9 +44,8 @@ fn tell_places(module: &mut Module) {
         // `karat::expect_near(`
         let path = at >= 3 && module.is(at - 1, b':') && module.is(at - 2, b':');
         let is_known = match path {
-            true => {
-                brought(module.text(at - 3)).is_some_and(|brought| brought.names.contains(name))
-            }
+            true => expectation::package(module.text(at - 3))
+                .is_some_and(|package| package.names.contains(name)),
             false => {
                 known.contains(&(None, name.to_owned()))
                     && (at == 0 || (module.text(at - 1) != "fn" && !module.is(at - 1, b'.')))
@@ -415,7 +64,7 @@ fn tell_places(module: &mut Module) {
         word.copy_from_slice(&hasher.finalize().as_bytes()[..4]);
         let site = u32::from_le_bytes(word);
         let span = Span { file: std::sync::Arc::clone(&module.file), range: whole };
-        SITES.lock().unwrap_or_else(PoisonError::into_inner).insert(site, span);
+        module.calls.push((site, span));
         let comma = if module.brackets[open] == open + 1 { "" } else { ", " };
         module.replaced.push((module.tokens[open].range(), format!("({site}u{comma}")));
     }
@@ -631,14 +280,16 @@ fn is_builtin_type(word: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::package::Package;
     use crate::reflect::Program;
 
     #[test]
     fn both_packages_are_valid() {
         for name in ["karat", "wgsl_test"] {
-            let package = package(name).expect("it is there");
+            let expectations = expectation::package(name).expect("it is there");
+            let package = Package::from_source(name, expectations.text.as_str());
             Program::of_module(&package, "").unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert!(brought(name).expect("it is there").names.len() > 10);
+            assert!(expectations.names.len() > 10);
         }
     }
 

@@ -1,0 +1,111 @@
+//! What a process keeps between one look at a package and the next. One owner has all of it, and one rule holds:
+//! an entry is found by all that it was made of, such as a text and features, so what was edited is never found
+//! again. Nothing has to be forgotten, but for two reasons. A kind that reaches its bound is forgotten whole, and
+//! [`refresh`] forgets what Karat can't know all causes of.
+
+use std::any::{Any, TypeId};
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+
+/// A kind of entries.
+pub(crate) trait Kind: 'static {
+    /// What an entry is made of.
+    type Key: Eq + Hash + Send + 'static;
+    type Value: Send + 'static;
+    /// How many are kept.
+    const MOST: usize;
+    /// Whether entries have causes that aren't in their keys.
+    const VOLATILE: bool = false;
+}
+
+type Entries<K> = HashMap<<K as Kind>::Key, <K as Kind>::Value>;
+
+/// The entries of a kind. Kinds have locks of their own: cargo may take seconds to answer.
+struct Shelf {
+    entries: Arc<Mutex<Box<dyn Any + Send>>>,
+    clear: Option<fn(&mut (dyn Any + Send))>,
+}
+
+static WORKSPACE: LazyLock<Mutex<HashMap<TypeId, Shelf>>> = LazyLock::new(Mutex::default);
+
+fn locked<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn entries<K: Kind>(any: &mut (dyn Any + Send)) -> &mut Entries<K> {
+    any.downcast_mut().expect("a kind has entries of its own type")
+}
+
+/// Works on the entries of a kind, of which a kind that is full has none.
+pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
+    let shelf = {
+        let mut workspace = locked(&WORKSPACE);
+        let shelf = workspace.entry(TypeId::of::<K>()).or_insert_with(|| Shelf {
+            entries: Arc::new(Mutex::new(Box::new(Entries::<K>::new()))),
+            clear: K::VOLATILE.then_some(|any| entries::<K>(any).clear()),
+        });
+        Arc::clone(&shelf.entries)
+    };
+    let mut any = locked(&shelf);
+    let entries = entries::<K>(&mut **any);
+    if entries.len() > K::MOST {
+        entries.clear();
+    }
+    work(entries)
+}
+
+pub(crate) fn get<K: Kind<Value: Clone>>(key: &K::Key) -> Option<K::Value> {
+    with::<K, _>(|entries| entries.get(key).cloned())
+}
+
+pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
+    with::<K, _>(|entries| drop(entries.insert(key, value)));
+}
+
+/// Forgets what was kept of files that Karat knows nothing of: what a program printed (`preprocess` in
+/// `karat.toml`) may depend on any. A process that lives on between edits calls it before each look.
+///
+/// ```
+/// karat::unstable::workspace::refresh();
+/// ```
+pub fn refresh() {
+    let shelves = |shelf: &Shelf| Some((Arc::clone(&shelf.entries), shelf.clear?));
+    let volatile: Vec<_> = locked(&WORKSPACE).values().filter_map(shelves).collect();
+    for (entries, clear) in volatile {
+        clear(&mut **locked(&entries));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Lasting;
+    impl Kind for Lasting {
+        type Key = u32;
+        type Value = &'static str;
+        const MOST: usize = 2;
+    }
+
+    struct Passing;
+    impl Kind for Passing {
+        type Key = u32;
+        type Value = &'static str;
+        const MOST: usize = 2;
+        const VOLATILE: bool = true;
+    }
+
+    #[test]
+    fn kinds_are_apart_and_only_what_may_be_stale_is_forgotten() {
+        keep::<Lasting>(1, "one");
+        keep::<Passing>(1, "other");
+        assert_eq!((get::<Lasting>(&1), get::<Passing>(&1)), (Some("one"), Some("other")));
+        refresh();
+        assert_eq!((get::<Lasting>(&1), get::<Passing>(&1)), (Some("one"), None));
+        for key in 2..5 {
+            keep::<Lasting>(key, "more");
+        }
+        assert_eq!((get::<Lasting>(&1), get::<Lasting>(&4)), (None, Some("more")), "it was full");
+    }
+}
