@@ -156,8 +156,8 @@ pub use value::Shareable;
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Directions, Domain, Edges, Goldens, Grid, Hemisphere, Inputs,
-        Integers, Just, LatinHypercube, Limit, OneOf, Package, Rel, Sampler, Spec, Storage,
+        Abs, AnyF32, CubeMap, DeviceSpec, Directions, Domain, Edges, Goldens, Grid, Hemisphere,
+        Inputs, Integers, Just, LatinHypercube, Limit, OneOf, Package, Rel, Sampler, Spec, Storage,
         Support, Texture, Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

@@ -1,6 +1,5 @@
 //! What WGSL allows, as a tolerance; and what a failing check says of it.
 
-use karat::DeviceSpec;
 use karat::Path;
 use karat::check::{Census, Disagreement, Failure, Vacuous};
 use karat::path::Adapter;

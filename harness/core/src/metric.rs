@@ -59,7 +59,7 @@ pub trait Metric: fmt::Debug + Send + Sync {
     fn name(&self) -> String;
 
     /// Measures. Pixels that are left out are equal in both images, and aren't
-    /// [`counted`](Pair::counts).
+    /// [`counted`](Pair::is_compared).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
     /// The largest difference that it can find: a bound from there on lets every frame pass. Infinite unless

@@ -280,7 +280,8 @@ impl<'m> Lower<'m> {
         variable: &'m naga::GlobalVariable,
         scope: &mut Scope<'m>,
     ) -> Lowered<Value> {
-        let name = variable.name.clone().expect("WGSL names it");
+        // A variable that stands for a pointer of a caller has none.
+        let name = variable.name.clone().unwrap_or_default();
         let span = self.module.global_variables.get_span(handle);
         let inner = self.layouts.inner(variable.ty);
         let slot = |binding: &naga::ResourceBinding| HandleSlot {

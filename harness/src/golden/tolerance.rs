@@ -230,7 +230,7 @@ impl fmt::Display for FrameTolerance {
 /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
 /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
 /// assert_eq!(margin.decided_by, FrameCriterion::Gate);
-/// # Ok::<(), karat::golden::FrameDifference>(())
+/// # Ok::<(), karat::unstable::golden::FrameDifference>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -261,7 +261,7 @@ pub enum FrameCriterion {
 /// for one in &margin.margins {
 ///     println!("{}: {} of {}", one.name, one.value, one.bound);
 /// }
-/// # Ok::<(), karat::golden::FrameDifference>(())
+/// # Ok::<(), karat::unstable::golden::FrameDifference>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
@@ -291,7 +291,7 @@ impl CriterionMargin {
     /// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
     /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
     /// assert!(margin.margins[0].passes());
-    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// # Ok::<(), karat::unstable::golden::FrameDifference>(())
     /// ```
     #[must_use]
     pub fn passes(&self) -> bool {
@@ -306,7 +306,7 @@ impl CriterionMargin {
     /// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
     /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
     /// assert!(margin.margins[0].ratio() < 0.5); // less than half of what is allowed
-    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// # Ok::<(), karat::unstable::golden::FrameDifference>(())
     /// ```
     #[must_use]
     pub fn ratio(&self) -> f64 {

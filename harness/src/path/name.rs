@@ -198,7 +198,7 @@ impl Path {
     /// ```
     /// use karat::Path;
     ///
-    /// assert!(Path::GL.exists() || cfg!(target_os = "macos"));
+    /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
     #[must_use]
     pub fn is_supported(self) -> bool {

@@ -416,7 +416,7 @@ fn write_table(
         tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
     std::fs::write(arguments.path(), text).context("there is no room for temporary files")?;
     let mut command = this()?;
-    command.args(["call", &item.name, "--path", "cpu", "--exact", "--table"]).arg(arguments.path());
+    command.args(["call", &item.name, "--path", "cpu", "--hex", "--table"]).arg(arguments.path());
     let ran = command.arg("--shaders").arg(folder).stderr(Stdio::null()).output();
     let Some(output) = ran.ok().filter(|ran| ran.status.success()) else { return Ok(false) };
     let called = String::from_utf8_lossy(&output.stdout);
