@@ -17,8 +17,8 @@ use std::time::Instant;
 
 pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
-    Arithmetic, F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered,
-    Range, Refusal, Resources, Results, Settings, Stop, Truth,
+    F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered, Range,
+    Refusal, Resources, Results, Runs, Settings, Stop, Truth,
 };
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -256,11 +256,7 @@ impl Interpreted {
         self.author(self.lowered.cause(*interval)?.span.to_range()?)
     }
 
-    fn call<A: Arithmetic>(
-        &self,
-        cases: usize,
-        arguments: &[u32],
-    ) -> Result<Results<A>, ProbeError> {
+    fn call<A: Runs>(&self, cases: usize, arguments: &[u32]) -> Result<Results<A>, ProbeError> {
         self.call_with(cases, arguments, &self.options())
     }
 
@@ -269,7 +265,7 @@ impl Interpreted {
         Options { fuel: self.fuel, deadline, ..Options::default() }
     }
 
-    fn call_with<A: Arithmetic>(
+    fn call_with<A: Runs>(
         &self,
         cases: usize,
         arguments: &[u32],
@@ -278,7 +274,7 @@ impl Interpreted {
         self.observed(cases, arguments, options, &())
     }
 
-    fn observed<A: Arithmetic>(
+    fn observed<A: Runs>(
         &self,
         cases: usize,
         arguments: &[u32],

@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use karat_engine::{Arithmetic, F32, F64, Intervals, Options, Program, Resources, Settings};
+use karat_engine::{F32, F64, Intervals, Options, Program, Resources, Runs, Settings};
 
 const SOURCE: &str = "
 const TAU = 6.283185307;
@@ -86,7 +86,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn timed<A: Arithmetic>(
+fn timed<A: Runs>(
     what: &str,
     program: &Program,
     cases: usize,

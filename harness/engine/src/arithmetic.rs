@@ -3,12 +3,6 @@
 use std::fmt::Debug;
 
 use crate::interval::{Interval, Range, Truth};
-use crate::observer::Observer;
-use crate::options::Options;
-use crate::program::{Call, Program};
-use crate::refusal::Stop;
-use crate::resources::Resources;
-use crate::results::Results;
 
 /// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
@@ -117,24 +111,6 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// Runs a program. Each arithmetic has its own, so that the machine is compiled in this crate.
-        fn call(
-            program: &Program,
-            call: &Call<'_>,
-            observer: &dyn Observer<Self>,
-        ) -> Result<Results<Self>, Stop>
-        where
-            Self: Arithmetic;
-        fn dispatch(
-            program: &Program,
-            workgroups: [u32; 3],
-            resources: &mut Resources,
-            options: &Options,
-            observer: &dyn Observer<Self>,
-        ) -> Result<(), Stop>
-        where
-            Self: Arithmetic;
-
         /// The result of a rule, narrowed where it is an interval.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
@@ -212,38 +188,6 @@ pub(crate) mod sealed {
 }
 
 use sealed::{Narrow, Rules};
-
-/// The machine in one arithmetic.
-macro_rules! runs {
-    () => {
-        fn call(
-            program: &Program,
-            call: &Call<'_>,
-            observer: &dyn Observer<Self>,
-        ) -> Result<Results<Self>, Stop> {
-            match observer.is_active() {
-                true => program.run::<Self, true>(call, observer),
-                false => program.run::<Self, false>(call, observer),
-            }
-        }
-        fn dispatch(
-            program: &Program,
-            workgroups: [u32; 3],
-            resources: &mut Resources,
-            options: &Options,
-            observer: &dyn Observer<Self>,
-        ) -> Result<(), Stop> {
-            match observer.is_active() {
-                true => {
-                    program.run_workgroups::<Self, true>(workgroups, resources, options, observer)
-                }
-                false => {
-                    program.run_workgroups::<Self, false>(workgroups, resources, options, observer)
-                }
-            }
-        }
-    };
-}
 
 macro_rules! exact_integers_and_booleans {
     () => {
@@ -347,7 +291,6 @@ macro_rules! exact_integers_and_booleans {
 
 impl Rules for F32 {
     type Float = f32;
-    runs!();
     exact_integers_and_booleans!();
 
     fn float(x: f32) -> f32 {
@@ -390,7 +333,6 @@ impl Rules for F32 {
 
 impl Rules for F64 {
     type Float = f64;
-    runs!();
     exact_integers_and_booleans!();
 
     fn float(x: f32) -> f64 {
@@ -432,7 +374,6 @@ impl Rules for F64 {
 
 impl Rules for Intervals {
     type Float = Interval;
-    runs!();
     type Int = Range;
     type Bool = Truth;
     const UNDECIDED: bool = true;

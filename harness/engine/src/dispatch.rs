@@ -10,6 +10,7 @@ use crate::options::Options;
 use crate::program::Program;
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
+use crate::runs::Runs;
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -83,7 +84,7 @@ impl Program {
     ///
     /// When a resource is missing, or an invocation spends its fuel; its case is then the index of
     /// the invocation among all, workgroup after workgroup.
-    pub fn dispatch<A: Arithmetic>(
+    pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],
         resources: &mut Resources,

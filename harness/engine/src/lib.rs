@@ -95,6 +95,7 @@ mod refusal;
 mod resources;
 mod results;
 mod rules;
+mod runs;
 mod scalar;
 mod texture;
 
@@ -109,5 +110,6 @@ pub use program::Program;
 pub use refusal::{Refusal, Stop};
 pub use resources::Resources;
 pub use results::{Lane, LaneOf, Results};
+pub use runs::Runs;
 pub use scalar::Scalar;
 pub use texture::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, TextureError};

@@ -17,6 +17,7 @@ use crate::parallel;
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::results::Results;
+use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
 /// Lanes of a chunk: a column of floats is then 1 KiB, so that some thirty are in a cache of the
@@ -138,7 +139,7 @@ impl Program {
     /// # Errors
     ///
     /// When the rows aren't whole, a resource is missing, or a case spends its fuel.
-    pub fn call<A: Arithmetic>(
+    pub fn call<A: Runs>(
         &self,
         cases: usize,
         rows: &[u32],

@@ -1,6 +1,6 @@
 //! Runs WGSL functions on rows of words.
 use karat_engine::{
-    Arithmetic, F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Settings,
+    F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Runs, Settings,
 };
 
 pub(crate) fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
@@ -31,7 +31,7 @@ pub(crate) fn words(source: &str, rows: &[u32]) -> Vec<u32> {
     call::<F32>(&program, cases, rows).words()
 }
 
-pub(crate) fn call<A: Arithmetic>(
+pub(crate) fn call<A: Runs>(
     program: &Program,
     cases: usize,
     rows: &[u32],

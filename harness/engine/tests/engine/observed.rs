@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use karat_engine::{Arithmetic, F32, F64, Lanes, Observer, Options, Program, Resources, Settings};
+use karat_engine::{F32, F64, Lanes, Observer, Options, Program, Resources, Runs, Settings};
 
 use crate::common::module;
 
@@ -50,7 +50,7 @@ impl Observer<F32> for Seen {
     }
 }
 
-fn observed<A: Arithmetic>(settings: &Settings, observer: &dyn Observer<A>) {
+fn observed<A: Runs>(settings: &Settings, observer: &dyn Observer<A>) {
     let (module, info) = module(SOURCE);
     let program = Program::function(&module, &info, "f", settings).expect("it lowers");
     let rows = [0.5f32.to_bits(), 2, 0.5f32.to_bits(), 9, 5f32.to_bits(), 9];
