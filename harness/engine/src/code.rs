@@ -2,6 +2,7 @@
 
 use naga::{AtomicFunction, Span};
 
+use crate::races::Spaces;
 use crate::rules::{FloatRule, FromInt, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
@@ -119,7 +120,8 @@ pub(crate) enum Op {
     Return(u32),
     /// A named value is complete: its registers, of the three files in order, are in the pool.
     Mark(u32),
-    Barrier,
+    /// What it orders.
+    Barrier(Spaces),
     Halt,
 }
 
@@ -161,6 +163,8 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
+    /// Whether it finds something else than an atomic, accesses of which may race.
+    pub(crate) plain: bool,
 }
 
 /// What an atomic does to a word.
@@ -390,7 +394,7 @@ impl Code {
             | Op::Break(_)
             | Op::Continue(_)
             | Op::Return(_)
-            | Op::Barrier
+            | Op::Barrier(_)
             | Op::Halt => Shape::default(),
         }
     }

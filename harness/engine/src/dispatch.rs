@@ -2,12 +2,13 @@
 
 use naga::{BuiltIn, Module, Span, TypeInner};
 
-use crate::arithmetic::Arithmetic;
+use crate::arithmetic::{Arithmetic, F32};
 use crate::code::Binding;
 use crate::machine::Machine;
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::Program;
+use crate::races::{Detector, Observed};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
@@ -94,6 +95,23 @@ impl Program {
         A::dispatch(self, workgroups, resources, options, observer)
     }
 
+    /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
+    /// which barriers weren't reached by all. `runs` says whether a workgroup, counted from 0, runs at all.
+    ///
+    /// # Errors
+    ///
+    /// As [`dispatch`](Self::dispatch).
+    pub fn observe_races(
+        &self,
+        workgroups: [u32; 3],
+        resources: &mut Resources,
+        options: &Options,
+        runs: &dyn Fn(usize) -> bool,
+    ) -> Result<Observed, Stop> {
+        let watch = Some(runs);
+        self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
+    }
+
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
@@ -101,7 +119,8 @@ impl Program {
         resources: &mut Resources,
         options: &Options,
         observer: &dyn Observer<A>,
-    ) -> Result<(), Stop> {
+        watch: Option<&dyn Fn(usize) -> bool>,
+    ) -> Result<Observed, Stop> {
         let Some(entry) = &self.entry else {
             return Err(Stop::Misuse("a function is called, not dispatched"));
         };
@@ -115,14 +134,20 @@ impl Program {
         }
         let [x, y, z] = entry.size;
         let invocations = (x * y * z) as usize;
+        let mut observed = Observed::default();
         let (written, textures): (Vec<_>, Vec<_>) = {
             let mut memory = self.memory::<A>(resources)?;
             let mut machine = Machine::<A>::new(code, options, invocations);
-            let mut group = 0;
+            machine.detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
+            let mut groups = 0..;
             for gz in 0..workgroups[2] {
                 for gy in 0..workgroups[1] {
                     for gx in 0..workgroups[0] {
                         let id = [gx, gy, gz];
+                        let group: usize = groups.next().expect("it has no end");
+                        if watch.is_some_and(|runs| !runs(group)) {
+                            continue;
+                        }
                         for (&(register, scalar), &(builtin, k)) in
                             code.parameters.iter().zip(&entry.inputs)
                         {
@@ -147,15 +172,20 @@ impl Program {
                             }
                         }
                         let first = group * invocations;
+                        if let Some(detector) = &mut machine.detector {
+                            detector.begin(first);
+                        }
                         machine.run::<SEEN>(invocations, first, &mut memory, observer).map_err(
                             |spent| {
                                 let case = first + spent.lane;
                                 spent.stop(case, options.fuel)
                             },
                         )?;
-                        group += 1;
                     }
                 }
+            }
+            if let Some(detector) = machine.detector.take() {
+                observed = detector.end();
             }
             let textures = code.textures.iter().zip(memory.textures);
             let textures = textures
@@ -176,6 +206,6 @@ impl Program {
         };
         resources.buffers.extend(written);
         resources.textures.extend(textures);
-        Ok(())
+        Ok(observed)
     }
 }

@@ -15,6 +15,7 @@ use crate::code::{Code, ImageKind, Instruction, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Fault, Faulty, Lanes, Observer};
 use crate::options::Options;
+use crate::races::Detector;
 use crate::rules::{Edges, FloatRule, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
@@ -65,6 +66,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// The site of the operation that runs.
     site: u32,
     width: usize,
+    /// Finds races of the invocations of a workgroup, if it is asked to.
+    pub(crate) detector: Option<Box<Detector>>,
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
@@ -85,6 +88,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             strayed: Vec::new(),
             site: 0,
             width,
+            detector: None,
         };
         for &(register, constant) in &code.constants {
             let index = register.index;
@@ -344,8 +348,14 @@ impl<'p, A: Rules> Machine<'p, A> {
                         });
                     }
                 }
-                // All invocations of a workgroup are lanes of this chunk, so each is here.
-                Op::Barrier => {}
+                // All invocations of a workgroup are lanes of this chunk, so nobody has to wait.
+                Op::Barrier(spaces) => {
+                    if let Some(mut detector) = self.detector.take() {
+                        let active = self.active().iter().map(|mask| A::possible(*mask));
+                        detector.barrier(code, instruction.site, spaces, active);
+                        self.detector = Some(detector);
+                    }
+                }
                 Op::Halt => break,
             }
         }

@@ -54,7 +54,7 @@ macro_rules! runs {
                     true => Program::run_workgroups::<Self, true>,
                     false => Program::run_workgroups::<Self, false>,
                 };
-                run(program, workgroups, resources, options, observer)
+                run(program, workgroups, resources, options, observer, None).map(drop)
             }
         })*
     };

@@ -204,7 +204,13 @@ impl<'m> Lower<'m> {
             signed: index.signed,
         };
         let steps = place.indices.iter().map(step).collect();
-        self.code.walks.push(Walk { buffer: u32::MAX, offset: 0, steps, atomic: None });
+        self.code.walks.push(Walk {
+            buffer: u32::MAX,
+            offset: 0,
+            steps,
+            atomic: None,
+            plain: false,
+        });
         self.code.walks.len() as u32 - 1
     }
 
@@ -212,7 +218,8 @@ impl<'m> Lower<'m> {
         let step =
             |index: &Index| Step { stride: index.bytes, count: index.count, signed: index.signed };
         let steps = place.indices.iter().map(step).collect();
-        self.code.walks.push(Walk { buffer, offset, steps, atomic: None });
+        let plain = !matches!(place.inner, TypeInner::Atomic(_));
+        self.code.walks.push(Walk { buffer, offset, steps, atomic: None, plain });
         self.code.walks.len() as u32 - 1
     }
 
@@ -261,7 +268,7 @@ impl<'m> Lower<'m> {
         let stride = stride_bytes(&place.inner);
         let count = Count::Runtime { offset: place.bytes, stride };
         let steps = vec![Step { stride, count, signed: false }];
-        self.code.walks.push(Walk { buffer, offset: 0, steps, atomic: None });
+        self.code.walks.push(Walk { buffer, offset: 0, steps, atomic: None, plain: false });
         let walk = self.code.walks.len() as u32 - 1;
         let to = self.fresh(File::Int);
         self.emit(Op::ArrayLength(walk), &[to], &[])?;

@@ -3,7 +3,8 @@
 use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Detail, ImageKind, ImageOp};
-use crate::texture::{Dimension, Footprint, Level, Place, Sampler, Texture};
+use crate::races::{Accessed, Place};
+use crate::texture::{self, Dimension, Footprint, Level, Sampler, Texture};
 
 /// The registers of an operation on a texture, by what they hold.
 struct Operands<'a> {
@@ -74,9 +75,29 @@ impl<A: Rules> Machine<'_, A> {
                 (None, Some(&register)) => A::int_word(self.ints.get(register)[lane]),
                 (None, None) => 0,
             });
-            if let Some(words) = crate::texture::stored(format, words) {
+            if let Some(words) = texture::stored(format, words) {
                 texture.put(at, words);
+                self.note_texel(op.texture, (lane, at), size, words[0], true);
             }
+        }
+    }
+
+    /// Tells the detector, if there is one, which texel a lane accesses.
+    fn note_texel(
+        &mut self,
+        texture: u32,
+        (lane, at): (usize, [u32; 3]),
+        size: [u32; 3],
+        word: u32,
+        writes: bool,
+    ) {
+        let Some(detector) = &mut self.detector else { return };
+        if detector.watches_texture(texture) {
+            let [x, y, z] = at.map(|k| k as usize);
+            let index = (z * size[1] as usize + y) * size[0] as usize + x;
+            let place = Place::Texel(at);
+            let accessed = Accessed { lane, site: self.site, place, index, word };
+            detector.texture(self.code, texture, accessed, writes);
         }
     }
 
@@ -143,6 +164,9 @@ impl<A: Rules> Machine<'_, A> {
                 self.leave(lane);
             }
             let words = texture.texel(level, at, sample);
+            if level == 0 && !clamped && A::possible(self.active()[lane]) {
+                self.note_texel(op.texture, (lane, at), size, words[0], false);
+            }
             for (channel, &out) in operands.outs.iter().enumerate() {
                 if op.outs[0] > 0 {
                     let x = texture.channel::<A>(words[channel]);
@@ -180,7 +204,7 @@ impl<A: Rules> Machine<'_, A> {
             let vector = |start: usize| {
                 std::array::from_fn(|k| if k < coordinates { float(start + k) } else { 0.0 })
             };
-            let mut place = Place { at: vector(0), layer: 0, offset: [0; 3] };
+            let mut place = texture::Place { at: vector(0), layer: 0, offset: [0; 3] };
             if clamp {
                 for k in 0..coordinates {
                     let half = 0.5 / f64::from(texture.size()[k]);

@@ -8,6 +8,7 @@ use super::Machine;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Count, Step, Walk};
 use crate::columns::Columns;
+use crate::races::{Accessed, Place};
 use crate::scalar::{File, Scalar};
 
 /// The bytes of a buffer. Where it is written, floats keep what `f32` can't hold beside them.
@@ -358,6 +359,41 @@ impl<A: Rules> Machine<'_, A> {
                 File::Bool => fill(self.bools.get_mut(registers[0])),
             }
         }
+        self.note_accesses(walk, &registers[1..], length, false, |_, at| match scalar {
+            Scalar::F16 => u32::from(buffer.word(at & !3) >> (8 * (at & 2)) as u32 & 0xFFFF),
+            Scalar::Bool => u32::from(buffer.bytes.get(at).is_some_and(|byte| *byte != 0)),
+            _ => buffer.word(at),
+        });
+    }
+
+    /// Tells the detector, if there is one, which elements the lanes access, and with which words.
+    fn note_accesses(
+        &mut self,
+        walk: &Walk,
+        indices: &[u32],
+        length: usize,
+        writes: bool,
+        word: impl Fn(usize, usize) -> u32,
+    ) {
+        let Some(mut detector) = self.detector.take() else { return };
+        if walk.plain && detector.watches_buffer(walk.buffer) {
+            for lane in 0..self.width {
+                if !A::possible(self.active()[lane]) {
+                    continue;
+                }
+                let mut at = 0;
+                let strays = walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+                // An access outside of the array may go anywhere, which is a fault of its own.
+                if strays {
+                    continue;
+                }
+                let place = Place::Byte(at as u32);
+                let (site, word) = (self.site, word(lane, at));
+                let accessed = Accessed { lane, site, place, index: at / 4, word };
+                detector.buffer(self.code, walk.buffer, accessed, writes);
+            }
+        }
+        self.detector = Some(detector);
     }
 
     pub(super) fn write(
@@ -375,6 +411,19 @@ impl<A: Rules> Machine<'_, A> {
         };
         let buffer = &mut memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
+        let word = |machine: &Self, lane: usize| match scalar {
+            Scalar::F32 => A::float_word(machine.floats.get(value)[lane]),
+            Scalar::F16 => {
+                let x = f32::from_bits(A::float_word(machine.floats.get(value)[lane]));
+                u32::from(half::f16::from_f32(x).to_bits())
+            }
+            Scalar::I32 | Scalar::U32 => A::int_word(machine.ints.get(value)[lane]),
+            Scalar::Bool => A::bool_word(machine.bools.get(value)[lane]),
+        };
+        if self.detector.is_some() {
+            let words: Vec<u32> = (0..self.width).map(|lane| word(self, lane)).collect();
+            self.note_accesses(walk, indices, length, true, |lane, _| words[lane]);
+        }
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
                 continue;
@@ -385,22 +434,17 @@ impl<A: Rules> Machine<'_, A> {
             {
                 continue;
             }
+            let bytes = word(self, lane).to_le_bytes();
             match scalar {
                 Scalar::F32 => {
-                    let x = self.floats.get(value)[lane];
-                    buffer.put(at, &A::float_word(x).to_le_bytes());
+                    buffer.put(at, &bytes);
                     if let Some(float) = buffer.floats.get_mut(at / 4) {
-                        *float = Some(x);
+                        *float = Some(self.floats.get(value)[lane]);
                     }
                 }
-                Scalar::F16 => {
-                    let x = f32::from_bits(A::float_word(self.floats.get(value)[lane]));
-                    buffer.put(at, &half::f16::from_f32(x).to_le_bytes());
-                }
-                Scalar::I32 | Scalar::U32 => {
-                    buffer.put(at, &A::int_word(self.ints.get(value)[lane]).to_le_bytes());
-                }
-                Scalar::Bool => buffer.put(at, &[A::bool_word(self.bools.get(value)[lane]) as u8]),
+                Scalar::F16 => buffer.put(at, &bytes[..2]),
+                Scalar::I32 | Scalar::U32 => buffer.put(at, &bytes),
+                Scalar::Bool => buffer.put(at, &bytes[..1]),
             }
         }
     }

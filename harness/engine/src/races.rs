@@ -1,0 +1,387 @@
+//! Races: accesses of one element by two invocations, one of which writes, and which nothing orders.
+//!
+//! WGSL orders little (its specification, 15.4 *Memory model* and 17.11 *Synchronization built-in functions*). A
+//! barrier orders the invocations of its workgroup, and the address spaces that its name says. Nothing orders two
+//! workgroups of a dispatch. Atomic accesses don't race with each other, and WGSL has no other access of an atomic.
+//!
+//! The machine runs invocations in lockstep, so a race shows in no result. Instead each element remembers who has
+//! accessed it: the last write, and the reads that a later write could race with.
+//!
+//! - One write is enough. Whoever wrote before it was ordered before it, or that was a race. Another one of another
+//!   word tells whether what a later workgroup writes is the same.
+//! - Two reads of different invocations since the last barrier are enough, since whoever writes isn't one of them.
+//!   One read by an earlier workgroup is enough, since whoever writes isn't of that workgroup.
+
+use std::collections::BTreeMap;
+
+use crate::code::{Binding, Code, Site};
+
+/// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
+const PAGE: usize = 1024;
+
+/// Elements that one dispatch remembers, in 96 bytes each: 192 MiB. Accesses of others are counted.
+const MOST_CELLS: usize = 1 << 21;
+
+/// Races that are told. A loop over a buffer has as many as elements, of one pair of lines.
+const MOST_RACES: usize = 64;
+
+/// No invocation.
+const NONE: u32 = u32::MAX;
+
+/// What has a place of its own in memory: a scalar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Place {
+    /// The byte at which it begins in its variable.
+    Byte(u32),
+    /// The texel.
+    Texel([u32; 3]),
+}
+
+/// An access of an element.
+#[derive(Clone, Debug)]
+pub struct Access {
+    /// Where the author wrote it.
+    pub site: Site,
+    /// The invocation, counted over all of the dispatch: workgroup after workgroup, and in a workgroup by
+    /// `local_invocation_index`.
+    pub invocation: usize,
+    /// Whether it writes.
+    pub writes: bool,
+    /// The word that it writes or reads.
+    pub word: u32,
+}
+
+/// Two accesses of an element that nothing orders.
+#[derive(Clone, Debug)]
+pub struct Race {
+    /// The variable's name in the module.
+    pub variable: String,
+    /// The variable's group and binding; `None` of a variable in workgroup memory.
+    pub binding: Option<(u32, u32)>,
+    /// The element.
+    pub place: Place,
+    /// The access that came first in the machine's order.
+    pub first: Access,
+    /// The other one.
+    pub second: Access,
+    /// Whether their invocations are in one workgroup, so that a barrier could order them.
+    pub one_workgroup: bool,
+    /// How many elements have a race of these two accesses, this one included.
+    pub elements: u64,
+}
+
+impl Race {
+    /// Whether both write, and write the same.
+    #[must_use]
+    pub fn writes_equally(&self) -> bool {
+        self.first.writes && self.second.writes && self.first.word == self.second.word
+    }
+}
+
+/// A barrier that some invocations of a workgroup didn't reach together.
+#[derive(Clone, Debug)]
+pub struct Divergence {
+    /// The barrier.
+    pub site: Site,
+    /// An invocation that reached it.
+    pub reached: usize,
+    /// The first that didn't.
+    pub missing: usize,
+    /// How many of the workgroup didn't.
+    pub count: usize,
+}
+
+/// What a dispatch showed.
+#[derive(Clone, Debug, Default)]
+pub struct Observed {
+    /// Races, of each pair of accesses the first; reads and writes before equal writes.
+    pub races: Vec<Race>,
+    /// Barriers that weren't reached by all, each once.
+    pub divergences: Vec<Divergence>,
+    /// Invocations that ran.
+    pub invocations: usize,
+    /// Accesses of elements beyond those that are remembered.
+    pub unwatched: u64,
+}
+
+/// Which address spaces a barrier orders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Spaces {
+    pub(crate) workgroup: bool,
+    pub(crate) storage: bool,
+    pub(crate) texture: bool,
+}
+
+impl Spaces {
+    pub(crate) const WORKGROUP: Self = Self { workgroup: true, storage: false, texture: false };
+
+    pub(crate) fn of(barrier: naga::Barrier) -> Self {
+        Self {
+            workgroup: barrier.contains(naga::Barrier::WORK_GROUP),
+            storage: barrier.contains(naga::Barrier::STORAGE),
+            texture: barrier.contains(naga::Barrier::TEXTURE),
+        }
+    }
+}
+
+/// Who accessed an element: an invocation, how many barriers of the element's address space its workgroup had
+/// passed, where, and the word.
+#[derive(Clone, Copy, Debug)]
+struct Who {
+    invocation: u32,
+    epoch: u32,
+    site: u32,
+    word: u32,
+}
+
+const NOBODY: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
+
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    write: Who,
+    /// The last write before it of another word.
+    before: Who,
+    /// Two invocations that read it since the last barrier.
+    reads: [Who; 2],
+    /// One of an earlier workgroup that read it.
+    earlier: Who,
+}
+
+const EMPTY: Cell = Cell { write: NOBODY, before: NOBODY, reads: [NOBODY; 2], earlier: NOBODY };
+
+/// The elements of a variable.
+#[derive(Debug, Default)]
+struct Shadow {
+    /// Whether anything writes it at all.
+    written: bool,
+    /// Whether it is in the memory of one workgroup.
+    own: bool,
+    /// The odd halves of words are apart: a 16-bit element has a place where no 32-bit element begins.
+    pages: [Vec<Option<Box<[Cell]>>>; 2],
+}
+
+/// Finds races while a dispatch runs.
+#[derive(Debug)]
+pub(crate) struct Detector {
+    /// Invocations of a workgroup.
+    width: u32,
+    /// The first invocation of the workgroup that runs.
+    first: u32,
+    /// Barriers that it has passed, of workgroup memory, storage and textures.
+    epochs: [u32; 3],
+    buffers: Vec<Shadow>,
+    textures: Vec<Shadow>,
+    cells: usize,
+    unwatched: u64,
+    races: BTreeMap<(u32, (u32, u32), bool, bool), Race>,
+    divergences: BTreeMap<u32, Divergence>,
+    invocations: usize,
+}
+
+/// An access that the machine makes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Accessed {
+    pub(crate) lane: usize,
+    pub(crate) site: u32,
+    pub(crate) place: Place,
+    /// The number of the element, of those that begin at such a place.
+    pub(crate) index: usize,
+    pub(crate) word: u32,
+}
+
+impl Detector {
+    pub(crate) fn new(code: &Code, width: usize) -> Self {
+        let shadow = |written: bool, own: bool| Shadow { written, own, ..Shadow::default() };
+        let buffers = code
+            .buffers
+            .iter()
+            .map(|slot| shadow(slot.written, slot.binding == Binding::Workgroup));
+        let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
+        Self {
+            width: width as u32,
+            first: 0,
+            epochs: [0; 3],
+            buffers: buffers.collect(),
+            textures: textures.collect(),
+            cells: 0,
+            unwatched: 0,
+            races: BTreeMap::new(),
+            divergences: BTreeMap::new(),
+            invocations: 0,
+        }
+    }
+
+    /// A workgroup begins, whose first invocation is this one.
+    pub(crate) fn begin(&mut self, first: usize) {
+        self.first = first as u32;
+        self.epochs = [0; 3];
+        self.invocations += self.width as usize;
+        for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
+            shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
+        }
+    }
+
+    /// Whether accesses of a buffer can race.
+    pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
+        self.buffers[slot as usize].written
+    }
+
+    /// Whether accesses of a texture can race.
+    pub(crate) fn watches_texture(&self, slot: u32) -> bool {
+        self.textures[slot as usize].written
+    }
+
+    /// The workgroup meets a barrier, with the invocations of `active`.
+    pub(crate) fn barrier(
+        &mut self,
+        code: &Code,
+        site: u32,
+        spaces: Spaces,
+        active: impl Iterator<Item = bool> + Clone,
+    ) {
+        let missing = || active.clone().enumerate().filter(|(_, active)| !active);
+        if let (Some((lane, _)), Some(here)) = (missing().next(), active.clone().position(|a| a)) {
+            let first = self.first as usize;
+            self.divergences.entry(site).or_insert_with(|| Divergence {
+                site: code.sites[site as usize].clone(),
+                reached: first + here,
+                missing: first + lane,
+                count: missing().count(),
+            });
+        }
+        let spaces = [spaces.workgroup, spaces.storage, spaces.texture];
+        for (epoch, ordered) in self.epochs.iter_mut().zip(spaces) {
+            *epoch += u32::from(ordered);
+        }
+    }
+
+    pub(crate) fn buffer(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
+        let space = usize::from(!self.buffers[slot as usize].own);
+        self.access(code, (slot, space), accessed, writes);
+    }
+
+    pub(crate) fn texture(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
+        self.access(code, (slot, 2), accessed, writes);
+    }
+
+    fn access(
+        &mut self,
+        code: &Code,
+        (slot, space): (u32, usize),
+        accessed: Accessed,
+        writes: bool,
+    ) {
+        let Accessed { lane, site, place, index, word } = accessed;
+        let plane = match place {
+            Place::Byte(at) => (at >> 1 & 1) as usize,
+            Place::Texel(_) => 0,
+        };
+        let who =
+            Who { invocation: self.first + lane as u32, epoch: self.epochs[space], site, word };
+        let (first, width) = (self.first, self.width);
+        let shadows = if space == 2 { &mut self.textures } else { &mut self.buffers };
+        let Some(cell) = shadows[slot as usize].cell(plane, index, &mut self.cells) else {
+            self.unwatched += 1;
+            return;
+        };
+        let here = |other: Who| other.invocation >= first && other.invocation - first < width;
+        let races = |other: &Who| {
+            other.invocation != NONE
+                && other.invocation != who.invocation
+                && (!here(*other) || other.epoch == who.epoch)
+        };
+        let writes_before = [cell.write, cell.before];
+        let mut read = None;
+        if writes {
+            read = [cell.reads[0], cell.reads[1], cell.earlier].into_iter().find(races);
+            if cell.write.word != word {
+                cell.before = cell.write;
+            }
+            cell.write = who;
+        } else if here(cell.reads[0]) && cell.reads[0].epoch == who.epoch {
+            if cell.reads[0].invocation != who.invocation {
+                cell.reads[1] = who;
+            }
+        } else {
+            if cell.reads[0].invocation != NONE && !here(cell.reads[0]) {
+                cell.earlier = cell.reads[0];
+            }
+            cell.reads = [who, NOBODY];
+        }
+        // Two writes of one word show less than a read beside one of them, or a write of another word.
+        let differs = |other: &&Who| !writes || other.word != word;
+        let racing = || writes_before.iter().filter(|other| races(other));
+        let found = racing().find(differs).map(|other| (*other, true));
+        let found = found.or(read.map(|other| (other, false)));
+        let found = found.or_else(|| racing().next().map(|other| (*other, true)));
+        let Some((other, other_writes)) = found else { return };
+        let one_workgroup = here(other);
+        let equal = writes && other_writes && other.word == word;
+        let sites = (other.site.min(site), other.site.max(site));
+        let key = (slot | u32::from(space == 2) << 31, sites, one_workgroup, equal);
+        if let Some(race) = self.races.get_mut(&key) {
+            race.elements += 1;
+            return;
+        }
+        if self.races.len() >= MOST_RACES {
+            return;
+        }
+        let (variable, binding) = match space {
+            2 => {
+                let slot = &code.textures[slot as usize];
+                (slot.name.clone(), Some((slot.group, slot.binding)))
+            }
+            _ => {
+                let slot = &code.buffers[slot as usize];
+                let binding = match slot.binding {
+                    Binding::Resource { group, binding } => Some((group, binding)),
+                    Binding::Workgroup => None,
+                };
+                (slot.name.clone(), binding)
+            }
+        };
+        let access = |who: Who, writes: bool| Access {
+            site: code.sites[who.site as usize].clone(),
+            invocation: who.invocation as usize,
+            writes,
+            word: who.word,
+        };
+        let (first, second) = (access(other, other_writes), access(who, writes));
+        let race = Race { variable, binding, place, first, second, one_workgroup, elements: 1 };
+        self.races.insert(key, race);
+    }
+
+    /// What was found.
+    pub(crate) fn end(self) -> Observed {
+        let mut races: Vec<Race> = self.races.into_values().collect();
+        races.sort_by_key(|race| {
+            (race.writes_equally(), race.second.site.span.to_range().map(|r| r.start))
+        });
+        Observed {
+            races,
+            divergences: self.divergences.into_values().collect(),
+            invocations: self.invocations,
+            unwatched: self.unwatched,
+        }
+    }
+}
+
+impl Shadow {
+    /// An element; `None`: there are too many.
+    fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
+        let pages = &mut self.pages[plane];
+        let page = index / PAGE;
+        if page >= pages.len() {
+            pages.resize_with(page + 1, || None);
+        }
+        let page = &mut pages[page];
+        if page.is_none() {
+            if *cells + PAGE > MOST_CELLS {
+                return None;
+            }
+            *cells += PAGE;
+        }
+        let page = page.get_or_insert_with(|| vec![EMPTY; PAGE].into_boxed_slice());
+        Some(&mut page[index % PAGE])
+    }
+}

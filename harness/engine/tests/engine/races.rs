@@ -1,0 +1,304 @@
+//! Races and barriers that not all reach.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use karat_engine::{Observed, Options, Place, Program, Resources, Settings};
+
+use crate::common::module;
+
+/// Dispatches `main` over groups, with a buffer of so many words as `d`.
+fn observe(source: &str, groups: u32, words: usize) -> Observed {
+    let (module, info) = module(source);
+    let program = Program::entry_point(&module, &info, "main", &Settings::default());
+    let program = program.unwrap_or_else(|refusal| panic!("{refusal}\n{source}"));
+    let mut resources = Resources::new();
+    resources.set_buffer(0, 0, vec![0; 4 * words]);
+    let texels = vec![karat_engine::Texels::Uint(vec![[0; 4]; 64])];
+    let texture = karat_engine::Texture::new(karat_engine::Dimension::D2, [8, 8, 1], 1, texels);
+    resources.set_texture(0, 1, texture.expect("it is whole"));
+    let options = Options::default();
+    let seen = program.observe_races([groups, 1, 1], &mut resources, &options, &|_| true);
+    seen.unwrap_or_else(|stop| panic!("{stop}\n{source}"))
+}
+
+const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\
+                    var<workgroup> w: array<u32, 64>;\nvar<workgroup> a: array<atomic<u32>, 64>;\n\
+                    @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
+                        @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
+
+/// What races in a body: variable, element, invocations, which of them write, one workgroup, equal writes.
+fn races(body: &str, groups: u32) -> Vec<String> {
+    let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
+    let one = |race: &karat_engine::Race| {
+        let Place::Byte(at) = race.place else { panic!("{race:?}") };
+        let access = |access: &karat_engine::Access| {
+            format!("{}{}", if access.writes { "w" } else { "r" }, access.invocation)
+        };
+        let mut text = format!("{}[{}] ", race.variable, at / 4);
+        text += &format!("{} {}", access(&race.first), access(&race.second));
+        if !race.one_workgroup {
+            text += " apart";
+        }
+        if race.writes_equally() {
+            text += " equal";
+        }
+        text
+    };
+    observed.races.iter().map(one).collect()
+}
+
+#[test]
+fn what_nothing_orders_is_a_race() {
+    for (body, expected) in [
+        // F50: the barrier between is missing.
+        ("w[i] = d[g.x]; d[g.x] = w[63u - i];", &["w[63] w63 r0"][..]),
+        ("w[i] = d[g.x]; workgroupBarrier(); d[g.x] = w[63u - i];", &[]),
+        // The other barrier orders another address space.
+        ("w[i] = d[g.x]; storageBarrier(); d[g.x] = w[63u - i];", &["w[63] w63 r0"]),
+        ("d[g.x] = i; workgroupBarrier(); w[i] = d[g.x ^ 1u];", &["d[1] w1 r0"]),
+        ("d[g.x] = i; storageBarrier(); w[i] = d[g.x ^ 1u];", &[]),
+        // A read before a write.
+        ("let x = w[63u - i]; w[i] = x + 1u;", &["w[0] r63 w0"]),
+        ("let x = w[63u - i]; workgroupBarrier(); w[i] = x + 1u;", &[]),
+        // Two writes, of one value and of two.
+        ("w[i / 2u] = i;", &["w[0] w0 w1"]),
+        ("w[i / 2u] = 7u;", &["w[0] w0 w1 equal"]),
+        ("if i == 3u { w[0] = 1u; } w[1] = w[0];", &["w[0] w3 r0", "w[1] w0 w1 equal"]),
+        // Atomics order nothing else, and don't race.
+        ("atomicAdd(&a[0], 1u); let x = atomicLoad(&a[0]); atomicStore(&a[1], x);", &[]),
+        (
+            "w[i] = i; atomicStore(&a[i], 1u); if atomicLoad(&a[63u - i]) == 1u { d[g.x] = w[63u - i]; }",
+            &["w[63] w63 r0"],
+        ),
+        // One invocation is in order with itself.
+        ("w[i] = i; w[i] += w[i];", &[]),
+        // The load is between two barriers.
+        (
+            "if i == 0u { w[5] = 4u; } let x = workgroupUniformLoad(&w[5]); w[5] = x; d[g.x] = x;",
+            &["w[5] w0 w1 equal"],
+        ),
+    ] {
+        assert_eq!(races(body, 1), expected, "{body}");
+    }
+}
+
+#[test]
+fn nothing_orders_two_workgroups() {
+    for (body, expected) in [
+        ("d[i] = g.x;", &["d[0] w0 w64 apart"][..]),
+        ("d[i] = 5u;", &["d[0] w0 w64 apart equal"]),
+        ("d[g.x] = i; storageBarrier(); if group.x > 0u { w[i] = d[i]; }", &["d[0] w0 r64 apart"]),
+        (
+            "if group.x < 2u { w[i] = d[128u + i]; } else { d[g.x] = 1u; }",
+            &["d[128] r64 w128 apart"],
+        ),
+        ("w[i] = i; workgroupBarrier(); d[g.x] = w[63u - i];", &[]),
+    ] {
+        assert_eq!(races(body, 3), expected, "{body}");
+    }
+}
+
+#[test]
+fn texels_are_elements_too() {
+    let text = |body: &str| {
+        format!(
+            "@group(0) @binding(1) var t: texture_storage_2d<r32uint, read_write>;\n\
+             @compute @workgroup_size(8, 8) fn main(@builtin(local_invocation_id) i: vec3u) {{ {body} }}"
+        )
+    };
+    let of = |body: &str| {
+        let observed = observe(&text(body), 1, 1);
+        observed.races.iter().map(|race| (race.place, race.one_workgroup)).collect::<Vec<_>>()
+    };
+    assert!(of("textureStore(t, i.xy, vec4u(i.x));").is_empty());
+    let next = "textureStore(t, i.xy, textureLoad(t, vec2u(i.x ^ 1u, i.y)));";
+    assert_eq!(of(next), [(Place::Texel([0, 0, 0]), true)]);
+    let apart =
+        "let x = textureLoad(t, vec2u(i.x ^ 1u, i.y)); textureBarrier(); textureStore(t, i.xy, x);";
+    assert!(of(apart).is_empty());
+}
+
+#[test]
+fn barriers_that_some_miss_are_told() {
+    let of = |body: &str| {
+        let observed = observe(&format!("{HEAD}{body}\n}}\n"), 1, 64);
+        observed.divergences.iter().map(|d| (d.reached, d.missing, d.count)).collect::<Vec<_>>()
+    };
+    assert_eq!(of("if i < 32u { workgroupBarrier(); }"), [(0, 32, 32)]);
+    assert_eq!(of("for (var k = 0u; k < i; k++) { workgroupBarrier(); }"), [(1, 0, 1)]);
+    assert_eq!(of("if i == 7u { return; } workgroupBarrier();"), [(0, 7, 1)]);
+    assert!(of("for (var k = 0u; k < 5u; k++) { workgroupBarrier(); }").is_empty());
+}
+
+/// Where an invocation of `WIDTH` accesses an array of as many elements, as WGSL and as a function.
+const INDICES: [(&str, fn(u32) -> u32); 7] = [
+    ("i", |i| i),
+    ("(i ^ 1u)", |i| i ^ 1),
+    ("(7u - i)", |i| 7 - i),
+    ("(i / 2u)", |i| i / 2),
+    ("(i % 4u)", |i| i % 4),
+    ("((i + 1u) % 8u)", |i| (i + 1) % 8),
+    ("3u", |_| 3),
+];
+
+const WIDTH: u32 = 8;
+
+/// A statement of a generated kernel.
+#[derive(Clone, Copy)]
+enum Statement {
+    /// Orders workgroup memory, or storage.
+    Barrier { storage: bool },
+    /// Of the invocations below a number: an access of workgroup memory, or of the group's own or the first
+    /// group's part of a storage buffer.
+    Access { below: u32, storage: bool, shared: bool, index: usize, write: Option<u32> },
+}
+
+/// Numbers from a seed (Knuth's constants for linear congruential generators, as in MMIX).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, count: u32) -> u32 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as u32 % count
+    }
+}
+
+fn generated(random: &mut Random) -> Vec<Statement> {
+    let mut draw = |count: u32| random.below(count);
+    let count = 3 + draw(6);
+    (0..count)
+        .map(|_| match draw(3) {
+            0 => Statement::Barrier { storage: draw(2) == 0 },
+            _ => Statement::Access {
+                below: [1, 4, 8, 8][draw(4) as usize],
+                storage: draw(2) == 0,
+                shared: draw(4) == 0,
+                index: draw(INDICES.len() as u32) as usize,
+                write: (draw(2) == 0).then(|| draw(3)),
+            },
+        })
+        .collect()
+}
+
+fn text(kernel: &[Statement]) -> String {
+    let mut text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\
+                    var<workgroup> w: array<u32, 8>;\n\
+                    @compute @workgroup_size(8) fn main(@builtin(local_invocation_index) i: u32,\n\
+                        @builtin(workgroup_id) group: vec3u) {\n    var x = 0u;\n"
+        .to_owned();
+    for statement in kernel {
+        match *statement {
+            Statement::Barrier { storage: true } => text += "    storageBarrier();\n",
+            Statement::Barrier { storage: false } => text += "    workgroupBarrier();\n",
+            Statement::Access { below, storage, shared, index, write } => {
+                let (index, _) = INDICES[index];
+                let place = match (storage, shared) {
+                    (false, _) => format!("w[{index}]"),
+                    (true, true) => format!("d[{index}]"),
+                    (true, false) => format!("d[8u * group.x + {index}]"),
+                };
+                let done = match write {
+                    // The value: one of each invocation, or one of all.
+                    Some(0) => format!("{place} = 8u * group.x + i;"),
+                    Some(value) => format!("{place} = {value}u;"),
+                    None => format!("x += {place};"),
+                };
+                writeln!(text, "    if i < {below}u {{ {done} }}").expect("text takes text");
+            }
+        }
+    }
+    text + "}\n"
+}
+
+/// An access, as a naive detector sees it.
+struct Naive {
+    group: u32,
+    invocation: u32,
+    epoch: u32,
+    element: u32,
+    write: Option<u32>,
+}
+
+/// All pairs of accesses that race, by whether they are of storage: element and invocations, and whether both
+/// write the same.
+fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>; 2] {
+    [false, true].map(|of_storage| {
+        let mut all = Vec::new();
+        for group in 0..groups {
+            let mut epoch = 0;
+            for statement in kernel {
+                match *statement {
+                    Statement::Barrier { storage } => epoch += u32::from(storage == of_storage),
+                    Statement::Access { below, storage, shared, index, write } => {
+                        if storage != of_storage {
+                            continue;
+                        }
+                        for i in 0..below.min(WIDTH) {
+                            let own = if storage && !shared { WIDTH * group } else { 0 };
+                            let value = |value| if value == 0 { WIDTH * group + i } else { value };
+                            all.push(Naive {
+                                group,
+                                invocation: WIDTH * group + i,
+                                epoch,
+                                element: own + INDICES[index].1(i),
+                                write: write.map(value),
+                            });
+                        }
+                    }
+                }
+            }
+        }
+        let mut racing = BTreeSet::new();
+        for (at, one) in all.iter().enumerate() {
+            for other in &all[..at] {
+                let ordered = match one.group == other.group {
+                    true => one.epoch != other.epoch,
+                    // Workgroups have memory of their own.
+                    false => !of_storage,
+                };
+                let reads = one.write.is_none() && other.write.is_none();
+                if ordered || reads || one.element != other.element {
+                    continue;
+                }
+                if one.invocation != other.invocation {
+                    let equal = one.write.is_some() && one.write == other.write;
+                    racing.insert((one.element, other.invocation, one.invocation, equal));
+                }
+            }
+        }
+        racing
+    })
+}
+
+/// A kernel has a race if and only if the naive detector finds one, on each of its variables, and what is told is
+/// one of those.
+#[test]
+fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
+    let mut random = Random(0x7261_6365);
+    let mut counts = [0, 0];
+    for _ in 0..400 {
+        let kernel = generated(&mut random);
+        let text = text(&kernel);
+        let observed = observe(&text, 3, 24);
+        let expected = naive(&kernel, 3);
+        for (expected, storage) in expected.iter().zip([false, true]) {
+            let of = |race: &&karat_engine::Race| race.binding.is_some() == storage;
+            let found: Vec<_> = observed.races.iter().filter(of).collect();
+            counts[usize::from(!expected.is_empty())] += 1;
+            assert_eq!(found.is_empty(), expected.is_empty(), "{text}\n{found:?}\n{expected:?}");
+            for race in &found {
+                let Place::Byte(at) = race.place else { panic!("{race:?}") };
+                let (first, second) = (race.first.invocation as u32, race.second.invocation as u32);
+                let known = (at / 4, first, second, race.writes_equally());
+                assert!(expected.contains(&known), "{known:?} of {expected:?}\n{text}");
+            }
+            // What is no race of equal writes is told as one that isn't.
+            let differs = |(.., equal): &(u32, u32, u32, bool)| !equal;
+            let told = found.iter().any(|race| !race.writes_equally());
+            assert_eq!(told, expected.iter().any(differs), "{text}\n{found:?}\n{expected:?}");
+        }
+    }
+    assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
+}
