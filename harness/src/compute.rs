@@ -19,6 +19,7 @@
 
 mod golden;
 mod judge;
+mod races;
 
 use std::fmt;
 use std::panic::Location;
@@ -67,6 +68,8 @@ pub struct Compute<'a> {
     executors: Vec<&'a dyn Executor>,
     tolerance_on: Selected<Tolerance>,
     known_issues: KnownIssues,
+    /// Races that are meant.
+    accepted: Vec<races::Accepted>,
 }
 
 /// A resource after compute passes.
@@ -187,6 +190,19 @@ pub enum ComputeError {
     /// Several paths fail in several ways, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
+    /// Invocations race, or some miss a barrier.
+    #[error("{0}")]
+    Races(Box<Races>),
+    /// A race that is declared isn't there, or has no reason.
+    #[error("`{verb}` of `{variable}` {what}")]
+    Accepted {
+        /// The method that declares it.
+        verb: &'static str,
+        /// The variable.
+        variable: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
@@ -206,7 +222,9 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
+pub use crate::dispatch::{Race, RaceAccess, RaceKind};
 pub use judge::Difference;
+pub use races::Races;
 
 impl From<PathError> for ComputeError {
     fn from(error: PathError) -> Self {
@@ -217,7 +235,7 @@ impl From<PathError> for ComputeError {
 impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Differs(_) => true,
+            Self::Differs(_) | Self::Races(_) | Self::Accepted { .. } => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => source.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
@@ -228,6 +246,7 @@ impl Fails for ComputeError {
     fn fault(&self) -> Fault {
         match self {
             Self::Differs(difference) => difference.fault(),
+            Self::Races(races) => races.fault(),
             Self::Paths(failures) => failures.fault(Self::fault),
             Self::Dispatch(DispatchError::Reflect(error)) => {
                 Fault::of(&self.to_string()).at(error.diagnostic())
@@ -284,6 +303,7 @@ impl Package {
             executors: Vec::new(),
             tolerance_on: Selected::default(),
             known_issues: KnownIssues::default(),
+            accepted: Vec::new(),
         }
     }
 }

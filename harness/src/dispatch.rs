@@ -3,9 +3,13 @@
 //! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
 //! after the other.
 
+mod races;
 mod runner;
 
 use std::sync::Arc;
+
+pub(crate) use races::Examined;
+pub use races::{Race, RaceAccess, RaceKind, Watched};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};
@@ -135,6 +139,32 @@ pub(crate) struct Pass {
     pub(crate) workgroups: [u32; 3],
     /// What it uses, with the number of the resource.
     pub(crate) bindings: Vec<(Binding, usize)>,
+}
+
+impl Pass {
+    /// Invocations of a workgroup in each direction.
+    fn size(&self) -> [u32; 3] {
+        let (_, size) =
+            self.program.compute_entry_point(&self.entry_point).expect("a pass has an entry point");
+        size
+    }
+
+    /// Invocations of all workgroups.
+    pub(crate) fn invocations(&self) -> u64 {
+        self.size().iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
+    }
+
+    /// An invocation by its number, workgroup after workgroup.
+    pub(crate) fn invocation(&self, number: usize) -> String {
+        let size = self.size().map(|count| count as usize);
+        let groups = self.workgroups.map(|count| count as usize);
+        let split = |number: usize, [x, y, _]: [usize; 3]| {
+            format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
+        };
+        let width = size.iter().product::<usize>();
+        let (group, local) = (split(number / width, groups), split(number % width, size));
+        format!("local {local} of workgroup {group}")
+    }
 }
 
 /// A resource that passes share.
@@ -308,6 +338,11 @@ impl Passes {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
+    }
+
+    /// The variables of all passes, as their authors name them: resources, and those of workgroups.
+    pub(crate) fn variables(&self) -> Vec<String> {
+        self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }
 
     /// The files that it depends on.

@@ -7,6 +7,7 @@ mod alone;
 mod dispatch;
 pub(crate) mod hazards;
 mod quads;
+mod races;
 mod supply;
 pub(crate) mod trace;
 
@@ -34,6 +35,7 @@ use crate::value::{Scalar, Shape};
 pub(crate) use alone::Alone;
 pub(crate) use dispatch::dispatch;
 use quads::Quads;
+pub(crate) use races::examine;
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]

@@ -26,6 +26,7 @@ pub use self::folder::Running;
 use self::folder::Turn;
 pub use self::replay::Replay;
 pub use crate::diagnostic::FileRead;
+pub use crate::dispatch::{Race, RaceAccess, RaceKind, Watched};
 use crate::output;
 use crate::path::Adapter;
 
@@ -67,6 +68,9 @@ pub struct Record {
     /// The fault, as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
+    /// How much of compute passes was looked through for races; `None` of what has no passes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watched: Option<Watched>,
     /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about
     /// the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]

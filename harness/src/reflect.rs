@@ -9,6 +9,8 @@ mod adapter;
 mod binding;
 mod covering;
 mod dependence;
+#[cfg(feature = "engine")]
+mod element;
 mod handles;
 mod kept;
 mod layout;

@@ -70,7 +70,7 @@ impl Plan<'_> {
             seed,
         };
         let recorded = || self.recorded && !withheld.load(Ordering::Relaxed);
-        let mut run = |Report { subject, paths, read }: &mut Report| {
+        let mut run = |Report { subject, paths, read, .. }: &mut Report| {
             read.extend(self.probe.module_file());
             self.expect_reasons()?;
             let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));

@@ -89,7 +89,10 @@ impl After<'_> {
                     None => goldens.without_golden(case, &made),
                 }
             };
-            let Some(golden) = golden else { return Err(left(first()?, None).into()) };
+            let Some(golden) = golden else {
+                self.expect_no_races(&passes, report)?;
+                return Err(left(first()?, None).into());
+            };
             // The verdict below reports what stops this path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {

@@ -1,10 +1,10 @@
 //! Compute passes in the engine, one after the other.
 
-use karat_engine::{F32, Options, Program as Lowered, Resources, Settings};
+use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 
 use super::alone::after;
 use super::{refused, stopped, supply};
-use crate::dispatch::{Afterwards, DispatchError, Passes};
+use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::path::Path;
 use crate::settings;
 
@@ -21,10 +21,35 @@ pub(super) fn dispatched(
     passes: &Passes,
     outside: Option<u8>,
 ) -> Result<Afterwards, DispatchError> {
-    passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
-    // What each resource holds, bound under its number as a binding of group 0.
-    let mut held = Resources::new();
+    let held = in_order(passes, &mut |pass, lowered, resources| {
+        let options = Options { outside, ..options() };
+        lowered.dispatch::<F32>(pass.workgroups, resources, &options, &())?;
+        Ok(true)
+    })?;
     let mut afterwards = Vec::new();
+    for number in 0..passes.resources.len() {
+        if let Some((_, binding)) = passes.writer(number) {
+            let mut binding = binding.clone();
+            (binding.group, binding.binding) = (0, number as u32);
+            afterwards.push((number, after(&held, &binding)));
+        }
+    }
+    Ok(afterwards)
+}
+
+/// How passes run.
+pub(super) fn options() -> Options {
+    let deadline = std::time::Instant::now().checked_add(settings::deadline());
+    Options { fuel: settings::fuel(), deadline, ..Options::default() }
+}
+
+/// Runs a pass over its resources; `false`: none may follow.
+type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
+
+/// Runs passes one after the other, and returns all resources, each bound under its number in group 0.
+pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
+    passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
+    let mut held = Resources::new();
     for (number, one) in (0..).zip(&passes.resources) {
         let (pass, binding) = passes.uses(number as usize).next().expect("a resource is used");
         // A storage texture says its format.
@@ -44,22 +69,15 @@ pub(super) fn dispatched(
             let from = [0, *number as u32];
             resources.take_from(&held, from, [binding.group, binding.binding]);
         }
-        let deadline = std::time::Instant::now().checked_add(settings::deadline());
-        let options = Options { fuel: settings::fuel(), deadline, outside, ..Options::default() };
-        lowered
-            .dispatch::<F32>(pass.workgroups, &mut resources, &options, &())
+        let goes_on = run(pass, &lowered, &mut resources)
             .map_err(|stop| stopped(program, &pass.name, &stop))?;
         for (binding, number) in &pass.bindings {
             let to = [0, *number as u32];
             held.take_from(&resources, [binding.group, binding.binding], to);
         }
-    }
-    for number in 0..passes.resources.len() {
-        if let Some((_, binding)) = passes.writer(number) {
-            let mut binding = binding.clone();
-            (binding.group, binding.binding) = (0, number as u32);
-            afterwards.push((number, after(&held, &binding)));
+        if !goes_on {
+            break;
         }
     }
-    Ok(afterwards)
+    Ok(held)
 }

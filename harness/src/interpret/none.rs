@@ -47,6 +47,13 @@ pub(crate) fn strays(
     Err(missing().into())
 }
 
+/// Nothing is looked through, which the result says.
+pub(crate) fn examine(_: &crate::dispatch::Passes) -> crate::dispatch::Examined {
+    let mut examined = crate::dispatch::Examined::default();
+    examined.watched.reason = missing().to_string();
+    examined
+}
+
 /// What WGSL allows a lane to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bound {}

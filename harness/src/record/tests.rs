@@ -11,6 +11,7 @@ fn record(time: Option<Time>) -> Record {
         verdict: Verdict::Pass,
         paths: Vec::new(),
         message: None,
+        watched: None,
         fault: None,
         overlay: None,
         read: Vec::new(),

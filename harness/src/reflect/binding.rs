@@ -83,6 +83,13 @@ impl Program {
         names.map(|path| path.rsplit("::").next().unwrap_or_default().to_owned()).collect()
     }
 
+    /// All module-scope variables, as their authors name them.
+    pub(crate) fn variables(&self) -> Vec<String> {
+        let globals = self.checked.module.global_variables.iter();
+        let names = globals.filter_map(|(_, global)| global.name.as_deref());
+        names.map(|name| self.author_path(name).unwrap_or(name).to_owned()).collect()
+    }
+
     /// The stage of an entry point and where it is declared, by its name in the text.
     pub(crate) fn entry_point_called(&self, name: &str) -> Option<(naga::ShaderStage, Span)> {
         let mut entries = self.checked.module.entry_points.iter();

@@ -5,6 +5,7 @@ use std::fmt::Display;
 
 use super::{KnownIssue, host, identity, replay};
 use crate::diagnostic::FileRead;
+use crate::dispatch::Watched;
 use crate::output::visible;
 use crate::record::{self, Fault, PathRecord, Record, Stopwatch, Subject, Verdict};
 
@@ -36,6 +37,8 @@ pub(crate) struct Report {
     pub(crate) paths: Vec<PathRecord>,
     /// The files that its verdict depends on.
     pub(crate) read: Vec<FileRead>,
+    /// How much of compute passes was looked through for races.
+    pub(crate) watched: Option<Watched>,
 }
 
 /// Judges something, and records how that ended unless `recorded` says then that it isn't to be.
@@ -45,7 +48,7 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     judge: impl FnOnce(&mut Report) -> Result<T, E>,
 ) -> Result<T, E> {
     let stopwatch = Stopwatch::start();
-    let mut report = Report { subject, paths: Vec::new(), read: Vec::new() };
+    let mut report = Report { subject, paths: Vec::new(), read: Vec::new(), watched: None };
     let result = judge(&mut report);
     if recorded() {
         report.record(&stopwatch, &result);
@@ -62,7 +65,7 @@ pub(crate) fn reported<T: Passed, E: Fails>(
 ///
 /// `message` is all that is wrong, for people, and `headline` is its first sentence.
 pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {
-    let report = Report { subject, paths: Vec::new(), read: Vec::new() };
+    let report = Report { subject, paths: Vec::new(), read: Vec::new(), watched: None };
     let fault = Fault { headline: headline.to_owned(), ..Fault::default() };
     report.write(Verdict::Error, Some((message.to_owned(), fault)), &Stopwatch::start());
 }
@@ -88,7 +91,7 @@ impl Report {
 
     /// Writes it down with the message and the data of its failure.
     fn write(self, verdict: Verdict, failure: Option<(String, Fault)>, stopwatch: &Stopwatch) {
-        let Self { subject, paths, read } = self;
+        let Self { subject, paths, read, watched } = self;
         let (message, fault) = failure.unzip();
         record::write(&Record {
             schema: record::SCHEMA,
@@ -99,6 +102,7 @@ impl Report {
             paths,
             message,
             fault,
+            watched,
             overlay: record::overlay(),
             read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),
             time: Some(stopwatch.time()),

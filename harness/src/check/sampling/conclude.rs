@@ -65,7 +65,7 @@ pub(super) fn conclude(
         domain: String::new(),
         seed,
     };
-    reported(subject, &|| recorded, |Report { subject, paths, read }| {
+    reported(subject, &|| recorded, |Report { subject, paths, read, .. }| {
         read.extend(plan.probe.module_file());
         settings.check(&function)?;
         plan.expect_reasons()?;

@@ -375,6 +375,7 @@ pub(super) mod tests {
             verdict,
             paths,
             message: None,
+            watched: None,
             fault: None,
             overlay: None,
             read: Vec::new(),

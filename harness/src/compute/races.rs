@@ -1,0 +1,165 @@
+//! Races of passes: none may be there but those that are meant.
+
+use std::fmt;
+
+use super::{After, Compute, ComputeError};
+use crate::diagnostic::{Diagnostic, nearest};
+use crate::dispatch::{Examined, Passes, Race, RaceKind};
+use crate::interpret;
+use crate::record::Fault;
+use crate::run::Report;
+
+/// Messages that are shown whole. Several lines often have one cause.
+const SHOWN: usize = 4;
+
+/// Races that are meant.
+#[derive(Clone, Debug)]
+pub(super) struct Accepted {
+    variable: String,
+    /// Whether only writes of one value are.
+    equal: bool,
+    reason: String,
+}
+
+impl Accepted {
+    fn covers(&self, race: &Race) -> bool {
+        let own = race.variable.rsplit("::").next() == Some(&self.variable);
+        let named = own || race.variable == self.variable;
+        named && (!self.equal || race.kind == RaceKind::EqualWrites)
+    }
+}
+
+/// Races of passes, and barriers that some invocations miss: see [`Race`].
+///
+/// ```
+/// use karat::compute::ComputeError;
+/// # use karat::prelude::*;
+///
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(4) fn sum(@builtin(local_invocation_index) i: u32) { data[0] += 1u + i; }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("sum", [1, 1, 1]);
+/// let wrong = passes.after("data").unrecorded().try_agrees_with([10_u32], Abs(0.0));
+/// if let Err(ComputeError::Races(races)) = &wrong {
+///     for access in &races.all[0].accesses {
+///         println!("{} {} at {}", access.invocation, access.does, access.place);
+///     }
+/// }
+/// # assert!(matches!(wrong, Err(ComputeError::Races(_))));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Races {
+    /// Each pair of accesses once, with the first element that has it.
+    pub all: Vec<Race>,
+    messages: Vec<Diagnostic>,
+}
+
+impl Races {
+    pub(super) fn fault(&self) -> Fault {
+        let first = &self.messages[0];
+        Fault { races: self.all.clone(), ..Fault::of(&first.message).at(Some(first)) }
+    }
+}
+
+impl fmt::Display for Races {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, message) in self.messages.iter().take(SHOWN).enumerate() {
+            write!(f, "{}{message}", if at == 0 { "" } else { "\n\n" })?;
+        }
+        match self.messages.len().saturating_sub(SHOWN) {
+            0 => Ok(()),
+            more => write!(f, "\n\n{more} more races of the same passes"),
+        }
+    }
+}
+
+impl Compute<'_> {
+    /// Declares that invocations race on a variable, and why that is meant: that the algorithm takes whichever value
+    /// comes last, say. If there is no such race, the test fails.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> any: array<u32>;
+    ///             @compute @workgroup_size(4) fn pick(@builtin(local_invocation_index) i: u32) { any[0] = 1u + i; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("any", Storage::new([0_u32])).dispatch("pick", [1, 1, 1]);
+    /// let passes = passes.accept_race("any", "whichever comes last will do");
+    /// passes.after("any").satisfies("is one of them", |any: &[u32]| (1..=4).contains(&any[0]));
+    /// ```
+    pub fn accept_race(self, variable: &str, reason: &str) -> Self {
+        self.accept(variable, reason, false)
+    }
+
+    /// Declares that several invocations write the same value to an element of a variable, and why that is meant: a
+    /// flag that each of them may set. WGSL doesn't order these writes, either. Any other race still fails, and so
+    /// does the test if there is no such write.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> found: array<u32>;
+    ///             @compute @workgroup_size(4) fn find(@builtin(local_invocation_index) i: u32) { found[0] = 1u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("found", Storage::new([0_u32])).dispatch("find", [1, 1, 1]);
+    /// let passes = passes.accept_equal_writes("found", "a flag, which is only ever set");
+    /// passes.after("found").agrees_with([1_u32], Abs(0.0));
+    /// ```
+    pub fn accept_equal_writes(self, variable: &str, reason: &str) -> Self {
+        self.accept(variable, reason, true)
+    }
+
+    fn accept(mut self, variable: &str, reason: &str, equal: bool) -> Self {
+        let (variable, reason) = (variable.to_owned(), reason.to_owned());
+        self.accepted.push(Accepted { variable, equal, reason });
+        self
+    }
+}
+
+impl After<'_> {
+    /// Looks through the passes for races, which no path's result would show for sure.
+    pub(super) fn expect_no_races(
+        &self,
+        passes: &Passes,
+        report: &mut Report,
+    ) -> Result<(), ComputeError> {
+        let accepted = &self.compute.accepted;
+        if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
+            return Err(one.wrong("has no reason: say why the race is meant".to_owned()));
+        }
+        let Examined { races, watched } = interpret::examine(passes);
+        let whole = watched.reason.is_empty();
+        report.watched = Some(watched);
+        let unmet = accepted.iter().find(|one| !races.iter().any(|(race, _)| one.covers(race)));
+        let is_meant = |race: &Race| accepted.iter().any(|one| one.covers(race));
+        let (all, messages): (Vec<_>, Vec<_>) =
+            races.into_iter().filter(|(race, _)| !is_meant(race)).unzip();
+        if !all.is_empty() {
+            return Err(ComputeError::Races(Box::new(Races { all, messages })));
+        }
+        // What wasn't looked through whole may have the race elsewhere.
+        let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
+        let known = passes.variables();
+        if known.iter().any(|name| *name == one.variable || name.ends_with(&one.suffix())) {
+            let what = if one.equal {
+                "no two invocations write one value there"
+            } else {
+                "there is none"
+            };
+            return Err(one.wrong(format!("isn't needed, as {what}: remove it")));
+        }
+        let own = known.iter().map(|name| name.rsplit("::").next().unwrap_or(name));
+        let near = nearest(&one.variable, own);
+        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        Err(one.wrong(format!("names a variable that no pass has{near}")))
+    }
+}
+
+impl Accepted {
+    fn suffix(&self) -> String {
+        format!("::{}", self.variable)
+    }
+
+    fn wrong(&self, what: String) -> ComputeError {
+        let verb = if self.equal { "accept_equal_writes" } else { "accept_race" };
+        ComputeError::Accepted { verb, variable: self.variable.clone(), what }
+    }
+}

@@ -1,0 +1,87 @@
+//! Races of compute passes, and barriers that some invocations miss, as data. The engine finds them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnostic::Diagnostic;
+
+/// What is wrong between two invocations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RaceKind {
+    /// One reads an element that the other one writes.
+    ReadWrite,
+    /// Both write an element.
+    WriteWrite,
+    /// Both write an element, and write the same.
+    EqualWrites,
+    /// One reaches a barrier without the other one.
+    Barrier,
+}
+
+/// What an invocation does to an element, or at a barrier.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RaceAccess {
+    /// `file:line:column`
+    pub place: String,
+    /// `local (3, 0, 0) of workgroup (1, 0, 0)`
+    pub invocation: String,
+    /// `writes 7`, `reads 0.5`, `reaches it`, `doesn't`
+    pub does: String,
+}
+
+/// Two accesses of an element by different invocations, of which at least one writes and which nothing orders; or a
+/// barrier that not every invocation of a workgroup reaches.
+///
+/// ```
+/// use karat::compute::{ComputeError, RaceKind};
+/// # use karat::prelude::*;
+///
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(4) fn shift(@builtin(local_invocation_index) i: u32) {
+///                 data[i] = data[i ^ 1u];
+///             }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2, 3, 4]));
+/// let passes = passes.dispatch("shift", [1, 1, 1]).after("data").unrecorded();
+/// let Err(ComputeError::Races(races)) = passes.try_agrees_with([2_u32, 1, 4, 3], Abs(0.0)) else {
+///     panic!("each driver has an order of its own");
+/// };
+/// assert_eq!((races.all[0].kind, &*races.all[0].element), (RaceKind::ReadWrite, "data[0]"));
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Race {
+    /// `module::entry_point`
+    pub entry_point: String,
+    /// What is wrong.
+    pub kind: RaceKind,
+    /// The variable, as its author names it; empty of a barrier.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub variable: String,
+    /// The element: `tile[17].sum`; empty of a barrier.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub element: String,
+    /// How many elements have it; of a barrier, how many invocations don't reach it.
+    pub count: u64,
+    /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows.
+    pub accesses: Vec<RaceAccess>,
+}
+
+/// What the engine saw of passes.
+#[derive(Debug, Default)]
+pub(crate) struct Examined {
+    /// What is wrong, with its message.
+    pub(crate) races: Vec<(Race, Diagnostic)>,
+    pub(crate) watched: Watched,
+}
+
+/// How much of passes was looked through for races.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Watched {
+    /// Invocations that ran in Karat's engine.
+    pub invocations: u64,
+    /// Invocations of all passes.
+    pub of: u64,
+    /// Why it isn't all; empty if it is.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub reason: String,
+}
