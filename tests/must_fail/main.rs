@@ -10,6 +10,7 @@ mod messages;
 mod ordinary;
 mod processes;
 mod properties;
+mod races;
 mod weaker;
 
 use karat::check::{Disagreement, Failure};

@@ -360,7 +360,7 @@ impl<A: Rules> Machine<'_, A> {
             }
         }
         self.note_accesses(walk, &registers[1..], length, false, |_, at| match scalar {
-            Scalar::F16 => u32::from(buffer.word(at & !3) >> (8 * (at & 2)) as u32 & 0xFFFF),
+            Scalar::F16 => buffer.word(at & !3) >> (8 * (at & 2)) & 0xFFFF,
             Scalar::Bool => u32::from(buffer.bytes.get(at).is_some_and(|byte| *byte != 0)),
             _ => buffer.word(at),
         });

@@ -132,7 +132,7 @@ fn barriers_that_some_miss_are_told() {
 }
 
 /// Where an invocation of `WIDTH` accesses an array of as many elements, as WGSL and as a function.
-const INDICES: [(&str, fn(u32) -> u32); 7] = [
+const INDICES: [Index; 7] = [
     ("i", |i| i),
     ("(i ^ 1u)", |i| i ^ 1),
     ("(7u - i)", |i| 7 - i),
@@ -143,6 +143,9 @@ const INDICES: [(&str, fn(u32) -> u32); 7] = [
 ];
 
 const WIDTH: u32 = 8;
+
+/// An index as WGSL, and what it is for an invocation.
+type Index = (&'static str, fn(u32) -> u32);
 
 /// A statement of a generated kernel.
 #[derive(Clone, Copy)]

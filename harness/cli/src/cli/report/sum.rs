@@ -34,6 +34,17 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
+/// Checks of compute passes that weren't looked through for races, or not whole, with the first reason.
+fn unwatched(records: &[Record]) -> Option<String> {
+    let watched = records.iter().filter_map(|record| record.watched.as_ref());
+    let mut reasons = watched.map(|watched| &watched.reason).filter(|reason| !reason.is_empty());
+    let first = reasons.next()?;
+    let count = 1 + reasons.count();
+    let were = if count == 1 { "wasn't" } else { "weren't" };
+    let checks = counted(count, "check");
+    Some(format!("{checks} of passes {were} looked through for races, or not whole: {first}"))
+}
+
 impl Sum {
     /// Of the records of a run, and how it ended: `None` if nothing says that it did.
     pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
@@ -50,6 +61,7 @@ impl Sum {
             others: Vec::new(),
             remarks: run.map_or_else(Vec::new, |run| run.remarks.clone()),
         };
+        sum.remarks.extend(unwatched(records));
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
         };

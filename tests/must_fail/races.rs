@@ -1,0 +1,203 @@
+//! Compute passes whose result depends on the order of invocations, which a driver may hide.
+
+use karat::compute::{ComputeError, Race, RaceKind};
+use karat::prelude::*;
+
+const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+@group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+var<workgroup> tile: array<u32, 64>;
+@compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,
+    @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
+";
+
+/// What is wrong with a body, over so many workgroups: nothing, or each race with its lines, invocations and element.
+fn races(body: &str, groups: u32) -> Vec<Race> {
+    let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
+    let passes = package
+        .compute()
+        .with("data", Storage::new((0..64 * groups).map(|i| i + 1)))
+        .with("sums", Storage::new(vec![0_u32; 64 * groups as usize]))
+        .dispatch("main", [groups, 1, 1]);
+    let changed = |_: &[u32]| true;
+    let used = if body.contains("sums") { "sums" } else { "data" };
+    // Only the one that is used is bound.
+    match passes.after(used).unrecorded().try_satisfies("is anything", changed) {
+        Ok(_) => Vec::new(),
+        Err(ComputeError::Races(races)) => {
+            let message = races.to_string();
+            for race in races.all.iter().take(2) {
+                assert!(race.accesses.iter().all(|access| access.place.starts_with("<races>:")));
+                let says = |access: &karat::compute::RaceAccess| {
+                    message.contains(&format!("{} {}", access.invocation, access.does))
+                };
+                assert!(race.accesses.iter().all(says), "{message}");
+            }
+            races.all
+        }
+        Err(other) => panic!("{other}\n{body}"),
+    }
+}
+
+/// The first race: its kind, element, both lines of the body and invocations of the first workgroup.
+fn first(body: &str, groups: u32) -> (RaceKind, String, [String; 2]) {
+    let races = races(body, groups);
+    let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
+    let line = |place: &str| -> usize {
+        let line = place.rsplit(':').nth(1).expect("file:line:column");
+        line.parse::<usize>().expect("a line") - HEAD.lines().count()
+    };
+    let access = |at: usize| {
+        let access = &race.accesses[at];
+        let invocation = access.invocation.replace(", 0, 0)", ")");
+        format!("{} {invocation} {}", line(&access.place), access.does)
+    };
+    (race.kind, race.element.clone(), [access(0), access(1)])
+}
+
+/// Blelloch's sum of a workgroup in a tree, without one of the barriers of a round.
+#[test]
+fn a_scan_without_its_second_barrier() {
+    let scan = |second: &str| {
+        format!(
+            "tile[i] = data[id.x];
+workgroupBarrier();
+for (var step = 1u; step < 64u; step *= 2u) {{
+    let left = select(0u, tile[i - step], i >= step);
+    {second}
+    tile[i] += left;
+    workgroupBarrier();
+}}
+data[id.x] = tile[i];"
+        )
+    };
+    assert!(races(&scan("workgroupBarrier();"), 2).is_empty());
+    let (kind, element, [one, other]) = first(&scan(""), 2);
+    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "tile[0]"));
+    assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
+    assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
+}
+
+#[test]
+fn a_reduction_across_workgroups() {
+    let reduce = "tile[i] = data[id.x];
+workgroupBarrier();
+if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
+    let (kind, element, accesses) = first(reduce, 2);
+    assert_eq!((kind, &*element), (RaceKind::WriteWrite, "sums[0]"));
+    assert!(accesses[1].starts_with("3 local (0) of workgroup (1)"), "{accesses:?}");
+    assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
+}
+
+#[test]
+fn two_writes_of_one_element() {
+    let (kind, element, [one, other]) = first("data[i / 2u] = i;", 1);
+    assert_eq!((kind, &*element), (RaceKind::WriteWrite, "data[0]"));
+    let expected =
+        ["1 local (0) of workgroup (0) writes 0", "1 local (1) of workgroup (0) writes 1"];
+    assert_eq!([one, other], expected);
+    assert_eq!(first("data[i / 2u] = 5u;", 1).0, RaceKind::EqualWrites);
+}
+
+#[test]
+fn a_histogram_without_atomics() {
+    let (kind, element, _) = first("sums[data[id.x] % 4u] += 1u;", 1);
+    assert_eq!(
+        (kind, &*element),
+        (RaceKind::WriteWrite, "sums[1]"),
+        "each reads, then each writes"
+    );
+    let atomics = "@group(0) @binding(0) var<storage, read_write> counts: array<atomic<u32>, 4>;
+        @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+            atomicAdd(&counts[i % 4u], 1u);
+        }";
+    let package = Package::from_source("m", atomics);
+    let passes = package.compute().with("counts", Storage::new([0_u32; 4]));
+    passes.dispatch("main", [1, 1, 1]).after("counts").agrees_with([16_u32; 4], Abs(0.0));
+}
+
+#[test]
+fn barriers_that_some_invocations_miss() {
+    let reduce = |inside: &str, behind: &str| {
+        format!(
+            "tile[i] = data[id.x];\nif i < 32u {{ {inside} tile[i] += 1u; }}\n{behind}\ndata[id.x] = tile[i];"
+        )
+    };
+    let (kind, _, [one, other]) = first(&reduce("workgroupBarrier();", ""), 1);
+    assert_eq!(kind, RaceKind::Barrier);
+    assert_eq!(one, "2 local (0) of workgroup (0) reaches it");
+    assert_eq!(other, "2 local (32) of workgroup (0) doesn't");
+    assert!(races(&reduce("", "workgroupBarrier();"), 1).is_empty());
+    let rounds =
+        "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
+    let (kind, _, [one, other]) = first(rounds, 1);
+    assert_eq!(kind, RaceKind::Barrier);
+    assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
+    assert_eq!(other, "1 local (0) of workgroup (0) doesn't");
+}
+
+/// A blur that reads the buffer which it writes.
+#[test]
+fn a_ping_pong_buffer_used_as_one() {
+    let blur = |to: &str| {
+        format!("let left = data[max(id.x, 1u) - 1u];\n{to}[id.x] = (left + data[id.x]) / 2u;")
+    };
+    let (kind, element, [one, other]) = first(&blur("data"), 1);
+    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "data[0]"));
+    assert_eq!(one, "1 local (1) of workgroup (0) reads 1");
+    assert_eq!(other, "2 local (0) of workgroup (0) writes 1");
+    assert!(races(&blur("sums"), 1).is_empty());
+}
+
+/// `w[i] = d[i]; d[i] = w[63 - i];` is right on the engine, whose invocations run in lockstep, and on no driver for
+/// sure.
+#[test]
+fn a_reversal_without_a_barrier() {
+    let text =
+        |barrier: &str| format!("tile[i] = data[id.x];\n{barrier}\ndata[id.x] = tile[63u - i];");
+    let (kind, element, accesses) = first(&text(""), 1);
+    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "tile[63]"));
+    assert_eq!(accesses[0], "1 local (63) of workgroup (0) writes 64");
+    assert_eq!(accesses[1], "3 local (0) of workgroup (0) reads 64");
+    assert!(races(&text("workgroupBarrier();"), 1).is_empty());
+    // A barrier of another address space orders nothing here.
+    assert_eq!(first(&text("storageBarrier();"), 1).1, "tile[63]");
+}
+
+/// What is wrong with a body whose races are accepted so: nothing, or the message.
+fn accepting(how: &str, body: &str) -> String {
+    let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
+    let passes = package.compute().with("data", Storage::new(vec![0_u32; 64]));
+    let passes = passes.dispatch("main", [1, 1, 1]);
+    let passes = match how {
+        "equal" => passes.accept_equal_writes("data", "a flag"),
+        "race" => passes.accept_race("data", "any will do"),
+        "typo" => passes.accept_race("daat", "any will do"),
+        "tile" => passes.accept_race("tile", "any will do"),
+        _ => passes.accept_race("data", " "),
+    };
+    let any = passes.after("data").unrecorded().try_satisfies("is anything", |_: &[u32]| true);
+    any.err().map_or_else(String::new, |error| error.to_string())
+}
+
+/// What is accepted has to be there, with a reason, and nothing else is.
+#[test]
+fn races_that_are_accepted() {
+    assert_eq!(accepting("race", "data[0] = i + 1u;"), "");
+    assert_eq!(accepting("equal", "data[0] = 1u;"), "");
+    for (how, body, part) in [
+        ("equal", "data[0] = i + 1u;", "two writes that nothing orders"),
+        (
+            "equal",
+            "data[i] = i + 1u;",
+            "isn't needed, as no two invocations write one value there: remove it",
+        ),
+        ("race", "data[i] = i + 1u;", "isn't needed, as there is none: remove it"),
+        ("typo", "data[0] = 1u;", "has a race on `data[0]`"),
+        ("typo", "data[i] = 1u;", "names a variable that no pass has; did you mean `data`?"),
+        ("silent", "data[0] = 1u;", "has no reason: say why the race is meant"),
+        ("tile", "data[0] = 1u;", "has a race on `data[0]`"),
+    ] {
+        let wrong = accepting(how, body);
+        assert!(wrong.contains(part), "{how} {body}: {wrong}");
+    }
+}
