@@ -109,26 +109,26 @@ fn of_race(pass: &Pass, race: &Found) -> (Race, Diagnostic) {
     };
     let headline =
         format!("`{}` has a race on `{element}`: {what} that nothing orders{more}", pass.name);
-    let advice = match (race.one_workgroup, race.binding) {
-        (false, _) => {
-            "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
-                .to_owned()
-        }
-        (true, _) if race.first.site.span == race.second.site.span && kind != RaceKind::ReadWrite => {
-            "let one invocation write the element, or use an atomic".to_owned()
-        }
-        (true, None) => "a `workgroupBarrier()` between both orders them".to_owned(),
-        (true, Some(_)) if matches!(race.place, Place::Texel(_)) => {
-            "a `textureBarrier()` between both orders them".to_owned()
-        }
-        (true, Some(_)) => "a `storageBarrier()` between both orders them".to_owned(),
+    let barrier = match (race.binding, race.place) {
+        (None, _) => "workgroupBarrier",
+        (_, Place::Texel(_)) => "textureBarrier",
+        _ => "storageBarrier",
+    };
+    let note = if !race.one_workgroup {
+        "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
+            .to_owned()
+    } else if race.first.site.span == race.second.site.span && kind != RaceKind::ReadWrite {
+        "let one invocation write the element, or use an atomic".to_owned()
+    } else {
+        format!(
+            "only barriers order the invocations of a workgroup: a `{barrier}()` between both does"
+        )
     };
     let one = |access: &Access, at: usize| {
         let value = values.as_ref().map(|values| &values[at]);
         (span(pass, &access.site), pass.invocation(access.invocation), does(access, value))
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
-    let note = format!("WGSL orders what two invocations do by barriers alone: {advice}");
     let diagnostic = diagnostic(headline, &accesses).note(note);
     let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
