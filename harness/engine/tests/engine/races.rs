@@ -51,7 +51,7 @@ fn races(body: &str, groups: u32) -> Vec<String> {
 #[test]
 fn what_nothing_orders_is_a_race() {
     for (body, expected) in [
-        // F50: the barrier between is missing.
+        // The barrier between is missing.
         ("w[i] = d[g.x]; d[g.x] = w[63u - i];", &["w[63] w63 r0"][..]),
         ("w[i] = d[g.x]; workgroupBarrier(); d[g.x] = w[63u - i];", &[]),
         // The other barrier orders another address space.
