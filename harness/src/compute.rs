@@ -19,7 +19,7 @@
 
 mod golden;
 mod judge;
-mod races;
+mod sanitizer;
 
 use std::fmt;
 use std::panic::Location;
@@ -69,7 +69,7 @@ pub struct Compute<'a> {
     tolerance_on: Selected<Tolerance>,
     known_issues: KnownIssues,
     /// Races that are meant.
-    accepted: Vec<races::Accepted>,
+    accepted: Vec<sanitizer::Accepted>,
 }
 
 /// A resource after compute passes.
@@ -190,9 +190,9 @@ pub enum ComputeError {
     /// Several paths fail in several ways, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// Invocations race, or some miss a barrier.
+    /// Passes do what WGSL doesn't order or define: invocations race, say.
     #[error("{0}")]
-    Races(Box<Races>),
+    Violations(Box<Violations>),
     /// A race that is declared isn't there, or has no reason.
     #[error("`{verb}` of `{variable}` {what}")]
     Accepted {
@@ -222,9 +222,9 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
-pub use crate::dispatch::{Race, RaceAccess, RaceKind};
+pub use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
 pub use judge::Difference;
-pub use races::Races;
+pub use sanitizer::Violations;
 
 impl From<PathError> for ComputeError {
     fn from(error: PathError) -> Self {
@@ -235,7 +235,7 @@ impl From<PathError> for ComputeError {
 impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Differs(_) | Self::Races(_) | Self::Accepted { .. } => true,
+            Self::Differs(_) | Self::Violations(_) | Self::Accepted { .. } => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => source.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
@@ -246,7 +246,7 @@ impl Fails for ComputeError {
     fn fault(&self) -> Fault {
         match self {
             Self::Differs(difference) => difference.fault(),
-            Self::Races(races) => races.fault(),
+            Self::Violations(found) => found.fault(),
             Self::Paths(failures) => failures.fault(Self::fault),
             Self::Dispatch(DispatchError::Reflect(error)) => {
                 Fault::of(&self.to_string()).at(error.diagnostic())

@@ -3,13 +3,13 @@
 //! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
 //! after the other.
 
-mod races;
 mod runner;
+mod violation;
 
 use std::sync::Arc;
 
-pub(crate) use races::Examined;
-pub use races::{Race, RaceAccess, RaceKind, Watched};
+pub(crate) use violation::Examined;
+pub use violation::{Violation, ViolationAccess, ViolationKind, Watched};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};

@@ -7,7 +7,7 @@ mod alone;
 mod dispatch;
 pub(crate) mod hazards;
 mod quads;
-mod races;
+mod sanitizer;
 mod supply;
 pub(crate) mod trace;
 
@@ -23,7 +23,6 @@ use karat_engine::{
 };
 
 use crate::diagnostic::{Diagnostic, Span};
-#[cfg(feature = "routes")]
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError};
@@ -35,7 +34,7 @@ use crate::value::{Scalar, Shape};
 pub(crate) use alone::Alone;
 pub(crate) use dispatch::dispatch;
 use quads::Quads;
-pub(crate) use races::examine;
+pub(crate) use sanitizer::examine;
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]
@@ -344,7 +343,6 @@ impl Bound {
 
 /// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
 /// that is.
-#[cfg(feature = "routes")]
 pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let afterwards = dispatch::dispatched(passes, outside)?;
@@ -354,11 +352,9 @@ pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
 
 /// Numbers that stand for what is read outside. Drivers read 0 there, or the nearest element; a result
 /// that is the same with all three doesn't depend on it.
-#[cfg(feature = "routes")]
 const OUTSIDE: [u8; 2] = [0, 47];
 
 /// Which words of runs differ with what is read outside of arrays.
-#[cfg(feature = "routes")]
 fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(None)?;
     let mut differs = vec![false; usual.len()];

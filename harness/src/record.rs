@@ -26,7 +26,7 @@ pub use self::folder::Running;
 use self::folder::Turn;
 pub use self::replay::Replay;
 pub use crate::diagnostic::FileRead;
-pub use crate::dispatch::{Race, RaceAccess, RaceKind, Watched};
+pub use crate::dispatch::{Violation, ViolationAccess, ViolationKind, Watched};
 use crate::output;
 use crate::path::Adapter;
 
@@ -68,7 +68,7 @@ pub struct Record {
     /// The fault, as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
-    /// How much of compute passes was looked through for races; `None` of what has no passes.
+    /// How much of compute passes the sanitizer looked through; `None` of what has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
     /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about

@@ -10,7 +10,8 @@ mod messages;
 mod ordinary;
 mod processes;
 mod properties;
-mod races;
+mod sanitizer;
+
 mod weaker;
 
 use karat::check::{Disagreement, Failure};

@@ -501,6 +501,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                 observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
             }
         }
+        if let Some(detector) = &mut self.detector
+            && !matches!(instruction.op, Op::Image(_) | Op::ImageStore(_))
+        {
+            self.strayed.iter().for_each(|lane| detector.leaves(self.code, self.site, *lane));
+        }
         self.strayed.clear();
     }
 

@@ -91,6 +91,17 @@ pub struct Divergence {
     pub count: usize,
 }
 
+/// Indices of an operation that leave their array.
+#[derive(Clone, Debug)]
+pub struct Outside {
+    /// The operation.
+    pub site: Site,
+    /// The first invocation of which it is so.
+    pub invocation: usize,
+    /// Of how many it is.
+    pub count: u64,
+}
+
 /// What a dispatch showed.
 #[derive(Clone, Debug, Default)]
 pub struct Observed {
@@ -98,6 +109,9 @@ pub struct Observed {
     pub races: Vec<Race>,
     /// Barriers that weren't reached by all, each once.
     pub divergences: Vec<Divergence>,
+    /// Operations whose indices leave their arrays, each once; textures, which WGSL lets anybody read outside of,
+    /// aside.
+    pub outside: Vec<Outside>,
     /// Invocations that ran.
     pub invocations: usize,
     /// Accesses of elements beyond those that are remembered.
@@ -175,6 +189,7 @@ pub(crate) struct Detector {
     unwatched: u64,
     races: BTreeMap<(u32, (u32, u32), bool, bool), Race>,
     divergences: BTreeMap<u32, Divergence>,
+    outside: BTreeMap<u32, Outside>,
     invocations: usize,
 }
 
@@ -207,6 +222,7 @@ impl Detector {
             unwatched: 0,
             races: BTreeMap::new(),
             divergences: BTreeMap::new(),
+            outside: BTreeMap::new(),
             invocations: 0,
         }
     }
@@ -253,6 +269,13 @@ impl Detector {
         for (epoch, ordered) in self.epochs.iter_mut().zip(spaces) {
             *epoch += u32::from(ordered);
         }
+    }
+
+    /// The index of a lane leaves its array.
+    pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize) {
+        let invocation = self.first as usize + lane;
+        let new = || Outside { site: code.sites[site as usize].clone(), invocation, count: 0 };
+        self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
     pub(crate) fn buffer(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
@@ -360,6 +383,7 @@ impl Detector {
         Observed {
             races,
             divergences: self.divergences.into_values().collect(),
+            outside: self.outside.into_values().collect(),
             invocations: self.invocations,
             unwatched: self.unwatched,
         }

@@ -90,7 +90,7 @@ impl After<'_> {
                 }
             };
             let Some(golden) = golden else {
-                self.expect_no_races(&passes, report)?;
+                self.expect_no_violations(&passes, report)?;
                 return Err(left(first()?, None).into());
             };
             // The verdict below reports what stops this path.

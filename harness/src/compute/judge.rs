@@ -195,7 +195,7 @@ impl After<'_> {
         {
             *location = span.to_string();
         }
-        self.expect_no_races(&passes, report)?;
+        self.expect_no_violations(&passes, report)?;
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();
             let own = compute.tolerance_on.on(path, adapter);

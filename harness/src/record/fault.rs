@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Replay;
 use crate::diagnostic::Diagnostic;
-use crate::dispatch::Race;
+use crate::dispatch::Violation;
 use crate::path::Adapter;
 
 /// A failure as data.
@@ -19,9 +19,9 @@ pub struct Fault {
     /// Each path that fails, or that stopped.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub paths: Vec<PathFault>,
-    /// Races of compute passes.
+    /// Violations of compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub races: Vec<Race>,
+    pub violations: Vec<Violation>,
 }
 
 /// The fault of one path.

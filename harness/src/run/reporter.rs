@@ -37,7 +37,7 @@ pub(crate) struct Report {
     pub(crate) paths: Vec<PathRecord>,
     /// The files that its verdict depends on.
     pub(crate) read: Vec<FileRead>,
-    /// How much of compute passes was looked through for races.
+    /// How much of compute passes the sanitizer looked through.
     pub(crate) watched: Option<Watched>,
 }
 

@@ -34,7 +34,7 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Checks of compute passes that weren't looked through for races, or not whole, with the first reason.
+/// Checks of compute passes that weren't looked through by the sanitizer, or not whole, with the first reason.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let mut reasons = watched.map(|watched| &watched.reason).filter(|reason| !reason.is_empty());
@@ -42,7 +42,9 @@ fn unwatched(records: &[Record]) -> Option<String> {
     let count = 1 + reasons.count();
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
-    Some(format!("{checks} of passes {were} looked through for races, or not whole: {first}"))
+    Some(format!(
+        "{checks} of passes {were} looked through by the sanitizer, or not whole: {first}"
+    ))
 }
 
 impl Sum {
@@ -175,6 +177,27 @@ mod tests {
 
     fn names(names: &[&str]) -> Vec<String> {
         names.iter().map(ToString::to_string).collect()
+    }
+
+    /// What the sanitizer didn't look through stands behind the line, with the first reason.
+    #[test]
+    fn what_was_not_looked_through_is_counted() {
+        let with = |reason: &str| {
+            let mut record = record(Verdict::Pass, 0, None);
+            let watched = karat::unstable::record::Watched {
+                invocations: 64,
+                of: 64,
+                reason: reason.to_owned(),
+            };
+            record.watched = Some(watched);
+            record
+        };
+        let remarks = |records: &[Record]| Sum::of(records, Some(&Run::default())).remarks();
+        assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
+        let told = remarks(&[with("too large"), with(""), with("no engine")]);
+        let expected =
+            "; 2 checks of passes weren't looked through by the sanitizer, or not whole: too large";
+        assert_eq!(told, expected);
     }
 
     #[test]

@@ -1,10 +1,12 @@
-//! Looks through compute passes for races, before any path runs them.
+//! The sanitizer: looks through compute passes for what WGSL doesn't order or define, before any path runs them.
 
-use karat_engine::{Access, Divergence, Observed, Place, Race as Found};
+use karat_engine::{Access, Divergence, Observed, Outside, Place, Race as Found};
 
 use super::dispatch::{in_order, options};
 use crate::diagnostic::{Diagnostic, Span};
-use crate::dispatch::{DispatchError, Examined, Pass, Passes, Race, RaceAccess, RaceKind, Watched};
+use crate::dispatch::{
+    DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
+};
 
 /// Invocations that run whole. Of more, some workgroups of one pass run.
 const WHOLE: u64 = 1 << 16;
@@ -26,7 +28,8 @@ pub(crate) fn examine(passes: &Passes) -> Examined {
 }
 
 fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
-    let Examined { races, watched } = examined;
+    let Examined { violations, watched } = examined;
+    let mut outside = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
         let is_whole = pass.invocations() <= left;
@@ -46,9 +49,15 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
         } else if observed.unwatched > 0 {
             watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
         }
-        races.extend(told(pass, &observed));
+        violations.extend(told(pass, &observed));
+        outside.extend(observed.outside.iter().map(|one| of_outside(pass, one)));
         Ok(is_whole)
     })?;
+    // An index that leaves its array is often meant: `select` gives up what is read there. It is a fault where what
+    // passes leave depends on it.
+    if !outside.is_empty() && watched.reason.is_empty() && super::strays(passes)?.contains(&true) {
+        violations.extend(outside);
+    }
     Ok(())
 }
 
@@ -67,7 +76,7 @@ fn sampled(name: &str, groups: usize) -> Vec<usize> {
     all
 }
 
-fn told(pass: &Pass, observed: &Observed) -> Vec<(Race, Diagnostic)> {
+fn told(pass: &Pass, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
     let races = observed.races.iter().map(|race| of_race(pass, race));
     races.chain(observed.divergences.iter().map(|one| of_divergence(pass, one))).collect()
 }
@@ -77,7 +86,7 @@ fn span(pass: &Pass, site: &karat_engine::Site) -> Option<Span> {
     pass.program.resolve(site.span.to_range()?).map(|span| span.first_line())
 }
 
-fn of_race(pass: &Pass, race: &Found) -> (Race, Diagnostic) {
+fn of_race(pass: &Pass, race: &Found) -> (Violation, Diagnostic) {
     let program = &pass.program;
     let words = [race.first.word, race.second.word];
     let (path, values) = match race.place {
@@ -90,17 +99,17 @@ fn of_race(pass: &Pass, race: &Found) -> (Race, Diagnostic) {
     let variable = program.author_path(&race.variable).unwrap_or(&race.variable).to_owned();
     let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
     let kind = match (race.first.writes && race.second.writes, race.writes_equally()) {
-        (_, true) => RaceKind::EqualWrites,
-        (true, _) => RaceKind::WriteWrite,
-        _ => RaceKind::ReadWrite,
+        (_, true) => ViolationKind::EqualWrites,
+        (true, _) => ViolationKind::WriteWrite,
+        _ => ViolationKind::ReadWrite,
     };
     let does = |access: &Access, value: Option<&String>| {
         let verb = if access.writes { "writes" } else { "reads" };
         value.map_or_else(|| verb.to_owned(), |value| format!("{verb} {value}"))
     };
     let what = match kind {
-        RaceKind::EqualWrites => "two writes of one value",
-        RaceKind::WriteWrite => "two writes",
+        ViolationKind::EqualWrites => "two writes of one value",
+        ViolationKind::WriteWrite => "two writes",
         _ => "a read and a write",
     };
     let more = match race.elements {
@@ -117,7 +126,7 @@ fn of_race(pass: &Pass, race: &Found) -> (Race, Diagnostic) {
     let note = if !race.one_workgroup {
         "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
             .to_owned()
-    } else if race.first.site.span == race.second.site.span && kind != RaceKind::ReadWrite {
+    } else if race.first.site.span == race.second.site.span && kind != ViolationKind::ReadWrite {
         "let one invocation write the element, or use an atomic".to_owned()
     } else {
         format!(
@@ -132,10 +141,10 @@ fn of_race(pass: &Pass, race: &Found) -> (Race, Diagnostic) {
     let diagnostic = diagnostic(headline, &accesses).note(note);
     let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
-    (Race { entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (Violation { entry_point, kind, variable, element, count, accesses }, diagnostic)
 }
 
-fn of_divergence(pass: &Pass, one: &Divergence) -> (Race, Diagnostic) {
+fn of_divergence(pass: &Pass, one: &Divergence) -> (Violation, Diagnostic) {
     let headline = format!("`{}` has a barrier that not every invocation reaches", pass.name);
     let place = span(pass, &one.site);
     let accesses = [
@@ -151,16 +160,40 @@ fn of_divergence(pass: &Pass, one: &Divergence) -> (Race, Diagnostic) {
     let (entry_point, count) = (pass.name.clone(), one.count as u64);
     let (variable, element) = (String::new(), String::new());
     let accesses = accesses.map(access).into();
-    let race = Race { entry_point, kind: RaceKind::Barrier, variable, element, count, accesses };
+    let race =
+        Violation { entry_point, kind: ViolationKind::Barrier, variable, element, count, accesses };
     (race, diagnostic)
+}
+
+fn of_outside(pass: &Pass, one: &Outside) -> (Violation, Diagnostic) {
+    let headline = format!(
+        "`{}` has an index that leaves its array, and what the passes leave depends on what is there",
+        pass.name
+    );
+    let (place, invocation) = (span(pass, &one.site), pass.invocation(one.invocation));
+    let does = match one.count {
+        1 => "leaves it".to_owned(),
+        count => format!("leaves it, as {} more do", count - 1),
+    };
+    let mut diagnostic = Diagnostic::new(headline);
+    if let Some(span) = &place {
+        diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
+    }
+    let note = "WGSL allows any element there, or zero, and a write to go anywhere in the array or nowhere: compare \
+                the index with `arrayLength` or a count, and return";
+    let diagnostic = diagnostic.note(note);
+    let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
+    let (variable, element) = (String::new(), String::new());
+    let accesses = vec![access((place, invocation, does))];
+    (Violation { entry_point, kind, variable, element, count, accesses }, diagnostic)
 }
 
 /// Where, who, and what it does.
 type Told = (Option<Span>, String, String);
 
-fn access((span, invocation, does): Told) -> RaceAccess {
+fn access((span, invocation, does): Told) -> ViolationAccess {
     let place = span.map_or_else(String::new, |span| span.to_string());
-    RaceAccess { place, invocation, does }
+    ViolationAccess { place, invocation, does }
 }
 
 /// The message, with both places.
@@ -180,4 +213,71 @@ fn diagnostic(headline: String, accesses: &[Told; 2]) -> Diagnostic {
         }
     }
     diagnostic
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dispatch::Wanted;
+    use crate::fixture::{Buffer, Fixtures};
+    use crate::package::Package;
+    use crate::reflect::Overrides;
+
+    fn examined(text: &str, passes: &[(&str, u32)], words: usize) -> Examined {
+        let package = Package::from_source("m", text);
+        let wanted: Vec<Wanted> = passes
+            .iter()
+            .map(|(name, groups)| Wanted { name: (*name).to_owned(), workgroups: [*groups, 1, 1] })
+            .collect();
+        let fixtures: Fixtures = vec![("data".to_owned(), Buffer::zeros(4 * words).into())];
+        let passes = Passes::new(&package, &wanted, (&fixtures, &[]), &Overrides::new());
+        examine(&passes.expect("they fit"))
+    }
+
+    const TEXT: &str = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        @compute @workgroup_size(64) fn fill(@builtin(global_invocation_id) id: vec3u) { data[id.x] = id.x; }
+        @compute @workgroup_size(64) fn ends(@builtin(global_invocation_id) id: vec3u) {
+            if id.x == 0u || id.x + 1u == arrayLength(&data) { data[7] = id.x; }
+        }";
+
+    /// One pass is ordered behind the other one, and each runs whole as long as there is room.
+    #[test]
+    fn passes_are_ordered_and_run_whole() {
+        let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
+        assert!(examined.violations.is_empty(), "{:?}", examined.violations);
+        let whole = Watched { invocations: 192, of: 192, reason: String::new() };
+        assert_eq!(examined.watched, whole);
+    }
+
+    /// The first and the last workgroup run of a pass that is too large, and nothing behind it.
+    #[test]
+    fn what_is_too_large_is_looked_through_in_part() {
+        let groups = 2048;
+        let all = [("ends", groups), ("fill", groups)];
+        let examined = examined(TEXT, &all, 64 * groups as usize);
+        let kinds: Vec<_> = examined.violations.iter().map(|(one, _)| one.kind).collect();
+        assert_eq!(kinds, [ViolationKind::WriteWrite], "by the first and the last workgroup");
+        let Watched { invocations, of, reason } = examined.watched;
+        assert_eq!(of, 2 * 64 * u64::from(groups));
+        assert!((3_000..=4_096).contains(&invocations), "{invocations}");
+        assert!(
+            reason.starts_with("of `ends` 6") && reason.contains("of 2048 workgroups run"),
+            "{reason}"
+        );
+    }
+
+    /// What the engine can't execute isn't looked through, with the reason.
+    #[test]
+    fn what_the_engine_refuses_is_told() {
+        let text = "enable subgroups;
+            @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+            @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
+                data[i] = subgroupAdd(i);
+            }";
+        let examined = examined(text, &[("sum", 1)], 64);
+        assert!(examined.violations.is_empty());
+        let Watched { invocations, reason, .. } = examined.watched;
+        assert_eq!(invocations, 0);
+        assert!(reason.contains("the engine doesn't execute subgroup operations"), "{reason}");
+    }
 }

@@ -1,13 +1,13 @@
-//! Races of compute passes, and barriers that some invocations miss, as data. The engine finds them.
+//! Violations of compute passes, and barriers that some invocations miss, as data. The engine finds them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::Diagnostic;
 
-/// What is wrong between two invocations.
+/// What is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RaceKind {
+pub enum ViolationKind {
     /// One reads an element that the other one writes.
     ReadWrite,
     /// Both write an element.
@@ -16,11 +16,13 @@ pub enum RaceKind {
     EqualWrites,
     /// One reaches a barrier without the other one.
     Barrier,
+    /// An index leaves its array, and what the passes leave depends on what is read or written there.
+    Outside,
 }
 
 /// What an invocation does to an element, or at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RaceAccess {
+pub struct ViolationAccess {
     /// `file:line:column`
     pub place: String,
     /// `local (3, 0, 0) of workgroup (1, 0, 0)`
@@ -29,11 +31,11 @@ pub struct RaceAccess {
     pub does: String,
 }
 
-/// Two accesses of an element by different invocations, of which at least one writes and which nothing orders; or a
-/// barrier that not every invocation of a workgroup reaches.
+/// Two accesses of an element by different invocations, of which at least one writes and which nothing orders; a
+/// barrier that not every invocation of a workgroup reaches; or an index that leaves its array.
 ///
 /// ```
-/// use karat::compute::{ComputeError, RaceKind};
+/// use karat::compute::{ComputeError, ViolationKind};
 /// # use karat::prelude::*;
 ///
 /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -43,38 +45,39 @@ pub struct RaceAccess {
 /// let package = Package::from_source("m", text);
 /// let passes = package.compute().with("data", Storage::new([1_u32, 2, 3, 4]));
 /// let passes = passes.dispatch("shift", [1, 1, 1]).after("data").unrecorded();
-/// let Err(ComputeError::Races(races)) = passes.try_agrees_with([2_u32, 1, 4, 3], Abs(0.0)) else {
+/// let Err(ComputeError::Violations(found)) = passes.try_agrees_with([2_u32, 1, 4, 3], Abs(0.0)) else {
 ///     panic!("each driver has an order of its own");
 /// };
-/// assert_eq!((races.all[0].kind, &*races.all[0].element), (RaceKind::ReadWrite, "data[0]"));
+/// assert_eq!((found.all[0].kind, &*found.all[0].element), (ViolationKind::ReadWrite, "data[0]"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Race {
+pub struct Violation {
     /// `module::entry_point`
     pub entry_point: String,
     /// What is wrong.
-    pub kind: RaceKind,
-    /// The variable, as its author names it; empty of a barrier.
+    pub kind: ViolationKind,
+    /// The variable, as its author names it; empty of a barrier and an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
-    /// The element: `tile[17].sum`; empty of a barrier.
+    /// The element: `tile[17].sum`; empty of a barrier and an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
-    /// How many elements have it; of a barrier, how many invocations don't reach it.
+    /// How many elements have it; of a barrier, how many invocations don't reach it; of an index, how often it is so.
     pub count: u64,
-    /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows.
-    pub accesses: Vec<RaceAccess>,
+    /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
+    /// index the first that leaves.
+    pub accesses: Vec<ViolationAccess>,
 }
 
 /// What the engine saw of passes.
 #[derive(Debug, Default)]
 pub(crate) struct Examined {
     /// What is wrong, with its message.
-    pub(crate) races: Vec<(Race, Diagnostic)>,
+    pub(crate) violations: Vec<(Violation, Diagnostic)>,
     pub(crate) watched: Watched,
 }
 
-/// How much of passes was looked through for races.
+/// How much of passes was looked through by the sanitizer.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Watched {
     /// Invocations that ran in Karat's engine.

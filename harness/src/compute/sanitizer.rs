@@ -1,10 +1,10 @@
-//! Races of passes: none may be there but those that are meant.
+//! Violations of passes: none may be there but those that are meant.
 
 use std::fmt;
 
 use super::{After, Compute, ComputeError};
 use crate::diagnostic::{Diagnostic, nearest};
-use crate::dispatch::{Examined, Passes, Race, RaceKind};
+use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
 use crate::interpret;
 use crate::record::Fault;
 use crate::run::Report;
@@ -22,14 +22,14 @@ pub(super) struct Accepted {
 }
 
 impl Accepted {
-    fn covers(&self, race: &Race) -> bool {
+    fn covers(&self, race: &Violation) -> bool {
         let own = race.variable.rsplit("::").next() == Some(&self.variable);
         let named = own || race.variable == self.variable;
-        named && (!self.equal || race.kind == RaceKind::EqualWrites)
+        named && (!self.equal || race.kind == ViolationKind::EqualWrites)
     }
 }
 
-/// Races of passes, and barriers that some invocations miss: see [`Race`].
+/// What passes do that WGSL doesn't order or define: see [`Violation`].
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -40,35 +40,35 @@ impl Accepted {
 /// let package = Package::from_source("m", text);
 /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("sum", [1, 1, 1]);
 /// let wrong = passes.after("data").unrecorded().try_agrees_with([10_u32], Abs(0.0));
-/// if let Err(ComputeError::Races(races)) = &wrong {
-///     for access in &races.all[0].accesses {
+/// if let Err(ComputeError::Violations(found)) = &wrong {
+///     for access in &found.all[0].accesses {
 ///         println!("{} {} at {}", access.invocation, access.does, access.place);
 ///     }
 /// }
-/// # assert!(matches!(wrong, Err(ComputeError::Races(_))));
+/// # assert!(matches!(wrong, Err(ComputeError::Violations(_))));
 /// ```
 #[derive(Clone, Debug)]
-pub struct Races {
+pub struct Violations {
     /// Each pair of accesses once, with the first element that has it.
-    pub all: Vec<Race>,
+    pub all: Vec<Violation>,
     messages: Vec<Diagnostic>,
 }
 
-impl Races {
+impl Violations {
     pub(super) fn fault(&self) -> Fault {
         let first = &self.messages[0];
-        Fault { races: self.all.clone(), ..Fault::of(&first.message).at(Some(first)) }
+        Fault { violations: self.all.clone(), ..Fault::of(&first.message).at(Some(first)) }
     }
 }
 
-impl fmt::Display for Races {
+impl fmt::Display for Violations {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (at, message) in self.messages.iter().take(SHOWN).enumerate() {
             write!(f, "{}{message}", if at == 0 { "" } else { "\n\n" })?;
         }
         match self.messages.len().saturating_sub(SHOWN) {
             0 => Ok(()),
-            more => write!(f, "\n\n{more} more races of the same passes"),
+            more => write!(f, "\n\n{more} more of the same passes"),
         }
     }
 }
@@ -115,8 +115,8 @@ impl Compute<'_> {
 }
 
 impl After<'_> {
-    /// Looks through the passes for races, which no path's result would show for sure.
-    pub(super) fn expect_no_races(
+    /// Has the sanitizer look through the passes for what no path's result would show for sure.
+    pub(super) fn expect_no_violations(
         &self,
         passes: &Passes,
         report: &mut Report,
@@ -125,15 +125,16 @@ impl After<'_> {
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
             return Err(one.wrong("has no reason: say why the race is meant".to_owned()));
         }
-        let Examined { races, watched } = interpret::examine(passes);
+        let Examined { violations, watched } = interpret::examine(passes);
         let whole = watched.reason.is_empty();
         report.watched = Some(watched);
-        let unmet = accepted.iter().find(|one| !races.iter().any(|(race, _)| one.covers(race)));
-        let is_meant = |race: &Race| accepted.iter().any(|one| one.covers(race));
+        let unmet =
+            accepted.iter().find(|one| !violations.iter().any(|(race, _)| one.covers(race)));
+        let is_meant = |race: &Violation| accepted.iter().any(|one| one.covers(race));
         let (all, messages): (Vec<_>, Vec<_>) =
-            races.into_iter().filter(|(race, _)| !is_meant(race)).unzip();
+            violations.into_iter().filter(|(race, _)| !is_meant(race)).unzip();
         if !all.is_empty() {
-            return Err(ComputeError::Races(Box::new(Races { all, messages })));
+            return Err(ComputeError::Violations(Box::new(Violations { all, messages })));
         }
         // What wasn't looked through whole may have the race elsewhere.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };

@@ -1,6 +1,6 @@
-//! Compute passes whose result depends on the order of invocations, which a driver may hide.
+//! Compute passes whose result depends on what WGSL doesn't order or define, which a driver may hide.
 
-use karat::compute::{ComputeError, Race, RaceKind};
+use karat::compute::{ComputeError, Violation, ViolationKind};
 use karat::prelude::*;
 
 const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -11,7 +11,7 @@ var<workgroup> tile: array<u32, 64>;
 ";
 
 /// What is wrong with a body, over so many workgroups: nothing, or each race with its lines, invocations and element.
-fn races(body: &str, groups: u32) -> Vec<Race> {
+fn races(body: &str, groups: u32) -> Vec<Violation> {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let mut passes = package.compute().with("data", Storage::new((0..64 * groups).map(|i| i + 1)));
     let has_sums = body.contains("sums");
@@ -22,23 +22,23 @@ fn races(body: &str, groups: u32) -> Vec<Race> {
         passes.dispatch("main", [groups, 1, 1]).after(if has_sums { "sums" } else { "data" });
     match after.unrecorded().try_satisfies("is anything", |_: &[u32]| true) {
         Ok(_) => Vec::new(),
-        Err(ComputeError::Races(races)) => {
-            let message = races.to_string();
-            for race in races.all.iter().take(2) {
+        Err(ComputeError::Violations(found)) => {
+            let message = found.to_string();
+            for race in found.all.iter().take(2) {
                 assert!(race.accesses.iter().all(|access| access.place.starts_with("<races>:")));
-                let says = |access: &karat::compute::RaceAccess| {
+                let says = |access: &karat::compute::ViolationAccess| {
                     message.contains(&format!("{} {}", access.invocation, access.does))
                 };
                 assert!(race.accesses.iter().all(says), "{message}");
             }
-            races.all
+            found.all
         }
         Err(other) => panic!("{other}\n{body}"),
     }
 }
 
 /// The first race: its kind, element, both lines of the body and invocations of the first workgroup.
-fn first(body: &str, groups: u32) -> (RaceKind, String, [String; 2]) {
+fn first(body: &str, groups: u32) -> (ViolationKind, String, [String; 2]) {
     let races = races(body, groups);
     let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
     let line = |place: &str| -> usize {
@@ -71,7 +71,7 @@ data[id.x] = tile[i];"
     };
     assert!(races(&scan("workgroupBarrier();"), 2).is_empty());
     let (kind, element, [one, other]) = first(&scan(""), 2);
-    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "tile[0]"));
+    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
 }
@@ -82,7 +82,7 @@ fn a_reduction_across_workgroups() {
 workgroupBarrier();
 if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     let (kind, element, accesses) = first(reduce, 2);
-    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "sums[0]"));
+    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "sums[0]"));
     assert!(accesses[1].starts_with("3 local (0) of workgroup (1)"), "{accesses:?}");
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
@@ -90,17 +90,21 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
 #[test]
 fn two_writes_of_one_element() {
     let (kind, element, [one, other]) = first("data[i / 2u] = i;", 1);
-    assert_eq!((kind, &*element), (RaceKind::WriteWrite, "data[0]"));
+    assert_eq!((kind, &*element), (ViolationKind::WriteWrite, "data[0]"));
     let expected =
         ["1 local (0) of workgroup (0) writes 0", "1 local (1) of workgroup (0) writes 1"];
     assert_eq!([one, other], expected);
-    assert_eq!(first("data[i / 2u] = 5u;", 1).0, RaceKind::EqualWrites);
+    assert_eq!(first("data[i / 2u] = 5u;", 1).0, ViolationKind::EqualWrites);
 }
 
 #[test]
 fn a_histogram_without_atomics() {
     let (kind, element, _) = first("sums[data[id.x] % 4u] += 1u;", 1);
-    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "sums[1]"), "each reads, then each writes");
+    assert_eq!(
+        (kind, &*element),
+        (ViolationKind::ReadWrite, "sums[1]"),
+        "each reads, then each writes"
+    );
     let atomics = "@group(0) @binding(0) var<storage, read_write> counts: array<atomic<u32>, 4>;
         @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
             atomicAdd(&counts[i % 4u], 1u);
@@ -118,14 +122,14 @@ fn barriers_that_some_invocations_miss() {
         )
     };
     let (kind, _, [one, other]) = first(&reduce("workgroupBarrier();", ""), 1);
-    assert_eq!(kind, RaceKind::Barrier);
+    assert_eq!(kind, ViolationKind::Barrier);
     assert_eq!(one, "2 local (0) of workgroup (0) reaches it");
     assert_eq!(other, "2 local (32) of workgroup (0) doesn't");
     assert!(races(&reduce("", "workgroupBarrier();"), 1).is_empty());
     let rounds =
         "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
     let (kind, _, [one, other]) = first(rounds, 1);
-    assert_eq!(kind, RaceKind::Barrier);
+    assert_eq!(kind, ViolationKind::Barrier);
     assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
     assert_eq!(other, "1 local (0) of workgroup (0) doesn't");
 }
@@ -137,7 +141,7 @@ fn a_ping_pong_buffer_used_as_one() {
         format!("let left = data[max(id.x, 1u) - 1u];\n{to}[id.x] = (left + data[id.x]) / 2u;")
     };
     let (kind, element, [one, other]) = first(&blur("data"), 1);
-    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "data[0]"));
+    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "data[0]"));
     assert_eq!(one, "1 local (1) of workgroup (0) reads 1");
     assert_eq!(other, "2 local (0) of workgroup (0) writes 1");
     assert!(races(&blur("sums"), 1).is_empty());
@@ -150,12 +154,30 @@ fn a_reversal_without_a_barrier() {
     let text =
         |barrier: &str| format!("tile[i] = data[id.x];\n{barrier}\ndata[id.x] = tile[63u - i];");
     let (kind, element, accesses) = first(&text(""), 1);
-    assert_eq!((kind, &*element), (RaceKind::ReadWrite, "tile[63]"));
+    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "tile[63]"));
     assert_eq!(accesses[0], "1 local (63) of workgroup (0) writes 64");
     assert_eq!(accesses[1], "3 local (0) of workgroup (0) reads 64");
     assert!(races(&text("workgroupBarrier();"), 1).is_empty());
     // A barrier of another address space orders nothing here.
     assert_eq!(first(&text("storageBarrier();"), 1).1, "tile[63]");
+}
+
+/// A blur that reads one element beyond the end, and one that gives up what it reads there.
+#[test]
+fn an_index_one_beyond_the_end() {
+    let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
+    let violations = races(&blur("data[id.x + 1u]"), 2);
+    let [Violation { kind: ViolationKind::Outside, count: 1, accesses, .. }] = &*violations else {
+        panic!("{violations:?}");
+    };
+    assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
+    assert_eq!(accesses[0].does, "leaves it");
+    assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
+    assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
+    // A write that is dropped on one driver, and lands in the last element on another one.
+    let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
+    assert_eq!(races(tail, 2)[0].kind, ViolationKind::Outside);
+    assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
 }
 
 /// What is wrong with a body whose races are accepted so: nothing, or the message.
