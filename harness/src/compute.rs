@@ -16,6 +16,8 @@
 //!     .after("data")
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
+//!
+//! Before any path runs them, a sanitizer looks through the passes in Karat's engine: see [`Violation`].
 
 mod golden;
 mod judge;
