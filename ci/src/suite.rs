@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn a_run_says_how_it_was_made() {
         let expected = r#"{"passed":true,"schema":4,"selected":[]}"#;
-        let source = command::root().join("harness/src/record.rs");
+        let source = crate::command::root().join("harness/src/record.rs");
         let source = std::fs::read_to_string(source).expect("the library has records");
         assert!(source.contains("pub const SCHEMA: u32 = 4;"), "records have another schema");
         assert_eq!(super::ending(true), expected); // harness/cli/tests/cli/unreferenced.rs reads the same text

@@ -93,6 +93,11 @@ fn nothing_orders_two_workgroups() {
             "if group.x < 2u { w[i] = d[128u + i]; } else { d[g.x] = 1u; }",
             &["d[128] r64 w128 apart"],
         ),
+        // Both workgroups read before one of them writes what it has read itself.
+        (
+            "if i == 0u { let x = d[0]; if group.x == 2u { d[0] = x + 1u; } }",
+            &["d[0] r64 w128 apart"],
+        ),
         ("w[i] = i; workgroupBarrier(); d[g.x] = w[63u - i];", &[]),
     ] {
         assert_eq!(races(body, 3), expected, "{body}");
