@@ -269,8 +269,7 @@ mod tests {
     /// What the engine can't execute isn't looked through, with the reason.
     #[test]
     fn what_the_engine_refuses_is_told() {
-        let text = "enable subgroups;
-            @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
             @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
                 data[i] = subgroupAdd(i);
             }";
