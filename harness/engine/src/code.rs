@@ -120,7 +120,7 @@ pub(crate) enum Op {
     Return(u32),
     /// A named value is complete: its registers, of the three files in order, are in the pool.
     Mark(u32),
-    /// What it orders.
+    /// The address spaces that it orders.
     Barrier(Spaces),
     Halt,
 }
@@ -163,7 +163,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// Whether it finds something else than an atomic, accesses of which may race.
+    /// False of an atomic, whose accesses don't race.
     pub(crate) plain: bool,
 }
 

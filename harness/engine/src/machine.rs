@@ -348,7 +348,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                         });
                     }
                 }
-                // All invocations of a workgroup are lanes of this chunk, so nobody has to wait.
+                // All invocations of a workgroup are lanes of this chunk, so none has to wait.
                 Op::Barrier(spaces) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));

@@ -7,10 +7,10 @@
 //! The machine runs invocations in lockstep, so a race shows in no result. Instead each element remembers who has
 //! accessed it: the last write, and the reads that a later write could race with.
 //!
-//! - One write is enough. Whoever wrote before it was ordered before it, or that was a race. Another one of another
+//! - One write is enough. An earlier write was ordered before it, or that was a race. Another one of another
 //!   word tells whether what a later workgroup writes is the same.
-//! - Two reads of different invocations since the last barrier are enough, since whoever writes isn't one of them.
-//!   One read by an earlier workgroup is enough, since whoever writes isn't of that workgroup.
+//! - Two reads of different invocations since the last barrier are enough: one of them isn't by the invocation that
+//!   writes. One read by an earlier workgroup is enough, as no later write is by that workgroup.
 
 use std::collections::BTreeMap;
 
@@ -22,13 +22,13 @@ const PAGE: usize = 1024;
 /// Elements that one dispatch remembers, in 96 bytes each: 192 MiB. Accesses of others are counted.
 const MOST_CELLS: usize = 1 << 21;
 
-/// Races that are told. A loop over a buffer has as many as elements, of one pair of lines.
+/// Races that are kept: one for each pair of lines. A loop over a buffer has as many as the buffer has elements.
 const MOST_RACES: usize = 64;
 
 /// No invocation.
 const NONE: u32 = u32::MAX;
 
-/// What has a place of its own in memory: a scalar.
+/// The place of an element, which is a scalar, in its variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
     /// The byte at which it begins in its variable.
@@ -45,7 +45,7 @@ pub struct Access {
     /// The invocation, counted over all of the dispatch: workgroup after workgroup, and in a workgroup by
     /// `local_invocation_index`.
     pub invocation: usize,
-    /// Whether it writes.
+    /// True of a write.
     pub writes: bool,
     /// The word that it writes or reads.
     pub word: u32,
@@ -64,14 +64,14 @@ pub struct Race {
     pub first: Access,
     /// The other one.
     pub second: Access,
-    /// Whether their invocations are in one workgroup, so that a barrier could order them.
+    /// True if their invocations are in one workgroup, so that a barrier could order them.
     pub one_workgroup: bool,
     /// How many elements have a race of these two accesses, this one included.
     pub elements: u64,
 }
 
 impl Race {
-    /// Whether both write, and write the same.
+    /// True if both write, and write the same.
     #[must_use]
     pub fn writes_equally(&self) -> bool {
         self.first.writes && self.second.writes && self.first.word == self.second.word
@@ -102,15 +102,15 @@ pub struct Outside {
     pub count: u64,
 }
 
-/// What a dispatch showed.
+/// The findings of a dispatch.
 #[derive(Clone, Debug, Default)]
 pub struct Observed {
     /// Races, of each pair of accesses the first; reads and writes before equal writes.
     pub races: Vec<Race>,
     /// Barriers that weren't reached by all, each once.
     pub divergences: Vec<Divergence>,
-    /// Operations whose indices leave their arrays, each once; textures, which WGSL lets anybody read outside of,
-    /// aside.
+    /// Operations whose indices leave their arrays, each once; indices of textures aside, as WGSL
+    /// defines a read outside of one.
     pub outside: Vec<Outside>,
     /// Invocations that ran.
     pub invocations: usize,
@@ -166,9 +166,9 @@ const EMPTY: Cell = Cell { write: NOBODY, before: NOBODY, reads: [NOBODY; 2], ea
 /// The elements of a variable.
 #[derive(Debug, Default)]
 struct Shadow {
-    /// Whether anything writes it at all.
+    /// True if some instruction writes it.
     written: bool,
-    /// Whether it is in the memory of one workgroup.
+    /// True of a variable in workgroup memory.
     own: bool,
     /// The odd halves of words are apart: a 16-bit element has a place where no 32-bit element begins.
     pages: [Vec<Option<Box<[Cell]>>>; 2],
@@ -237,12 +237,12 @@ impl Detector {
         }
     }
 
-    /// Whether accesses of a buffer can race.
+    /// True if accesses of a buffer can race.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
         self.buffers[slot as usize].written
     }
 
-    /// Whether accesses of a texture can race.
+    /// True if accesses of a texture can race.
     pub(crate) fn watches_texture(&self, slot: u32) -> bool {
         self.textures[slot as usize].written
     }
@@ -374,7 +374,7 @@ impl Detector {
         self.races.insert(key, race);
     }
 
-    /// What was found.
+    /// Ends the run and returns the findings.
     pub(crate) fn end(self) -> Observed {
         let mut races: Vec<Race> = self.races.into_values().collect();
         races.sort_by_key(|race| {

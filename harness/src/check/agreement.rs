@@ -210,7 +210,7 @@ impl Session<'_> {
         let (scalars, tolerance) = (session.called.scalars(), tolerances.of(&session.called));
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
-        // What WGSL allowances is for whoever reads the record.
+        // The record says how much WGSL allows.
         let wanted = spec_tolerance.is_none() && self.recorded && record::wanted();
         let granter = wanted.then(|| session.witness().ok()).flatten();
         let mut allowance: Option<Allowance> = None;

@@ -16,7 +16,7 @@ const SHOWN: usize = 4;
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,
-    /// Whether only writes of one value are.
+    /// True if only writes of one value are.
     equal: bool,
     reason: String,
 }
@@ -29,7 +29,7 @@ impl Accepted {
     }
 }
 
-/// What passes do that WGSL doesn't order or define: see [`Violation`].
+/// Violations of WGSL's memory model and bounds by compute passes: see [`Violation`].
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -136,7 +136,7 @@ impl After<'_> {
         if !all.is_empty() {
             return Err(ComputeError::Violations(Box::new(Violations { all, messages })));
         }
-        // What wasn't looked through whole may have the race elsewhere.
+        // Passes that weren't looked through whole may have the race elsewhere.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
         let known = passes.variables();
         if known.iter().any(|name| *name == one.variable || name.ends_with(&one.suffix())) {

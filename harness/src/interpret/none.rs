@@ -47,7 +47,7 @@ pub(crate) fn strays(
     Err(missing().into())
 }
 
-/// Nothing is looked through, which the result says.
+/// No pass is looked through, and the result says so.
 pub(crate) fn examine(_: &crate::dispatch::Passes) -> crate::dispatch::Examined {
     let mut examined = crate::dispatch::Examined::default();
     examined.watched.reason = missing().to_string();

@@ -14,7 +14,7 @@ const WHOLE: u64 = 1 << 16;
 /// Workgroups that run of a pass that is too large: the first, the last, and others by the name of the pass.
 const SOME: usize = 64;
 
-/// What the engine sees of passes. What it can't execute isn't looked at, which the result says.
+/// Runs passes in the engine and returns its findings. The result says which passes it couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
     let of = passes.passes.iter().map(Pass::invocations).sum();
     let mut examined =
@@ -39,7 +39,7 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
         let observed = lowered.observe_races(pass.workgroups, resources, &options(), &runs)?;
         watched.invocations += observed.invocations as u64;
         if !is_whole {
-            // What follows would read what was never written.
+            // A later pass would read words that were never written.
             watched.reason = format!(
                 "of `{}` {} of {groups} workgroups run, and no pass behind it: more than {WHOLE} invocations take \
                  too long",
@@ -266,7 +266,7 @@ mod tests {
         );
     }
 
-    /// What the engine can't execute isn't looked through, with the reason.
+    /// Passes that the engine can't execute have a reason, and no finding.
     #[test]
     fn what_the_engine_refuses_is_told() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;

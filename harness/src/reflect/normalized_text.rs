@@ -1,4 +1,4 @@
-//! What of a text means something: two texts with the same normalized_text are the same program.
+//! The part of a text that means something: two texts with one normalized text are the same program.
 
 use super::Program;
 use crate::package::plain;

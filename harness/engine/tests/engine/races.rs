@@ -27,7 +27,7 @@ const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>
                     @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
                         @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
 
-/// What races in a body: variable, element, invocations, which of them write, one workgroup, equal writes.
+/// The races of a body: variable, element, invocations, which of them write, one workgroup, equal writes.
 fn races(body: &str, groups: u32) -> Vec<String> {
     let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
     let one = |race: &karat_engine::Race| {
@@ -280,8 +280,8 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
     })
 }
 
-/// A kernel has a race if and only if the naive detector finds one, on each of its variables, and what is told is
-/// one of those.
+/// A kernel has a race if and only if the naive detector finds one, on each of its variables, and each race
+/// that is told is one of those.
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
@@ -302,7 +302,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let known = (at / 4, first, second, race.writes_equally());
                 assert!(expected.contains(&known), "{known:?} of {expected:?}\n{text}");
             }
-            // What is no race of equal writes is told as one that isn't.
+            // A race of unequal writes is told as one.
             let differs = |(.., equal): &(u32, u32, u32, bool)| !equal;
             let told = found.iter().any(|race| !race.writes_equally());
             assert_eq!(told, expected.iter().any(differs), "{text}\n{found:?}\n{expected:?}");
