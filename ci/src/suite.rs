@@ -166,7 +166,7 @@ fn output() -> PathBuf {
     command::root().join(target).join("karat")
 }
 
-/// What `karat` reads of how a run was made (`karat::unstable::record::Run`): no test was left out.
+/// The facts of a run that `karat` reads (`karat::unstable::record::Run`): no test was left out.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 4, "selected": [], "passed": passed }).to_string()
 }

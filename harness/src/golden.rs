@@ -428,7 +428,7 @@ fn is_name(case: &str) -> bool {
     case.split('/').all(|part| !part.is_empty() && part.chars().all(sound))
 }
 
-/// What a frame is compared with.
+/// The golden that a frame is compared with.
 struct Loaded {
     file: PathBuf,
     /// `None`: there is no golden yet.
@@ -457,7 +457,7 @@ impl Loaded {
         }
     }
 
-    /// What a pending frame says of its comparison.
+    /// The facts of its comparison that a pending frame keeps.
     fn against(&self, frame: &Rendered<'_>, finding: Option<FrameFinding>) -> Against {
         Against {
             hash: self.golden.as_ref().map_or_else(String::new, Reference::hash),

@@ -1,4 +1,4 @@
-//! What programs around tests use, such as Karat's own command line. Names and meanings may change in any
+//! Modules for programs around tests, such as Karat's own command line. Names and meanings may change in any
 //! release, so a test names none of it: what tests use is at the root of the library and in its other modules.
 //!
 //! ```
@@ -18,13 +18,13 @@ pub mod check {
     pub use crate::check::wgsl_test::{TestGroup, WgslTest};
 }
 
-/// What an edit changed: each function before and after it.
+/// Comparison of each function before and after an edit.
 #[cfg(feature = "engine")]
 pub mod compare {
     pub use crate::compare::*;
 }
 
-/// What compute passes dispatch, as data.
+/// Dispatches of compute passes, as data.
 pub mod dispatch {
     pub use crate::dispatch::*;
 }
@@ -36,7 +36,7 @@ pub mod domain {
     };
 }
 
-/// What a frame draws, as data.
+/// Drawings of frames, as data.
 pub mod draw {
     pub use crate::draw::drawing::{Drawing, Source};
 }
@@ -46,7 +46,7 @@ pub mod executor {
     pub use crate::executor::*;
 }
 
-/// Goldens as files: what waits, what is accepted, where they are from.
+/// Goldens as files: pending ones, acceptance, provenance.
 pub mod golden {
     pub use crate::golden::acceptance::{AcceptError, Acceptance, Accepted};
     pub use crate::golden::changes::ChangedRow;
@@ -58,7 +58,7 @@ pub mod golden {
     pub use crate::golden::table::{Column, Table, TableFacts};
 }
 
-/// What can go wrong inside of the functions of a package, without a test.
+/// The search for hazards inside of functions, without a test.
 #[cfg(feature = "engine")]
 pub mod hazards {
     pub use crate::hazards::*;
@@ -72,7 +72,7 @@ pub mod image {
     };
 }
 
-/// What an executor runs, as data.
+/// Jobs that executors run, as data.
 pub mod job {
     pub use crate::job::*;
 }
@@ -94,13 +94,13 @@ pub mod metric {
     pub use karat_core::metric::{ErrorMap, ExposureMap, MASK, TILE, WorstPixel};
 }
 
-/// What a package is made of.
+/// Functions of a package, and files that it leaves out.
 pub mod package {
     pub use crate::package::function_item::FunctionItem;
     pub use crate::package::functions::LeftOut;
 }
 
-/// What paths can do, and what programs that run jobs greet with.
+/// Abilities of paths, and the greeting of a program that runs jobs.
 pub mod path {
     pub use crate::path::process::Greeting;
     pub use crate::reflect::Ability;
@@ -121,7 +121,7 @@ pub mod reflect {
     pub use crate::reflect::*;
 }
 
-/// The running test: its name, its replays, and what is known to fail.
+/// The running test: its name, its replays, its known issues.
 pub mod run {
     pub use crate::run::*;
 }
@@ -131,7 +131,7 @@ pub mod tint {
     pub use crate::tint::*;
 }
 
-/// What a process keeps of packages, and how a process that lives on forgets what may be stale.
+/// The caches of a process, and the way to forget those that may be stale.
 pub mod workspace {
     pub use crate::package::workspace::refresh;
 }

@@ -405,7 +405,7 @@ fn without_example(items: &[Item]) -> Vec<&str> {
     without.map(|(name, _)| name.as_str()).collect()
 }
 
-/// What the library doesn't promise to keep, read off `lib.rs` and `unstable.rs`.
+/// The part of the library that isn't promised, read off `lib.rs` and `unstable.rs`.
 struct Promise {
     /// Rooms and files of which nothing is promised: `record`, `golden/pending`.
     without: BTreeSet<String>,

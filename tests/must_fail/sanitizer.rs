@@ -10,7 +10,7 @@ var<workgroup> tile: array<u32, 64>;
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
 ";
 
-/// What is wrong with a body, over so many workgroups: nothing, or each race with its lines, invocations and element.
+/// Violations of a body, dispatched over so many workgroups.
 fn races(body: &str, groups: u32) -> Vec<Violation> {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let mut passes = package.compute().with("data", Storage::new((0..64 * groups).map(|i| i + 1)));
@@ -180,7 +180,7 @@ fn an_index_one_beyond_the_end() {
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
 }
 
-/// What is wrong with a body whose races are accepted so: nothing, or the message.
+/// The message about a body whose races are accepted so; empty if it passes.
 fn accepting(how: &str, body: &str) -> String {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let passes = package.compute().with("data", Storage::new(vec![0_u32; 64]));
@@ -196,7 +196,7 @@ fn accepting(how: &str, body: &str) -> String {
     any.err().map_or_else(String::new, |error| error.to_string())
 }
 
-/// What is accepted has to be there, with a reason, and nothing else is.
+/// A race that is accepted has to be there, with a reason, and no other race is accepted.
 #[test]
 fn races_that_are_accepted() {
     assert_eq!(accepting("race", "data[0] = i + 1u;"), "");

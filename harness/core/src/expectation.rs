@@ -3,7 +3,7 @@
 //!
 //! `karat` has Karat's own, and `wgsl_test` the names that the WESL community's test runner has for them. Each
 //! takes a number first, the call's place, which the linker writes behind its `(`. What may have failed is kept in
-//! private variables. Whoever runs the test judges it on the host, by [`Wanted`].
+//! private variables. The host judges it, by [`Wanted`].
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -1,10 +1,11 @@
-//! Violations of compute passes, and barriers that some invocations miss, as data. The engine finds them.
+//! Actions of compute passes that WGSL doesn't order or define, as data: races, barriers that some invocations miss,
+//! indices that leave their arrays. The engine finds them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::Diagnostic;
 
-/// What is wrong.
+/// The kind of a violation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViolationKind {
@@ -20,7 +21,7 @@ pub enum ViolationKind {
     Outside,
 }
 
-/// What an invocation does to an element, or at a barrier.
+/// The action of an invocation on an element, or at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ViolationAccess {
     /// `file:line:column`
@@ -54,7 +55,7 @@ pub struct ViolationAccess {
 pub struct Violation {
     /// `module::entry_point`
     pub entry_point: String,
-    /// What is wrong.
+    /// The kind of a violation.
     pub kind: ViolationKind,
     /// The variable, as its author names it; empty of a barrier and an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -69,10 +70,10 @@ pub struct Violation {
     pub accesses: Vec<ViolationAccess>,
 }
 
-/// What the engine saw of passes.
+/// The findings of the sanitizer in passes.
 #[derive(Debug, Default)]
 pub(crate) struct Examined {
-    /// What is wrong, with its message.
+    /// Each with its message.
     pub(crate) violations: Vec<(Violation, Diagnostic)>,
     pub(crate) watched: Watched,
 }

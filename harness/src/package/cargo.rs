@@ -120,7 +120,7 @@ struct Wanted<'w> {
     version: Option<&'w str>,
 }
 
-/// What cargo says of projects, and of crates at a version. Another `Cargo.toml` is seen by the next process.
+/// Cargo's graphs of projects, and of crates at a version. The next process sees another `Cargo.toml`.
 struct Graphs;
 
 impl Kind for Graphs {

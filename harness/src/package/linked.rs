@@ -54,7 +54,7 @@ pub(crate) struct Linked {
     pub(crate) file: Arc<SourceFile>,
     /// Whether the whole file is as valid as this is: all that it declares is in it, but for tests.
     pub(crate) whole: bool,
-    /// Calls of expectations in the modules that it was made of, by the numbers that they are told.
+    /// Calls of expectations in the modules that it was made of, by the numbers that they have.
     pub(crate) calls: BTreeMap<u32, Span>,
     /// What it was made of.
     pub(crate) sources: Sources,

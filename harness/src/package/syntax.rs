@@ -63,7 +63,7 @@ pub(super) struct Module {
     pub(super) removed: Vec<Range<usize>>,
     /// What values stand for, and what expectations are told, in order.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Calls of expectations, by the numbers that they are told.
+    /// Calls of expectations, by the numbers that they have.
     pub(super) calls: Vec<(u32, Span)>,
     /// Files that share a name space with this one, and where they are named.
     pub(super) includes: Vec<(Include, Range<usize>)>,

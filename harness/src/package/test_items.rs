@@ -1,5 +1,5 @@
 //! Tests in WGSL, as a module declares them: functions with `@test`, whose calls of
-//! [expectations](crate::expectation) are told their places.
+//! [expectations](crate::expectation) get the numbers of their places.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! What a process keeps between one look at a package and the next. One owner has all of it, and one rule holds:
+//! The owner of all that a process keeps between one look at a package and the next. One rule holds:
 //! an entry is found by all that it was made of, such as a text and features, so what was edited is never found
 //! again. Nothing has to be forgotten, but for two reasons. A kind that reaches its bound is forgotten whole, and
 //! [`refresh`] forgets what Karat can't know all causes of.
@@ -10,12 +10,12 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 /// A kind of entries.
 pub(crate) trait Kind: 'static {
-    /// What an entry is made of.
+    /// All that an entry is made of.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
     /// How many are kept.
     const MOST: usize;
-    /// Whether entries have causes that aren't in their keys.
+    /// True if entries have causes that aren't in their keys.
     const VOLATILE: bool = false;
 }
 

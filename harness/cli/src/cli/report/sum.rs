@@ -179,7 +179,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// What the sanitizer didn't look through stands behind the line, with the first reason.
+    /// The remark behind the line counts checks that the sanitizer didn't look through, with the first reason.
     #[test]
     fn what_was_not_looked_through_is_counted() {
         let with = |reason: &str| {
