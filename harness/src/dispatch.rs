@@ -340,6 +340,11 @@ impl Passes {
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
+    /// Invocations of all passes.
+    pub(crate) fn invocations(&self) -> u64 {
+        self.passes.iter().map(Pass::invocations).sum()
+    }
+
     /// The variables of all passes, as their authors name them: resources, and those of workgroups.
     pub(crate) fn variables(&self) -> Vec<String> {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()

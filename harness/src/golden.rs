@@ -328,7 +328,8 @@ impl Goldens {
                 return Err(GoldenError::Provenance { case: case(), source });
             }
         };
-        Ok(Loaded { file, golden, profile: own.then_some(profile) })
+        let profile = (own && golden.is_some()).then_some(profile);
+        Ok(Loaded { file, golden, profile })
     }
 
     /// Removes what waits of a frame that agrees, or leaves the frame to be looked at.

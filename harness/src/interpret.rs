@@ -23,7 +23,7 @@ use karat_engine::{
 };
 
 use crate::diagnostic::{Diagnostic, Span};
-use crate::dispatch::{DispatchError, Passes};
+use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError};
 use crate::probe::{ProbeError, Probed};
@@ -341,11 +341,23 @@ impl Bound {
     }
 }
 
+/// True if a word that passes leave depends on what an operation of one of them reads or writes outside of an array
+/// or a texture.
+fn depends_on(passes: &Passes, pass: &Pass, operation: u32) -> Result<bool, DispatchError> {
+    let differs = differing(|outside| {
+        let here = |own: &Pass| (outside.filter(|_| std::ptr::eq(own, pass)), Some(operation));
+        let afterwards = dispatch::dispatched(passes, &here)?;
+        Ok::<_, DispatchError>(afterwards.into_iter().flat_map(|(_, words)| words).collect())
+    })?;
+    Ok(differs.contains(&true))
+}
+
 /// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
 /// that is.
+#[cfg(feature = "routes")]
 pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
-        let afterwards = dispatch::dispatched(passes, outside)?;
+        let afterwards = dispatch::dispatched(passes, &|_| (outside, None))?;
         Ok(afterwards.into_iter().flat_map(|(_, words)| words).collect())
     })
 }

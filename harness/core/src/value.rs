@@ -322,6 +322,9 @@ impl Shape {
     /// let point = Shape::Vector { size: 2, scalar: Scalar::F32 };
     /// assert_eq!(point.format(&[0, 1.5_f32.to_bits()]), "(0, 1.5)");
     /// ```
+    ///
+    /// # Panics
+    /// If there are fewer lanes than the value has.
     #[must_use]
     pub fn format(&self, lanes: &[u32]) -> String {
         let mut at = 0;

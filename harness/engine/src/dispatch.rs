@@ -96,7 +96,7 @@ impl Program {
     }
 
     /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
-    /// which barriers weren't reached by all. `runs` says whether a workgroup, counted from 0, runs at all.
+    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each.
     ///
     /// # Errors
     ///
@@ -106,9 +106,9 @@ impl Program {
         workgroups: [u32; 3],
         resources: &mut Resources,
         options: &Options,
-        runs: &dyn Fn(usize) -> bool,
+        groups: Option<&[usize]>,
     ) -> Result<Observed, Stop> {
-        let watch = Some(runs);
+        let watch = Some(groups);
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
@@ -119,7 +119,7 @@ impl Program {
         resources: &mut Resources,
         options: &Options,
         observer: &dyn Observer<A>,
-        watch: Option<&dyn Fn(usize) -> bool>,
+        watch: Option<Option<&[usize]>>,
     ) -> Result<Observed, Stop> {
         let Some(entry) = &self.entry else {
             return Err(Stop::Misuse("a function is called, not dispatched"));
@@ -139,50 +139,49 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let mut machine = Machine::<A>::new(code, options, invocations);
             machine.detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
-            let mut groups = 0..;
-            for gz in 0..workgroups[2] {
-                for gy in 0..workgroups[1] {
-                    for gx in 0..workgroups[0] {
-                        let id = [gx, gy, gz];
-                        let group: usize = groups.next().expect("it has no end");
-                        if watch.is_some_and(|runs| !runs(group)) {
-                            continue;
-                        }
-                        for (&(register, scalar), &(builtin, k)) in
-                            code.parameters.iter().zip(&entry.inputs)
-                        {
-                            let word = |index: u32| {
-                                let local = [index % x, index / x % y, index / (x * y)][k];
-                                match builtin {
-                                    BuiltIn::GlobalInvocationId => {
-                                        id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
-                                    }
-                                    BuiltIn::LocalInvocationId => local,
-                                    BuiltIn::LocalInvocationIndex => index,
-                                    BuiltIn::WorkGroupId => id[k],
-                                    BuiltIn::NumWorkGroups => workgroups[k],
-                                    _ => entry.size[k],
-                                }
-                            };
-                            machine.set(register.index, scalar, (0..x * y * z).map(word));
-                        }
-                        for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
-                            if slot.binding == Binding::Workgroup {
-                                buffer.clear();
+            let [across, down, deep] = workgroups.map(|count| count as usize);
+            let all = 0..across * down * deep;
+            let some = watch.flatten();
+            let groups: Box<dyn Iterator<Item = usize>> = match some {
+                Some(some) => Box::new(some.iter().copied()),
+                None => Box::new(all),
+            };
+            for group in groups {
+                let id = [group % across, group / across % down, group / (across * down)];
+                let id = id.map(|index| index as u32);
+                for (&(register, scalar), &(builtin, k)) in
+                    code.parameters.iter().zip(&entry.inputs)
+                {
+                    let word = |index: u32| {
+                        let local = [index % x, index / x % y, index / (x * y)][k];
+                        match builtin {
+                            BuiltIn::GlobalInvocationId => {
+                                id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
                             }
+                            BuiltIn::LocalInvocationId => local,
+                            BuiltIn::LocalInvocationIndex => index,
+                            BuiltIn::WorkGroupId => id[k],
+                            BuiltIn::NumWorkGroups => workgroups[k],
+                            _ => entry.size[k],
                         }
-                        let first = group * invocations;
-                        if let Some(detector) = &mut machine.detector {
-                            detector.begin(first);
-                        }
-                        machine.run::<SEEN>(invocations, first, &mut memory, observer).map_err(
-                            |spent| {
-                                let case = first + spent.lane;
-                                spent.stop(case, options.fuel)
-                            },
-                        )?;
+                    };
+                    machine.set(register.index, scalar, (0..x * y * z).map(word));
+                }
+                for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
+                    if slot.binding == Binding::Workgroup {
+                        buffer.clear();
                     }
                 }
+                let first = group * invocations;
+                if let Some(detector) = &mut machine.detector {
+                    detector.begin(first);
+                }
+                machine.run::<SEEN>(invocations, first, &mut memory, observer).map_err(
+                    |spent| {
+                        let case = first + spent.lane;
+                        spent.stop(case, options.fuel)
+                    },
+                )?;
             }
             if let Some(detector) = machine.detector.take() {
                 observed = detector.end();

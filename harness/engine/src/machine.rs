@@ -501,12 +501,23 @@ impl<'p, A: Rules> Machine<'p, A> {
                 observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
             }
         }
-        if let Some(detector) = &mut self.detector
-            && !matches!(instruction.op, Op::Image(_) | Op::ImageStore(_))
-        {
+        let defined = self.defines_outside(instruction.op);
+        if let Some(detector) = self.detector.as_mut().filter(|_| !defined) {
             self.strayed.iter().for_each(|lane| detector.leaves(self.code, self.site, *lane));
         }
         self.strayed.clear();
+    }
+
+    /// True of operations on textures of which WGSL says what an index outside does: a store there writes nothing, and
+    /// the layer of a sample is the nearest one.
+    fn defines_outside(&self, op: Op) -> bool {
+        match op {
+            Op::ImageStore(_) => true,
+            Op::Image(image) => {
+                matches!(self.code.images[image as usize].kind, ImageKind::Sample { .. })
+            }
+            _ => false,
+        }
     }
 
     /// Reports each active lane in which something may go wrong.
@@ -571,7 +582,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     /// Gives what was read outside of an array or texture the number that stands for it.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
-        let Some(number) = self.options.outside else { return };
+        let Some(number) = self.outside() else { return };
         let [floats, ints, bools] = self.code.shape(instruction.op).outs.map(|n| n as usize);
         for &lane in &self.strayed {
             for &out in &registers[..floats] {

@@ -29,6 +29,8 @@ pub struct Options {
     /// allows any element or zero; `None`: the nearest one that is there. With a number, nothing is
     /// written there. What differs between two such runs depends on what WGSL leaves open.
     pub outside: Option<u8>,
+    /// The one operation of which that is so; `None`: each.
+    pub outside_at: Option<u32>,
 }
 
 impl Default for Options {
@@ -41,6 +43,7 @@ impl Default for Options {
             decimals: false,
             accuracy: None,
             outside: None,
+            outside_at: None,
         }
     }
 }

@@ -4,25 +4,28 @@
 //! barrier orders the invocations of its workgroup, and the address spaces that its name says. Nothing orders two
 //! workgroups of a dispatch. Atomic accesses don't race with each other, and WGSL has no other access of an atomic.
 //!
-//! The machine runs invocations in lockstep, so a race shows in no result. Instead each element remembers who has
-//! accessed it: the last write, and the reads that a later write could race with.
+//! The machine runs invocations in lockstep, so a race shows in no result. Instead each element remembers accesses that a
+//! later one could race with:
 //!
-//! - One write is enough. An earlier write was ordered before it, or that was a race. Another one of another
-//!   word tells whether what a later workgroup writes is the same.
-//! - Two reads of different invocations since the last barrier are enough: one of them isn't by the invocation that
-//!   writes. One read by an earlier workgroup is enough, as no later write is by that workgroup.
+//! - the last write, and the last one by another invocation. If a write of this epoch isn't by the invocation that
+//!   accesses now, one of these two isn't;
+//! - the last write by an earlier workgroup;
+//! - the last write of another word, which tells equal writes from others;
+//! - two reads of different invocations since the last barrier, and one by an earlier workgroup.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use crate::code::{Binding, Code, Site};
 
 /// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
 const PAGE: usize = 1024;
 
-/// Elements that one dispatch remembers, in 96 bytes each: 192 MiB. Accesses of others are counted.
-const MOST_CELLS: usize = 1 << 21;
+/// Elements that one dispatch remembers, in 112 bytes each: 112 MiB. Accesses of others are counted.
+const MOST_CELLS: usize = 1 << 20;
+const _: () = assert!(size_of::<Cell>() == 112);
 
-/// Races that are kept: one for each pair of lines. A loop over a buffer has as many as the buffer has elements.
+/// Races that are kept of a variable, each of another pair of lines: equal writes, and others. A loop over a buffer
+/// has one for each of its elements, by the same lines.
 const MOST_RACES: usize = 64;
 
 /// No invocation.
@@ -98,8 +101,10 @@ pub struct Outside {
     pub site: Site,
     /// The first invocation of which it is so.
     pub invocation: usize,
-    /// Of how many it is.
+    /// How often it is so.
     pub count: u64,
+    /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
+    pub number: u32,
 }
 
 /// The findings of a dispatch.
@@ -109,8 +114,7 @@ pub struct Observed {
     pub races: Vec<Race>,
     /// Barriers that weren't reached by all, each once.
     pub divergences: Vec<Divergence>,
-    /// Operations whose indices leave their arrays, each once; indices of textures aside, as WGSL
-    /// defines a read outside of one.
+    /// Operations whose indices leave their arrays or textures, each once.
     pub outside: Vec<Outside>,
     /// Invocations that ran.
     pub invocations: usize,
@@ -148,20 +152,31 @@ struct Who {
     word: u32,
 }
 
-const NOBODY: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
+const NONE_YET: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
 
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     write: Who,
-    /// The last write before it of another word.
-    before: Who,
+    /// The last write by another invocation than that of `write`.
+    other: Who,
+    /// The last write of another word than `write` has.
+    unequal: Who,
+    /// The last write by a workgroup before that of `write`.
+    earlier_write: Who,
     /// Two invocations that read it since the last barrier.
     reads: [Who; 2],
-    /// One of an earlier workgroup that read it.
-    earlier: Who,
+    /// A read by an earlier workgroup.
+    earlier_read: Who,
 }
 
-const EMPTY: Cell = Cell { write: NOBODY, before: NOBODY, reads: [NOBODY; 2], earlier: NOBODY };
+const EMPTY: Cell = Cell {
+    write: NONE_YET,
+    other: NONE_YET,
+    unequal: NONE_YET,
+    earlier_write: NONE_YET,
+    reads: [NONE_YET; 2],
+    earlier_read: NONE_YET,
+};
 
 /// The elements of a variable.
 #[derive(Debug, Default)]
@@ -170,16 +185,22 @@ struct Shadow {
     written: bool,
     /// True of a variable in workgroup memory.
     own: bool,
-    /// The odd halves of words are apart: a 16-bit element has a place where no 32-bit element begins.
-    pages: [Vec<Option<Box<[Cell]>>>; 2],
+    /// Elements by the byte of a word at which they begin: 16-bit floats begin at the third one, too, and booleans at
+    /// each.
+    pages: [Vec<Option<Box<[Cell]>>>; 4],
 }
+
+/// A variable, whether its race is one of equal writes, both sites, and whether one workgroup has it.
+type Key = (u32, bool, (u32, u32), bool);
 
 /// Finds races while a dispatch runs.
 #[derive(Debug)]
 pub(crate) struct Detector {
     /// Invocations of a workgroup.
     width: u32,
-    /// The first invocation of the workgroup that runs.
+    /// The first invocation of each workgroup that has run, of which not all may run.
+    starts: Vec<usize>,
+    /// The number of the first invocation of the workgroup that runs, among those that run.
     first: u32,
     /// Barriers that it has passed, of workgroup memory, storage and textures.
     epochs: [u32; 3],
@@ -187,7 +208,7 @@ pub(crate) struct Detector {
     textures: Vec<Shadow>,
     cells: usize,
     unwatched: u64,
-    races: BTreeMap<(u32, (u32, u32), bool, bool), Race>,
+    races: BTreeMap<Key, (Race, HashSet<(usize, usize)>)>,
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     invocations: usize,
@@ -214,6 +235,7 @@ impl Detector {
         let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
         Self {
             width: width as u32,
+            starts: Vec::new(),
             first: 0,
             epochs: [0; 3],
             buffers: buffers.collect(),
@@ -229,12 +251,19 @@ impl Detector {
 
     /// A workgroup begins, whose first invocation is this one.
     pub(crate) fn begin(&mut self, first: usize) {
-        self.first = first as u32;
+        self.first = self.starts.len() as u32 * self.width;
+        self.starts.push(first);
         self.epochs = [0; 3];
         self.invocations += self.width as usize;
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
         }
+    }
+
+    /// The number that an invocation has in the whole dispatch.
+    fn invocation(&self, number: u32) -> usize {
+        let (group, lane) = (number / self.width, number % self.width);
+        self.starts[group as usize] + lane as usize
     }
 
     /// True if accesses of a buffer can race.
@@ -257,7 +286,7 @@ impl Detector {
     ) {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
         if let (Some((lane, _)), Some(here)) = (missing().next(), active.clone().position(|a| a)) {
-            let first = self.first as usize;
+            let first = self.invocation(self.first);
             self.divergences.entry(site).or_insert_with(|| Divergence {
                 site: code.sites[site as usize].clone(),
                 reached: first + here,
@@ -273,8 +302,13 @@ impl Detector {
 
     /// The index of a lane leaves its array.
     pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize) {
-        let invocation = self.first as usize + lane;
-        let new = || Outside { site: code.sites[site as usize].clone(), invocation, count: 0 };
+        let invocation = self.invocation(self.first) + lane;
+        let new = || Outside {
+            site: code.sites[site as usize].clone(),
+            invocation,
+            count: 0,
+            number: site,
+        };
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
@@ -296,7 +330,7 @@ impl Detector {
     ) {
         let Accessed { lane, site, place, index, word } = accessed;
         let plane = match place {
-            Place::Byte(at) => (at >> 1 & 1) as usize,
+            Place::Byte(at) => (at & 3) as usize,
             Place::Texel(_) => 0,
         };
         let who =
@@ -313,12 +347,18 @@ impl Detector {
                 && other.invocation != who.invocation
                 && (!here(*other) || other.epoch == who.epoch)
         };
-        let writes_before = [cell.write, cell.before];
+        let before = [cell.write, cell.other, cell.unequal, cell.earlier_write];
         let mut read = None;
         if writes {
-            read = [cell.reads[0], cell.reads[1], cell.earlier].into_iter().find(races);
+            read = [cell.reads[0], cell.reads[1], cell.earlier_read].into_iter().find(races);
+            if cell.write.invocation != who.invocation {
+                cell.other = cell.write;
+            }
             if cell.write.word != word {
-                cell.before = cell.write;
+                cell.unequal = cell.write;
+            }
+            if !here(cell.write) {
+                cell.earlier_write = cell.write;
             }
             cell.write = who;
         } else if here(cell.reads[0]) && cell.reads[0].epoch == who.epoch {
@@ -326,14 +366,14 @@ impl Detector {
                 cell.reads[1] = who;
             }
         } else {
-            if cell.reads[0].invocation != NONE && !here(cell.reads[0]) {
-                cell.earlier = cell.reads[0];
+            if !here(cell.reads[0]) {
+                cell.earlier_read = cell.reads[0];
             }
-            cell.reads = [who, NOBODY];
+            cell.reads = [who, NONE_YET];
         }
         // Two writes of one word show less than a read beside one of them, or a write of another word.
         let differs = |other: &&Who| !writes || other.word != word;
-        let racing = || writes_before.iter().filter(|other| races(other));
+        let racing = || before.iter().filter(|other| races(other));
         let found = racing().find(differs).map(|other| (*other, true));
         let found = found.or(read.map(|other| (other, false)));
         let found = found.or_else(|| racing().next().map(|other| (*other, true)));
@@ -341,12 +381,17 @@ impl Detector {
         let one_workgroup = here(other);
         let equal = writes && other_writes && other.word == word;
         let sites = (other.site.min(site), other.site.max(site));
-        let key = (slot | u32::from(space == 2) << 31, sites, one_workgroup, equal);
-        if let Some(race) = self.races.get_mut(&key) {
-            race.elements += 1;
+        let variable = slot | u32::from(space == 2) << 31;
+        let key = (variable, equal, sites, one_workgroup);
+        if let Some((race, elements)) = self.races.get_mut(&key) {
+            if elements.insert((plane, index)) {
+                race.elements += 1;
+            }
             return;
         }
-        if self.races.len() >= MOST_RACES {
+        let least = (variable, equal, (0, 0), false);
+        let most = (variable, equal, (u32::MAX, u32::MAX), true);
+        if self.races.range(least..=most).count() >= MOST_RACES {
             return;
         }
         let (variable, binding) = match space {
@@ -365,18 +410,18 @@ impl Detector {
         };
         let access = |who: Who, writes: bool| Access {
             site: code.sites[who.site as usize].clone(),
-            invocation: who.invocation as usize,
+            invocation: self.invocation(who.invocation),
             writes,
             word: who.word,
         };
         let (first, second) = (access(other, other_writes), access(who, writes));
         let race = Race { variable, binding, place, first, second, one_workgroup, elements: 1 };
-        self.races.insert(key, race);
+        self.races.insert(key, (race, HashSet::from([(plane, index)])));
     }
 
     /// Ends the run and returns the findings.
     pub(crate) fn end(self) -> Observed {
-        let mut races: Vec<Race> = self.races.into_values().collect();
+        let mut races: Vec<Race> = self.races.into_values().map(|(race, _)| race).collect();
         races.sort_by_key(|race| {
             (race.writes_equally(), race.second.site.span.to_range().map(|r| r.start))
         });

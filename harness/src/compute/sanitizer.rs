@@ -23,9 +23,11 @@ pub(super) struct Accepted {
 
 impl Accepted {
     fn covers(&self, race: &Violation) -> bool {
+        // Barriers and indices have no variable.
+        let is_race = !race.variable.is_empty();
         let own = race.variable.rsplit("::").next() == Some(&self.variable);
         let named = own || race.variable == self.variable;
-        named && (!self.equal || race.kind == ViolationKind::EqualWrites)
+        is_race && named && (!self.equal || race.kind == ViolationKind::EqualWrites)
     }
 }
 

@@ -13,16 +13,20 @@ const MOST_INVOCATIONS: u32 = 1024;
 
 /// Dispatches passes, and returns what they write.
 pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, None)
+    dispatched(passes, &|_| (None, None))
 }
 
-/// The same where a number stands for what is read outside of arrays.
+/// The number that a pass reads outside of arrays, and the one operation that does; `None`: each does.
+pub(super) type OfPass<'o> = &'o dyn Fn(&Pass) -> (Option<u8>, Option<u32>);
+
+/// The same where a number stands for what a pass reads outside of arrays.
 pub(super) fn dispatched(
     passes: &Passes,
-    outside: Option<u8>,
+    outside: OfPass<'_>,
 ) -> Result<Afterwards, DispatchError> {
     let held = in_order(passes, &mut |pass, lowered, resources| {
-        let options = Options { outside, ..options() };
+        let (outside, outside_at) = outside(pass);
+        let options = Options { outside, outside_at, ..options() };
         lowered.dispatch::<F32>(pass.workgroups, resources, &options, &())?;
         Ok(true)
     })?;

@@ -48,8 +48,9 @@ pub(crate) fn strays(
 }
 
 /// No pass is looked through, and the result says so.
-pub(crate) fn examine(_: &crate::dispatch::Passes) -> crate::dispatch::Examined {
+pub(crate) fn examine(passes: &crate::dispatch::Passes) -> crate::dispatch::Examined {
     let mut examined = crate::dispatch::Examined::default();
+    examined.watched.of = passes.invocations();
     examined.watched.reason = missing().to_string();
     examined
 }

@@ -16,7 +16,7 @@ const SOME: usize = 64;
 
 /// Runs passes in the engine and returns its findings. The result says which passes it couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
-    let of = passes.passes.iter().map(Pass::invocations).sum();
+    let of = passes.invocations();
     let mut examined =
         Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
     if let Err(error) = run(passes, &mut examined) {
@@ -32,13 +32,13 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
     let mut outside = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
-        let is_whole = pass.invocations() <= left;
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
-        let some = if is_whole { Vec::new() } else { sampled(&pass.name, groups) };
-        let runs = |group: usize| is_whole || some.binary_search(&group).is_ok();
-        let observed = lowered.observe_races(pass.workgroups, resources, &options(), &runs)?;
+        let is_whole = pass.invocations() <= left || groups <= SOME;
+        let some = (!is_whole).then(|| sampled(&pass.name, groups));
+        let observed =
+            lowered.observe_races(pass.workgroups, resources, &options(), some.as_deref())?;
         watched.invocations += observed.invocations as u64;
-        if !is_whole {
+        if let Some(some) = &some {
             // A later pass would read words that were never written.
             watched.reason = format!(
                 "of `{}` {} of {groups} workgroups run, and no pass behind it: more than {WHOLE} invocations take \
@@ -50,13 +50,20 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
             watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
         }
         violations.extend(told(pass, &observed));
-        outside.extend(observed.outside.iter().map(|one| of_outside(pass, one)));
+        let all = observed.outside.into_iter();
+        outside.extend(all.map(|one| (std::ptr::from_ref(pass), one)));
         Ok(is_whole)
     })?;
-    // An index that leaves its array is often meant: `select` gives up what is read there. It is a fault where what
-    // passes leave depends on it.
-    if !outside.is_empty() && watched.reason.is_empty() && super::strays(passes)?.contains(&true) {
-        violations.extend(outside);
+    // An index that leaves its array is often meant: `select` gives up the word that is read there. It is a fault if
+    // the words that passes leave depend on it.
+    if watched.reason.is_empty() {
+        for (pass, one) in outside {
+            let pass =
+                passes.passes.iter().find(|own| std::ptr::eq(*own, pass)).expect("it is one");
+            if super::depends_on(passes, pass, one.number)? {
+                violations.push(of_outside(pass, &one));
+            }
+        }
     }
     Ok(())
 }
@@ -126,7 +133,7 @@ fn of_race(pass: &Pass, race: &Found) -> (Violation, Diagnostic) {
     let note = if !race.one_workgroup {
         "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
             .to_owned()
-    } else if race.first.site.span == race.second.site.span && kind != ViolationKind::ReadWrite {
+    } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
         "let one invocation write the element, or use an atomic".to_owned()
     } else {
         format!(
@@ -142,6 +149,13 @@ fn of_race(pass: &Pass, race: &Found) -> (Violation, Diagnostic) {
     let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
     (Violation { entry_point, kind, variable, element, count, accesses }, diagnostic)
+}
+
+/// True if an access is a part of the statement of another one: no barrier can stand between.
+fn is_within(one: &Access, other: &Access) -> bool {
+    let ranges = [one, other].map(|access| access.site.span.to_range());
+    let [Some(one), Some(other)] = ranges else { return false };
+    other.start <= one.start && one.end <= other.end
 }
 
 fn of_divergence(pass: &Pass, one: &Divergence) -> (Violation, Diagnostic) {

@@ -156,7 +156,7 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
         None => of_project(base),
     };
     // A second thread waits for what cargo says to the first.
-    let graph = workspace::with::<Graphs, _>(|known| {
+    let graph = workspace::with_room::<Graphs, _>(|known| {
         known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone()
     });
     let graph = graph.map_err(error)?;

@@ -1,7 +1,7 @@
-//! The owner of all that a process keeps between one look at a package and the next. One rule holds:
-//! an entry is found by all that it was made of, such as a text and features, so what was edited is never found
-//! again. Nothing has to be forgotten, but for two reasons. A kind that reaches its bound is forgotten whole, and
-//! [`refresh`] forgets what Karat can't know all causes of.
+//! The owner of all that a process keeps between one look at a package and the next. An entry of most kinds is found
+//! by all that it was made of, such as a text and features, so an edit finds none. Other kinds say beside them what the
+//! next process alone sees (cargo's graphs), or check what they find (programs, `karat.toml`). A kind that reaches its
+//! bound is forgotten whole, and [`refresh`] forgets what may depend on files that Karat knows nothing of.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -37,7 +37,7 @@ fn entries<K: Kind>(any: &mut (dyn Any + Send)) -> &mut Entries<K> {
     any.downcast_mut().expect("a kind has entries of its own type")
 }
 
-/// Works on the entries of a kind, of which a kind that is full has none.
+/// Works on the entries of a kind, which others wait for. `work` must not come back for the same kind.
 pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     let shelf = {
         let mut workspace = locked(&WORKSPACE);
@@ -48,11 +48,17 @@ pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
         Arc::clone(&shelf.entries)
     };
     let mut any = locked(&shelf);
-    let entries = entries::<K>(&mut **any);
-    if entries.len() > K::MOST {
-        entries.clear();
-    }
-    work(entries)
+    work(entries::<K>(&mut **any))
+}
+
+/// The entries of a kind, with room for another one.
+pub(crate) fn with_room<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
+    with::<K, _>(|entries| {
+        if entries.len() >= K::MOST {
+            entries.clear();
+        }
+        work(entries)
+    })
 }
 
 pub(crate) fn get<K: Kind<Value: Clone>>(key: &K::Key) -> Option<K::Value> {
@@ -60,7 +66,7 @@ pub(crate) fn get<K: Kind<Value: Clone>>(key: &K::Key) -> Option<K::Value> {
 }
 
 pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
-    with::<K, _>(|entries| drop(entries.insert(key, value)));
+    with_room::<K, _>(|entries| drop(entries.insert(key, value)));
 }
 
 /// Forgets what was kept of files that Karat knows nothing of: what a program printed (`preprocess` in
@@ -103,9 +109,9 @@ mod tests {
         assert_eq!((get::<Lasting>(&1), get::<Passing>(&1)), (Some("one"), Some("other")));
         refresh();
         assert_eq!((get::<Lasting>(&1), get::<Passing>(&1)), (Some("one"), None));
-        for key in 2..5 {
-            keep::<Lasting>(key, "more");
-        }
-        assert_eq!((get::<Lasting>(&1), get::<Lasting>(&4)), (None, Some("more")), "it was full");
+        keep::<Lasting>(2, "two");
+        assert_eq!((get::<Lasting>(&1), get::<Lasting>(&2)), (Some("one"), Some("two")), "all fit");
+        keep::<Lasting>(3, "three");
+        assert_eq!((get::<Lasting>(&1), get::<Lasting>(&3)), (None, Some("three")), "it was full");
     }
 }

@@ -59,7 +59,7 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
         program = Program::from_linked(linked)?;
     }
     let program = Arc::new(program);
-    workspace::with::<Programs, _>(|kept| {
+    workspace::with_room::<Programs, _>(|kept| {
         let kept = kept.entry(wanted.clone()).or_default();
         kept.retain(|kept| !of_package(kept));
         if kept.len() >= MOST_PACKAGES {

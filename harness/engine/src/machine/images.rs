@@ -77,7 +77,7 @@ impl<A: Rules> Machine<'_, A> {
             });
             if let Some(words) = texture::stored(format, words) {
                 texture.put(at, words);
-                self.note_texel(op.texture, (lane, at), size, words[0], true);
+                self.note_texel(op.texture, (lane, at), size, words, true);
             }
         }
     }
@@ -88,9 +88,12 @@ impl<A: Rules> Machine<'_, A> {
         texture: u32,
         (lane, at): (usize, [u32; 3]),
         size: [u32; 3],
-        word: u32,
+        words: [u32; 4],
         writes: bool,
     ) {
+        // A word for all channels, which is compared and not shown (FNV-1a, by words).
+        let word =
+            words.iter().fold(0x811C_9DC5_u32, |all, word| (all ^ word).wrapping_mul(0x0100_0193));
         let Some(detector) = &mut self.detector else { return };
         if detector.watches_texture(texture) {
             let [x, y, z] = at.map(|k| k as usize);
@@ -165,7 +168,7 @@ impl<A: Rules> Machine<'_, A> {
             }
             let words = texture.texel(level, at, sample);
             if level == 0 && !clamped && A::possible(self.active()[lane]) {
-                self.note_texel(op.texture, (lane, at), size, words[0], false);
+                self.note_texel(op.texture, (lane, at), size, words, false);
             }
             for (channel, &out) in operands.outs.iter().enumerate() {
                 if op.outs[0] > 0 {

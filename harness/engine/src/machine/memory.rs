@@ -8,7 +8,7 @@ use super::Machine;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Count, Step, Walk};
 use crate::columns::Columns;
-use crate::races::{Accessed, Place};
+use crate::races::{Accessed, Detector, Place};
 use crate::scalar::{File, Scalar};
 
 /// The bytes of a buffer. Where it is written, floats keep what `f32` can't hold beside them.
@@ -171,10 +171,16 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
+    /// The number that stands for what the operation that runs reads outside of an array.
+    pub(super) fn outside(&self) -> Option<u8> {
+        let here = self.options.outside_at.is_none_or(|site| site == self.site);
+        self.options.outside.filter(|_| here)
+    }
+
     /// The same of a write. Whether it is left out.
     fn leave_unwritten(&mut self, lane: usize) -> bool {
         self.leave(lane);
-        self.options.outside.is_some()
+        self.outside().is_some()
     }
 
     pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) {
@@ -360,10 +366,16 @@ impl<A: Rules> Machine<'_, A> {
             }
         }
         self.note_accesses(walk, &registers[1..], length, false, |_, at| match scalar {
-            Scalar::F16 => buffer.word(at & !3) >> (8 * (at & 2)) & 0xFFFF,
+            Scalar::F16 => u32::from(half::f16::from_f32(buffer.half(at)).to_bits()),
             Scalar::Bool => u32::from(buffer.bytes.get(at).is_some_and(|byte| *byte != 0)),
             _ => buffer.word(at),
         });
+    }
+
+    /// True if a detector wants to know who accesses what a walk finds.
+    fn notes(&self, walk: &Walk) -> bool {
+        let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
+        walk.plain && self.detector.as_deref().is_some_and(watches)
     }
 
     /// Tells the detector, if there is one, which elements the lanes access, and with which words.
@@ -375,23 +387,24 @@ impl<A: Rules> Machine<'_, A> {
         writes: bool,
         word: impl Fn(usize, usize) -> u32,
     ) {
+        if !self.notes(walk) {
+            return;
+        }
         let Some(mut detector) = self.detector.take() else { return };
-        if walk.plain && detector.watches_buffer(walk.buffer) {
-            for lane in 0..self.width {
-                if !A::possible(self.active()[lane]) {
-                    continue;
-                }
-                let mut at = 0;
-                let strays = walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
-                // An access outside of the array may go anywhere, which is a fault of its own.
-                if strays {
-                    continue;
-                }
-                let place = Place::Byte(at as u32);
-                let (site, word) = (self.site, word(lane, at));
-                let accessed = Accessed { lane, site, place, index: at / 4, word };
-                detector.buffer(self.code, walk.buffer, accessed, writes);
+        for lane in 0..self.width {
+            if !A::possible(self.active()[lane]) {
+                continue;
             }
+            let mut at = 0;
+            let strays = walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+            // An access outside of the array may go anywhere, which is a fault of its own.
+            if strays {
+                continue;
+            }
+            let place = Place::Byte(at as u32);
+            let (site, word) = (self.site, word(lane, at));
+            let accessed = Accessed { lane, site, place, index: at / 4, word };
+            detector.buffer(self.code, walk.buffer, accessed, writes);
         }
         self.detector = Some(detector);
     }
@@ -420,7 +433,7 @@ impl<A: Rules> Machine<'_, A> {
             Scalar::I32 | Scalar::U32 => A::int_word(machine.ints.get(value)[lane]),
             Scalar::Bool => A::bool_word(machine.bools.get(value)[lane]),
         };
-        if self.detector.is_some() {
+        if self.notes(walk) {
             let words: Vec<u32> = (0..self.width).map(|lane| word(self, lane)).collect();
             self.note_accesses(walk, indices, length, true, |lane, _| words[lane]);
         }
@@ -474,7 +487,7 @@ impl<A: Rules> Machine<'_, A> {
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
                 self.leave(lane);
-                if let Some(number) = self.options.outside {
+                if let Some(number) = self.outside() {
                     if atomic.result {
                         self.ints.get_mut(registers[0])[lane] = A::int(u32::from(number), signed);
                         if compared {

@@ -58,7 +58,7 @@ impl Library {
         }
         // A text in memory has no place of its own.
         if !root.as_os_str().is_empty() {
-            workspace::with::<Asked, _>(|asked| {
+            workspace::with_room::<Asked, _>(|asked| {
                 asked.extend(names.into_iter().map(|name| ((root.clone(), name.clone()), ())));
             });
         }
