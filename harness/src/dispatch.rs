@@ -142,21 +142,21 @@ pub(crate) struct Pass {
 }
 
 impl Pass {
-    /// Invocations of a workgroup in each direction.
-    fn size(&self) -> [u32; 3] {
+    /// Invocations of all workgroups. A size that is an override counts as 1.
+    pub(crate) fn invocations(&self) -> u64 {
         let (_, size) =
             self.program.compute_entry_point(&self.entry_point).expect("a pass has an entry point");
-        size
+        self.invocations_of(size)
     }
 
-    /// Invocations of all workgroups.
-    pub(crate) fn invocations(&self) -> u64 {
-        self.size().iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
+    /// Invocations of all workgroups, of this size each.
+    pub(crate) fn invocations_of(&self, size: [u32; 3]) -> u64 {
+        size.iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
     }
 
-    /// An invocation by its number, workgroup after workgroup.
-    pub(crate) fn invocation(&self, number: usize) -> String {
-        let size = self.size().map(|count| count as usize);
+    /// An invocation by its number, workgroup after workgroup of this size.
+    pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
+        let size = size.map(|count| count as usize);
         let groups = self.workgroups.map(|count| count as usize);
         let split = |number: usize, [x, y, _]: [usize; 3]| {
             format!("({}, {}, {})", number % x, number / x % y, number / (x * y))

@@ -363,8 +363,8 @@ pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
 }
 
 /// Numbers that stand for what is read outside. Drivers read 0 there, or the nearest element; a result
-/// that is the same with all three doesn't depend on it.
-const OUTSIDE: [u8; 2] = [0, 47];
+/// that is the same with all four doesn't depend on it.
+const OUTSIDE: [u8; 3] = [0, 47, u8::MAX];
 
 /// Which words of runs differ with what is read outside of arrays.
 fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {

@@ -171,13 +171,53 @@ fn an_index_one_beyond_the_end() {
         panic!("{violations:?}");
     };
     assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "leaves it");
+    assert_eq!(accesses[0].does, "has an index beyond it");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // A write that is dropped on one driver, and lands in the last element on another one.
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
     assert_eq!(races(tail, 2)[0].kind, ViolationKind::Outside);
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
+    // A tail whose writes clamp to the value that is there already.
+    let tail = "data[min(id.x, 200u) + 64u] = 7u;";
+    let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
+    assert_eq!(kinds, [(ViolationKind::Outside, 64)]);
+    let reading = races("data[id.x + 1u] += 1u;", 1);
+    assert_eq!(reading.len(), 1, "one statement is told once: {reading:?}");
+}
+
+/// A workgroup whose size is an override has invocations by that size.
+#[test]
+fn a_size_that_is_an_override() {
+    let text = "override WIDTH = 64u;
+        @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        @compute @workgroup_size(WIDTH) fn main(@builtin(global_invocation_id) id: vec3u) { data[0] = id.x; }";
+    let package = Package::from_source("m", text);
+    let passes = package.compute().with("data", Storage::new([7_u32])).with_override("WIDTH", 32.0);
+    let after = passes.dispatch("main", [2, 1, 1]).after("data").unrecorded();
+    let Err(ComputeError::Violations(found)) = after.try_satisfies("is any", |_: &[u32]| true)
+    else {
+        panic!("each writes");
+    };
+    let who = &found.all[0].accesses[1].invocation;
+    assert_eq!(who, "local (1, 0, 0) of workgroup (0, 0, 0)");
+}
+
+/// An invocation that waits for another one never ends, and the race is told all the same.
+#[test]
+fn a_loop_that_waits_hides_no_race() {
+    let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> flag: atomic<u32>;
+        @compute @workgroup_size(2) fn main(@builtin(local_invocation_index) i: u32) {
+            data[0] = i;
+            if i == 0u { loop { if atomicLoad(&flag) == 1u { break; } } } else { atomicStore(&flag, 1u); }
+        }";
+    let package = Package::from_source("m", text);
+    let passes =
+        package.compute().with("data", Storage::new([7_u32])).with("flag", Storage::new([0_u32]));
+    let after = passes.dispatch("main", [1, 1, 1]).after("data").unrecorded();
+    let waits = after.try_satisfies("is any", |_: &[u32]| true).expect_err("it waits");
+    assert!(waits.to_string().contains("has a race on `data[0]`: two writes"), "{waits}");
 }
 
 /// The message about a body whose races are accepted so; empty if it passes.
@@ -190,6 +230,7 @@ fn accepting(how: &str, body: &str) -> String {
         "race" => passes.accept_race("data", "any will do"),
         "typo" => passes.accept_race("daat", "any will do"),
         "tile" => passes.accept_race("tile", "any will do"),
+        "none" => passes.accept_race("", "any will do"),
         _ => passes.accept_race("data", " "),
     };
     let any = passes.after("data").unrecorded().try_satisfies("is anything", |_: &[u32]| true);
@@ -209,10 +250,10 @@ fn races_that_are_accepted() {
             "isn't needed, as no two invocations write one value there: remove it",
         ),
         ("race", "data[i] = i + 1u;", "isn't needed, as there is none: remove it"),
-        ("typo", "data[0] = 1u;", "has a race on `data[0]`"),
         ("typo", "data[i] = 1u;", "names a variable that no pass has; did you mean `data`?"),
         ("silent", "data[0] = 1u;", "has no reason: say why the race is meant"),
-        ("tile", "data[0] = 1u;", "has a race on `data[0]`"),
+        ("tile", "data[0] = 1u; tile[i] = 0u;", "has a race on `data[0]`"),
+        ("none", "data[0] = 1u;", "names a variable that no pass has"),
     ] {
         let wrong = accepting(how, body);
         assert!(wrong.contains(part), "{how} {body}: {wrong}");

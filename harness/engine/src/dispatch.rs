@@ -100,7 +100,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// As [`dispatch`](Self::dispatch).
+    /// As [`dispatch`](Self::dispatch), but for loops that take too long: then the findings until there have the stop.
     pub fn observe_races(
         &self,
         workgroups: [u32; 3],
@@ -110,6 +110,12 @@ impl Program {
     ) -> Result<Observed, Stop> {
         let watch = Some(groups);
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
+    }
+
+    /// Invocations of a workgroup in each direction; `None` of a function.
+    #[must_use]
+    pub fn workgroup_size(&self) -> Option<[u32; 3]> {
+        self.entry.as_ref().map(|entry| entry.size)
     }
 
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
@@ -134,7 +140,7 @@ impl Program {
         }
         let [x, y, z] = entry.size;
         let invocations = (x * y * z) as usize;
-        let mut observed = Observed::default();
+        let (mut observed, mut stopped) = (Observed::default(), None);
         let (written, textures): (Vec<_>, Vec<_>) = {
             let mut memory = self.memory::<A>(resources)?;
             let mut machine = Machine::<A>::new(code, options, invocations);
@@ -176,15 +182,18 @@ impl Program {
                 if let Some(detector) = &mut machine.detector {
                     detector.begin(first);
                 }
-                machine.run::<SEEN>(invocations, first, &mut memory, observer).map_err(
-                    |spent| {
-                        let case = first + spent.lane;
-                        spent.stop(case, options.fuel)
-                    },
-                )?;
+                let ran = machine.run::<SEEN>(invocations, first, &mut memory, observer);
+                if let Err(spent) = ran {
+                    let stop = spent.stop(first + spent.lane, options.fuel);
+                    if watch.is_none() {
+                        return Err(stop);
+                    }
+                    stopped = Some(stop);
+                    break;
+                }
             }
             if let Some(detector) = machine.detector.take() {
-                observed = detector.end();
+                observed = Observed { stopped, ..detector.end() };
             }
             let textures = code.textures.iter().zip(memory.textures);
             let textures = textures

@@ -503,7 +503,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         let defined = self.defines_outside(instruction.op);
         if let Some(detector) = self.detector.as_mut().filter(|_| !defined) {
-            self.strayed.iter().for_each(|lane| detector.leaves(self.code, self.site, *lane));
+            let writes = matches!(instruction.op, Op::Write(..) | Op::Atomic(_) | Op::Scatter(..));
+            for lane in &self.strayed {
+                detector.leaves(self.code, self.site, *lane, writes);
+            }
         }
         self.strayed.clear();
     }

@@ -16,6 +16,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::code::{Binding, Code, Site};
+use crate::refusal::Stop;
 
 /// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
 const PAGE: usize = 1024;
@@ -103,6 +104,8 @@ pub struct Outside {
     pub invocation: usize,
     /// How often it is so.
     pub count: u64,
+    /// True of a write or an atomic.
+    pub writes: bool,
     /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
     pub number: u32,
 }
@@ -116,6 +119,8 @@ pub struct Observed {
     pub divergences: Vec<Divergence>,
     /// Operations whose indices leave their arrays or textures, each once.
     pub outside: Vec<Outside>,
+    /// Why the dispatch ended before all of it had run.
+    pub stopped: Option<Stop>,
     /// Invocations that ran.
     pub invocations: usize,
     /// Accesses of elements beyond those that are remembered.
@@ -301,15 +306,18 @@ impl Detector {
     }
 
     /// The index of a lane leaves its array.
-    pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize) {
+    pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, writes: bool) {
         let invocation = self.invocation(self.first) + lane;
         let new = || Outside {
             site: code.sites[site as usize].clone(),
             invocation,
             count: 0,
+            writes,
             number: site,
         };
-        self.outside.entry(site).or_insert_with(new).count += 1;
+        let outside = self.outside.entry(site).or_insert_with(new);
+        outside.count += 1;
+        outside.writes |= writes;
     }
 
     pub(crate) fn buffer(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
@@ -423,12 +431,14 @@ impl Detector {
     pub(crate) fn end(self) -> Observed {
         let mut races: Vec<Race> = self.races.into_values().map(|(race, _)| race).collect();
         races.sort_by_key(|race| {
-            (race.writes_equally(), race.second.site.span.to_range().map(|r| r.start))
+            let place = race.second.site.span.to_range().map(|range| range.start);
+            (race.writes_equally(), place, !race.one_workgroup)
         });
         Observed {
             races,
             divergences: self.divergences.into_values().collect(),
             outside: self.outside.into_values().collect(),
+            stopped: None,
             invocations: self.invocations,
             unwatched: self.unwatched,
         }

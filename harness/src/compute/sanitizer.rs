@@ -127,6 +127,16 @@ impl After<'_> {
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
             return Err(one.wrong("has no reason: say why the race is meant".to_owned()));
         }
+        let known = passes.variables();
+        let is_known = |one: &&Accepted| {
+            known.iter().any(|name| *name == one.variable || name.ends_with(&one.suffix()))
+        };
+        if let Some(one) = accepted.iter().find(|one| !is_known(one)) {
+            let own = known.iter().map(|name| name.rsplit("::").next().unwrap_or(name));
+            let near = nearest(&one.variable, own);
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            return Err(one.wrong(format!("names a variable that no pass has{near}")));
+        }
         let Examined { violations, watched } = interpret::examine(passes);
         let whole = watched.reason.is_empty();
         report.watched = Some(watched);
@@ -140,19 +150,9 @@ impl After<'_> {
         }
         // Passes that weren't looked through whole may have the race elsewhere.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
-        let known = passes.variables();
-        if known.iter().any(|name| *name == one.variable || name.ends_with(&one.suffix())) {
-            let what = if one.equal {
-                "no two invocations write one value there"
-            } else {
-                "there is none"
-            };
-            return Err(one.wrong(format!("isn't needed, as {what}: remove it")));
-        }
-        let own = known.iter().map(|name| name.rsplit("::").next().unwrap_or(name));
-        let near = nearest(&one.variable, own);
-        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-        Err(one.wrong(format!("names a variable that no pass has{near}")))
+        let what =
+            if one.equal { "no two invocations write one value there" } else { "there is none" };
+        Err(one.wrong(format!("isn't needed, as {what}: remove it")))
     }
 }
 

@@ -17,7 +17,7 @@ pub enum ViolationKind {
     EqualWrites,
     /// One reaches a barrier without the other one.
     Barrier,
-    /// An index leaves its array, and what the passes leave depends on what is read or written there.
+    /// An index leaves its array, and the element is written, or the words that passes leave depend on it.
     Outside,
 }
 
@@ -53,6 +53,8 @@ pub struct ViolationAccess {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Violation {
+    /// It in one line.
+    pub headline: String,
     /// `module::entry_point`
     pub entry_point: String,
     /// The kind of a violation.

@@ -1,5 +1,7 @@
 //! The sanitizer: looks through compute passes for what WGSL doesn't order or define, before any path runs them.
 
+use std::ops::Range;
+
 use karat_engine::{Access, Divergence, Observed, Outside, Place, Race as Found};
 
 use super::dispatch::{in_order, options};
@@ -20,9 +22,7 @@ pub(crate) fn examine(passes: &Passes) -> Examined {
     let mut examined =
         Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
     if let Err(error) = run(passes, &mut examined) {
-        let reason = error.to_string();
-        let line = reason.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-        line.trim_start_matches("error: ").clone_into(&mut examined.watched.reason);
+        examined.watched.reason = first_line(&error.to_string());
     }
     examined
 }
@@ -33,7 +33,10 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
-        let is_whole = pass.invocations() <= left || groups <= SOME;
+        let size = lowered.workgroup_size().expect("a pass is an entry point");
+        // naga's IR doesn't know a size that is an override.
+        watched.of += pass.invocations_of(size).saturating_sub(pass.invocations());
+        let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
         let observed =
             lowered.observe_races(pass.workgroups, resources, &options(), some.as_deref())?;
@@ -49,23 +52,62 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
         } else if observed.unwatched > 0 {
             watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
         }
-        violations.extend(told(pass, &observed));
+        if let Some(stop) = &observed.stopped {
+            watched.reason =
+                first_line(&super::stopped(&pass.program, &pass.name, stop).to_string());
+        }
+        let goes_on = is_whole && observed.stopped.is_none();
+        violations.extend(told(&Told { pass, size }, &observed));
         let all = observed.outside.into_iter();
-        outside.extend(all.map(|one| (std::ptr::from_ref(pass), one)));
-        Ok(is_whole)
+        outside.extend(all.map(|one| (std::ptr::from_ref(pass), size, one)));
+        Ok(goes_on)
     })?;
-    // An index that leaves its array is often meant: `select` gives up the word that is read there. It is a fault if
-    // the words that passes leave depend on it.
-    if watched.reason.is_empty() {
-        for (pass, one) in outside {
-            let pass =
-                passes.passes.iter().find(|own| std::ptr::eq(*own, pass)).expect("it is one");
-            if super::depends_on(passes, pass, one.number)? {
-                violations.push(of_outside(pass, &one));
-            }
+    // A read outside of an array is often meant: `select` gives up the word. It is a fault if the words that passes
+    // leave depend on it, and then only a whole run shows that. A write has no such excuse.
+    let mut written = Vec::new();
+    outside.sort_by_key(|(.., one)| !one.writes);
+    for (pass, size, one) in outside {
+        let pass = passes.passes.iter().find(|own| std::ptr::eq(*own, pass)).expect("it is one");
+        let range = one.site.span.to_range();
+        let is_part = |(other, whole): &(&Pass, Option<Range<usize>>)| {
+            let (Some(own), Some(whole)) = (&range, whole) else { return false };
+            std::ptr::eq(*other, pass) && whole.start <= own.start && own.end <= whole.end
+        };
+        // `data[i] += 1` reads and writes outside, and is told once.
+        if !one.writes && written.iter().any(is_part) {
+            continue;
+        }
+        let matters = one.writes
+            || (watched.reason.is_empty() && super::depends_on(passes, pass, one.number)?);
+        if matters {
+            violations.push(of_outside(&Told { pass, size }, &one));
+            written.push((pass, range));
         }
     }
     Ok(())
+}
+
+fn first_line(text: &str) -> String {
+    let line = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    line.trim_start_matches("error: ").to_owned()
+}
+
+/// A pass of which something is told, with the size of its workgroups.
+struct Told<'p> {
+    pass: &'p Pass,
+    size: [u32; 3],
+}
+
+impl Told<'_> {
+    /// An invocation by its number.
+    fn invocation(&self, number: usize) -> String {
+        self.pass.invocation(self.size, number)
+    }
+
+    /// The place of an access, as far as the author wrote it.
+    fn span(&self, site: &karat_engine::Site) -> Option<Span> {
+        self.pass.program.resolve(site.span.to_range()?).map(|span| span.first_line())
+    }
 }
 
 /// Workgroups, in order: the first, the last, and as many others as are wanted.
@@ -83,18 +125,13 @@ fn sampled(name: &str, groups: usize) -> Vec<usize> {
     all
 }
 
-fn told(pass: &Pass, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
+fn told(pass: &Told<'_>, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
     let races = observed.races.iter().map(|race| of_race(pass, race));
     races.chain(observed.divergences.iter().map(|one| of_divergence(pass, one))).collect()
 }
 
-/// Where an access is, as far as the author wrote it.
-fn span(pass: &Pass, site: &karat_engine::Site) -> Option<Span> {
-    pass.program.resolve(site.span.to_range()?).map(|span| span.first_line())
-}
-
-fn of_race(pass: &Pass, race: &Found) -> (Violation, Diagnostic) {
-    let program = &pass.program;
+fn of_race(told: &Told<'_>, race: &Found) -> (Violation, Diagnostic) {
+    let (pass, program) = (told.pass, &told.pass.program);
     let words = [race.first.word, race.second.word];
     let (path, values) = match race.place {
         Place::Byte(at) => match program.element(&race.variable, at, words) {
@@ -142,13 +179,13 @@ fn of_race(pass: &Pass, race: &Found) -> (Violation, Diagnostic) {
     };
     let one = |access: &Access, at: usize| {
         let value = values.as_ref().map(|values| &values[at]);
-        (span(pass, &access.site), pass.invocation(access.invocation), does(access, value))
+        (told.span(&access.site), told.invocation(access.invocation), does(access, value))
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
-    let diagnostic = diagnostic(headline, &accesses).note(note);
+    let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
     let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
-    (Violation { entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
 }
 
 /// True if an access is a part of the statement of another one: no barrier can stand between.
@@ -158,72 +195,84 @@ fn is_within(one: &Access, other: &Access) -> bool {
     other.start <= one.start && one.end <= other.end
 }
 
-fn of_divergence(pass: &Pass, one: &Divergence) -> (Violation, Diagnostic) {
+fn of_divergence(told: &Told<'_>, one: &Divergence) -> (Violation, Diagnostic) {
+    let pass = told.pass;
     let headline = format!("`{}` has a barrier that not every invocation reaches", pass.name);
-    let place = span(pass, &one.site);
+    let place = told.span(&one.site);
     let accesses = [
-        (place.clone(), pass.invocation(one.reached), "reaches it".to_owned()),
-        (place, pass.invocation(one.missing), "doesn't".to_owned()),
+        (place.clone(), told.invocation(one.reached), "reaches it".to_owned()),
+        (place, told.invocation(one.missing), "doesn't".to_owned()),
     ];
     let note = format!(
         "{} of the workgroup's invocations don't: a barrier stands where all of them come, in uniform control flow \
          (WGSL, 15.2)",
         one.count
     );
-    let diagnostic = diagnostic(headline, &accesses).note(note);
+    let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
     let (entry_point, count) = (pass.name.clone(), one.count as u64);
     let (variable, element) = (String::new(), String::new());
     let accesses = accesses.map(access).into();
-    let race =
-        Violation { entry_point, kind: ViolationKind::Barrier, variable, element, count, accesses };
+    let race = Violation {
+        headline,
+        entry_point,
+        kind: ViolationKind::Barrier,
+        variable,
+        element,
+        count,
+        accesses,
+    };
     (race, diagnostic)
 }
 
-fn of_outside(pass: &Pass, one: &Outside) -> (Violation, Diagnostic) {
-    let headline = format!(
-        "`{}` has an index that leaves its array, and what the passes leave depends on what is there",
-        pass.name
-    );
-    let (place, invocation) = (span(pass, &one.site), pass.invocation(one.invocation));
-    let does = match one.count {
-        1 => "leaves it".to_owned(),
-        count => format!("leaves it, as {} more do", count - 1),
+fn of_outside(told: &Told<'_>, one: &Outside) -> (Violation, Diagnostic) {
+    let pass = told.pass;
+    let headline = match one.writes {
+        true => format!("`{}` writes outside of an array", pass.name),
+        false => format!(
+            "`{}` reads outside of an array, and the words that the passes leave depend on it",
+            pass.name
+        ),
     };
-    let mut diagnostic = Diagnostic::new(headline);
+    let (place, invocation) = (told.span(&one.site), told.invocation(one.invocation));
+    let does = match one.count {
+        1 => "has an index beyond it".to_owned(),
+        count => format!("has an index beyond it, the first of {count}"),
+    };
+    let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = "WGSL allows any element there, or zero, and a write to go anywhere in the array or nowhere: compare \
-                the index with `arrayLength` or a count, and return";
+    let note = "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or \
+                nowhere (6.4.4): compare the index with `arrayLength` or a count, and return";
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
     let (variable, element) = (String::new(), String::new());
     let accesses = vec![access((place, invocation, does))];
-    (Violation { entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
 }
 
 /// Where, who, and what it does.
-type Told = (Option<Span>, String, String);
+type Action = (Option<Span>, String, String);
 
-fn access((span, invocation, does): Told) -> ViolationAccess {
+fn access((span, invocation, does): Action) -> ViolationAccess {
     let place = span.map_or_else(String::new, |span| span.to_string());
     ViolationAccess { place, invocation, does }
 }
 
 /// The message, with both places.
-fn diagnostic(headline: String, accesses: &[Told; 2]) -> Diagnostic {
+fn diagnostic(headline: String, accesses: &[Action; 2]) -> Diagnostic {
     let [first, second] = accesses;
-    let says = |(_, invocation, does): &Told| format!("{invocation} {does}");
+    let says = |(_, invocation, does): &Action| format!("{invocation} {does}");
     let mut diagnostic = Diagnostic::new(headline);
     if let (Some(one), Some(other)) = (&first.0, &second.0)
         && (&one.file.name, &one.range) == (&other.file.name, &other.range)
     {
         return diagnostic.at(one.clone(), format!("{}, {}", says(first), says(second)));
     }
-    for told in accesses {
-        match &told.0 {
-            Some(span) => diagnostic = diagnostic.at(span.clone(), says(told)),
-            None => diagnostic = diagnostic.note(says(told)),
+    for action in accesses {
+        match &action.0 {
+            Some(span) => diagnostic = diagnostic.at(span.clone(), says(action)),
+            None => diagnostic = diagnostic.note(says(action)),
         }
     }
     diagnostic

@@ -63,6 +63,17 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !expectations.is_empty() {
         return expectations;
     }
+    let violations = record.fault.iter().flat_map(|fault| &fault.violations);
+    let violations: Vec<Finding> = violations
+        .map(|violation| {
+            let place =
+                violation.accesses.first().and_then(|access| located(&access.place, root, root));
+            Finding { place, message: violation.headline.clone() }
+        })
+        .collect();
+    if !violations.is_empty() {
+        return violations;
+    }
     let told = || located(record.fault.as_ref()?.place.as_deref()?, root, root);
     vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
 }
