@@ -90,4 +90,7 @@ pub struct Watched {
     /// Why it isn't all; empty if it is.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
+    /// Variables whose races are accepted, each with its reason.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub accepted: Vec<(String, String)>,
 }

@@ -308,7 +308,7 @@ mod tests {
     fn passes_are_ordered_and_run_whole() {
         let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
         assert!(examined.violations.is_empty(), "{:?}", examined.violations);
-        let whole = Watched { invocations: 192, of: 192, reason: String::new() };
+        let whole = Watched { invocations: 192, of: 192, ..Watched::default() };
         assert_eq!(examined.watched, whole);
     }
 
@@ -320,7 +320,7 @@ mod tests {
         let examined = examined(TEXT, &all, 64 * groups as usize);
         let kinds: Vec<_> = examined.violations.iter().map(|(one, _)| one.kind).collect();
         assert_eq!(kinds, [ViolationKind::WriteWrite], "by the first and the last workgroup");
-        let Watched { invocations, of, reason } = examined.watched;
+        let Watched { invocations, of, reason, .. } = examined.watched;
         assert_eq!(of, 2 * 64 * u64::from(groups));
         assert!((3_000..=4_096).contains(&invocations), "{invocations}");
         assert!(

@@ -47,6 +47,13 @@ fn unwatched(records: &[Record]) -> Option<String> {
     ))
 }
 
+/// Races of compute passes that are accepted.
+fn accepted(records: &[Record]) -> Option<String> {
+    let watched = records.iter().filter_map(|record| record.watched.as_ref());
+    let count: usize = watched.map(|watched| watched.accepted.len()).sum();
+    (count > 0).then(|| counted(count, "accepted race"))
+}
+
 impl Sum {
     /// Of the records of a run, and how it ended: `None` if nothing says that it did.
     pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
@@ -64,6 +71,7 @@ impl Sum {
             remarks: run.map_or_else(Vec::new, |run| run.remarks.clone()),
         };
         sum.remarks.extend(unwatched(records));
+        sum.remarks.extend(accepted(records));
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
         };
@@ -188,6 +196,7 @@ mod tests {
                 invocations: 64,
                 of: 64,
                 reason: reason.to_owned(),
+                accepted: Vec::new(),
             };
             record.watched = Some(watched);
             record
@@ -198,6 +207,10 @@ mod tests {
         let expected =
             "; 2 checks of passes weren't looked through by the sanitizer, or not whole: too large";
         assert_eq!(told, expected);
+        let mut accepting = with("");
+        let watched = accepting.watched.as_mut().expect("it has passes");
+        watched.accepted.push(("any".to_owned(), "whichever comes last will do".to_owned()));
+        assert_eq!(remarks(&[accepting]), "; 1 accepted race");
     }
 
     #[test]
