@@ -202,7 +202,7 @@ pub enum ComputeError {
         verb: &'static str,
         /// The variable.
         variable: String,
-        /// What is wrong with it.
+        /// The fault of the declaration.
         what: String,
     },
     /// Elements differ.

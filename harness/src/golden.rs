@@ -391,8 +391,8 @@ impl Goldens {
                 GoldenError::Unacceptable { case: name(), difference, pending: file }
             }
             None => {
-                let accept = pending.as_ref().map(Pending::accept_arguments).unwrap_or_default();
-                let arguments = accept + &self.arguments();
+                let pending = pending.expect("without a golden no difference is known");
+                let arguments = pending.accept_arguments() + &self.arguments();
                 GoldenError::Missing { case: name(), pending: file, arguments }
             }
         })

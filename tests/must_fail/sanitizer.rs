@@ -183,7 +183,7 @@ fn an_index_one_beyond_the_end() {
     let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
     assert_eq!(kinds, [(ViolationKind::Outside, 64)]);
     let reading = races("data[id.x + 1u] += 1u;", 1);
-    assert_eq!(reading.len(), 1, "one statement is told once: {reading:?}");
+    assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
 
 /// A workgroup whose size is an override has invocations by that size.
@@ -203,7 +203,7 @@ fn a_size_that_is_an_override() {
     assert_eq!(who, "local (1, 0, 0) of workgroup (0, 0, 0)");
 }
 
-/// An invocation that waits for another one never ends, and the race is told all the same.
+/// An invocation that waits for another one never ends, and the sanitizer finds the race all the same.
 #[test]
 fn a_loop_that_waits_hides_no_race() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;

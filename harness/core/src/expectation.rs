@@ -9,18 +9,18 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
-/// What an expectation that may fail keeps: its place, its kind and how many components it has, the
+/// The words that an expectation that may fail keeps: its place, its kind and how many components it has, the
 /// values, what was expected of them, and two bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// How many of them a case keeps. A test with more failures than these is told by those and a count.
+/// How many of them a case keeps. A message about more failures names these, and counts the others.
 pub const MOST_KEPT: usize = 3;
 
 /// Words of what a test returns: how many expectations were evaluated, how many of them may have
 /// failed, and the first of these.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// What an expectation wants. The numbers are those in the generated WGSL.
+/// The kind of an expectation. The numbers are those in the generated WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,
@@ -171,9 +171,9 @@ fn judge(site: u32, kind: u32, actual: vec4u, expected: vec4u, bound: vec2u, pas
 }
 
 fn karat() -> String {
-    // A driver may assume that no value is NaN, so what is one is told by its bits. What passes is told
-    // by a narrower bound than the author's; the rest is judged on the host. However a difference is
-    // rounded, it isn't below a bound that it exceeds.
+    // A driver may assume that no value is NaN, so its bits tell a NaN. The shader lets values pass by a
+    // narrower bound than the author's, and the host judges the others. However a difference is rounded,
+    // it isn't below a bound that it exceeds.
     let mut text = format!(
         "{}
 

@@ -2,7 +2,6 @@
 
 use naga::{AtomicFunction, Span};
 
-use crate::races::Spaces;
 use crate::rules::{FloatRule, FromInt, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
@@ -121,7 +120,7 @@ pub(crate) enum Op {
     /// A named value is complete: its registers, of the three files in order, are in the pool.
     Mark(u32),
     /// The address spaces that it orders.
-    Barrier(Spaces),
+    Barrier(naga::Barrier),
     Halt,
 }
 

@@ -349,10 +349,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                 }
                 // All invocations of a workgroup are lanes of this chunk, so none has to wait.
-                Op::Barrier(spaces) => {
+                Op::Barrier(barrier) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));
-                        detector.barrier(code, instruction.site, spaces, active);
+                        detector.barrier(code, instruction.site, barrier, active);
                         self.detector = Some(detector);
                     }
                 }

@@ -15,6 +15,8 @@
 
 use std::collections::{BTreeMap, HashSet};
 
+use naga::Barrier;
+
 use crate::code::{Binding, Code, Site};
 use crate::refusal::Stop;
 
@@ -33,7 +35,7 @@ const MOST_RACES: usize = 64;
 const NONE: u32 = u32::MAX;
 
 /// The place of an element, which is a scalar, in its variable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The byte at which it begins in its variable.
     Byte(u32),
@@ -127,27 +129,7 @@ pub struct Observed {
     pub unwatched: u64,
 }
 
-/// Which address spaces a barrier orders.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Spaces {
-    pub(crate) workgroup: bool,
-    pub(crate) storage: bool,
-    pub(crate) texture: bool,
-}
-
-impl Spaces {
-    pub(crate) const WORKGROUP: Self = Self { workgroup: true, storage: false, texture: false };
-
-    pub(crate) fn of(barrier: naga::Barrier) -> Self {
-        Self {
-            workgroup: barrier.contains(naga::Barrier::WORK_GROUP),
-            storage: barrier.contains(naga::Barrier::STORAGE),
-            texture: barrier.contains(naga::Barrier::TEXTURE),
-        }
-    }
-}
-
-/// Who accessed an element: an invocation, how many barriers of the element's address space its workgroup had
+/// An access that an element remembers: its invocation, how many barriers of the element's address space its workgroup had
 /// passed, where, and the word.
 #[derive(Clone, Copy, Debug)]
 struct Who {
@@ -216,7 +198,6 @@ pub(crate) struct Detector {
     races: BTreeMap<Key, (Race, HashSet<(usize, usize)>)>,
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
-    invocations: usize,
 }
 
 /// An access that the machine makes.
@@ -250,7 +231,6 @@ impl Detector {
             races: BTreeMap::new(),
             divergences: BTreeMap::new(),
             outside: BTreeMap::new(),
-            invocations: 0,
         }
     }
 
@@ -259,7 +239,6 @@ impl Detector {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
         self.epochs = [0; 3];
-        self.invocations += self.width as usize;
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
         }
@@ -286,7 +265,7 @@ impl Detector {
         &mut self,
         code: &Code,
         site: u32,
-        spaces: Spaces,
+        barrier: Barrier,
         active: impl Iterator<Item = bool> + Clone,
     ) {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
@@ -299,9 +278,9 @@ impl Detector {
                 count: missing().count(),
             });
         }
-        let spaces = [spaces.workgroup, spaces.storage, spaces.texture];
-        for (epoch, ordered) in self.epochs.iter_mut().zip(spaces) {
-            *epoch += u32::from(ordered);
+        let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
+        for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
+            *epoch += u32::from(barrier.contains(space));
         }
     }
 
@@ -439,7 +418,7 @@ impl Detector {
             divergences: self.divergences.into_values().collect(),
             outside: self.outside.into_values().collect(),
             stopped: None,
-            invocations: self.invocations,
+            invocations: self.starts.len() * self.width as usize,
             unwatched: self.unwatched,
         }
     }

@@ -1,4 +1,4 @@
-//! Violations of passes: none may be there but those that are meant.
+//! The violations of passes fail them, but for races that are accepted.
 
 use std::fmt;
 

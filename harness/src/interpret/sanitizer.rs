@@ -29,7 +29,7 @@ pub(crate) fn examine(passes: &Passes) -> Examined {
 
 fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
     let Examined { violations, watched } = examined;
-    let mut outside = Vec::new();
+    let (mut outside, mut number) = (Vec::new(), 0);
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
@@ -57,31 +57,31 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
                 first_line(&super::stopped(&pass.program, &pass.name, stop).to_string());
         }
         let goes_on = is_whole && observed.stopped.is_none();
-        violations.extend(told(&Told { pass, size }, &observed));
-        let all = observed.outside.into_iter();
-        outside.extend(all.map(|one| (std::ptr::from_ref(pass), size, one)));
+        violations.extend(violations_of(&Examining { pass, size }, &observed));
+        outside.extend(observed.outside.into_iter().map(|one| (number, size, one)));
+        number += 1;
         Ok(goes_on)
     })?;
     // A read outside of an array is often meant: `select` gives up the word. It is a fault if the words that passes
     // leave depend on it, and then only a whole run shows that. A write has no such excuse.
     let mut written = Vec::new();
     outside.sort_by_key(|(.., one)| !one.writes);
-    for (pass, size, one) in outside {
-        let pass = passes.passes.iter().find(|own| std::ptr::eq(*own, pass)).expect("it is one");
+    for (number, size, one) in outside {
+        let pass = &passes.passes[number];
         let range = one.site.span.to_range();
-        let is_part = |(other, whole): &(&Pass, Option<Range<usize>>)| {
+        let is_part = |(other, whole): &(usize, Option<Range<usize>>)| {
             let (Some(own), Some(whole)) = (&range, whole) else { return false };
-            std::ptr::eq(*other, pass) && whole.start <= own.start && own.end <= whole.end
+            *other == number && whole.start <= own.start && own.end <= whole.end
         };
-        // `data[i] += 1` reads and writes outside, and is told once.
+        // `data[i] += 1` reads and writes outside, and has one message.
         if !one.writes && written.iter().any(is_part) {
             continue;
         }
         let matters = one.writes
             || (watched.reason.is_empty() && super::depends_on(passes, pass, one.number)?);
         if matters {
-            violations.push(of_outside(&Told { pass, size }, &one));
-            written.push((pass, range));
+            violations.push(of_outside(&Examining { pass, size }, &one));
+            written.push((number, range));
         }
     }
     Ok(())
@@ -92,13 +92,13 @@ fn first_line(text: &str) -> String {
     line.trim_start_matches("error: ").to_owned()
 }
 
-/// A pass of which something is told, with the size of its workgroups.
-struct Told<'p> {
+/// A pass with violations, and the size of its workgroups.
+struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
 }
 
-impl Told<'_> {
+impl Examining<'_> {
     /// An invocation by its number.
     fn invocation(&self, number: usize) -> String {
         self.pass.invocation(self.size, number)
@@ -125,13 +125,13 @@ fn sampled(name: &str, groups: usize) -> Vec<usize> {
     all
 }
 
-fn told(pass: &Told<'_>, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
+fn violations_of(pass: &Examining<'_>, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
     let races = observed.races.iter().map(|race| of_race(pass, race));
     races.chain(observed.divergences.iter().map(|one| of_divergence(pass, one))).collect()
 }
 
-fn of_race(told: &Told<'_>, race: &Found) -> (Violation, Diagnostic) {
-    let (pass, program) = (told.pass, &told.pass.program);
+fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
+    let (pass, program) = (examining.pass, &examining.pass.program);
     let words = [race.first.word, race.second.word];
     let (path, values) = match race.place {
         Place::Byte(at) => match program.element(&race.variable, at, words) {
@@ -179,7 +179,7 @@ fn of_race(told: &Told<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let one = |access: &Access, at: usize| {
         let value = values.as_ref().map(|values| &values[at]);
-        (told.span(&access.site), told.invocation(access.invocation), does(access, value))
+        (examining.span(&access.site), examining.invocation(access.invocation), does(access, value))
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
@@ -195,13 +195,13 @@ fn is_within(one: &Access, other: &Access) -> bool {
     other.start <= one.start && one.end <= other.end
 }
 
-fn of_divergence(told: &Told<'_>, one: &Divergence) -> (Violation, Diagnostic) {
-    let pass = told.pass;
+fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Diagnostic) {
+    let pass = examining.pass;
     let headline = format!("`{}` has a barrier that not every invocation reaches", pass.name);
-    let place = told.span(&one.site);
+    let place = examining.span(&one.site);
     let accesses = [
-        (place.clone(), told.invocation(one.reached), "reaches it".to_owned()),
-        (place, told.invocation(one.missing), "doesn't".to_owned()),
+        (place.clone(), examining.invocation(one.reached), "reaches it".to_owned()),
+        (place, examining.invocation(one.missing), "doesn't".to_owned()),
     ];
     let note = format!(
         "{} of the workgroup's invocations don't: a barrier stands where all of them come, in uniform control flow \
@@ -212,7 +212,7 @@ fn of_divergence(told: &Told<'_>, one: &Divergence) -> (Violation, Diagnostic) {
     let (entry_point, count) = (pass.name.clone(), one.count as u64);
     let (variable, element) = (String::new(), String::new());
     let accesses = accesses.map(access).into();
-    let race = Violation {
+    let violation = Violation {
         headline,
         entry_point,
         kind: ViolationKind::Barrier,
@@ -221,11 +221,11 @@ fn of_divergence(told: &Told<'_>, one: &Divergence) -> (Violation, Diagnostic) {
         count,
         accesses,
     };
-    (race, diagnostic)
+    (violation, diagnostic)
 }
 
-fn of_outside(told: &Told<'_>, one: &Outside) -> (Violation, Diagnostic) {
-    let pass = told.pass;
+fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
+    let pass = examining.pass;
     let headline = match one.writes {
         true => format!("`{}` writes outside of an array", pass.name),
         false => format!(
@@ -233,7 +233,7 @@ fn of_outside(told: &Told<'_>, one: &Outside) -> (Violation, Diagnostic) {
             pass.name
         ),
     };
-    let (place, invocation) = (told.span(&one.site), told.invocation(one.invocation));
+    let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
     let does = match one.count {
         1 => "has an index beyond it".to_owned(),
         count => format!("has an index beyond it, the first of {count}"),
@@ -331,7 +331,7 @@ mod tests {
 
     /// Passes that the engine can't execute have a reason, and no finding.
     #[test]
-    fn what_the_engine_refuses_is_told() {
+    fn what_the_engine_refuses_has_a_reason() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
             @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
                 data[i] = subgroupAdd(i);

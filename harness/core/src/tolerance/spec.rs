@@ -80,7 +80,7 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] for whoever needs more or fewer digits.
+    /// [`DeviceSpec`] for a test that needs more or fewer digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -6,7 +6,6 @@ use naga::{Block, Expression, Function, Handle, Statement, SwitchValue, valid::F
 
 use super::{Frame, Lower, Lowered, Open, STACK, Scope, Types, Value};
 use crate::code::{Compare, Op, Reg, Site};
-use crate::races::Spaces;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
@@ -242,16 +241,16 @@ impl<'m> Lower<'m> {
                 let place = self.place(scope, pointer)?;
                 self.enter_statement(scope, span);
                 // "Executes a control barrier .. before and after the load" (WGSL, 17.11.4).
-                self.emit(Op::Barrier(Spaces::WORKGROUP), &[], &[])?;
+                self.emit(Op::Barrier(naga::Barrier::WORK_GROUP), &[], &[])?;
                 scope.values[result.index()] = Some(self.load(&place)?);
-                self.emit(Op::Barrier(Spaces::WORKGROUP), &[], &[])?;
+                self.emit(Op::Barrier(naga::Barrier::WORK_GROUP), &[], &[])?;
             }
             Statement::ControlBarrier(barrier) | Statement::MemoryBarrier(barrier) => {
                 if !self.shared {
                     return Err(self.refuse("a barrier, for which cases would wait"));
                 }
                 self.enter_statement(scope, span);
-                self.emit(Op::Barrier(Spaces::of(barrier)), &[], &[])?;
+                self.emit(Op::Barrier(barrier), &[], &[])?;
             }
             Statement::ImageStore { .. } => self.image_store(scope, statement, span)?,
             Statement::Kill => return Err(self.refuse("discard, which only fragments have")),

@@ -327,7 +327,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
 }
 
 /// A kernel has a race if and only if the naive detector finds one, on each of its variables, and each race
-/// that is told is one of those.
+/// that the detector finds is one of those.
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
@@ -356,7 +356,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let places: BTreeSet<u32> = places.collect();
                 assert!(race.elements as usize <= places.len(), "{race:?}\n{text}");
             }
-            // A race of unequal writes is told as one.
+            // A race of unequal writes is found as such.
             let differs = |(.., equal): &(u32, u32, u32, bool)| !equal;
             let told = found.iter().any(|race| !race.writes_equally());
             assert_eq!(told, expected.iter().any(differs), "{text}\n{found:?}\n{expected:?}");
