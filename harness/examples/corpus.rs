@@ -232,7 +232,7 @@ fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
         }
     };
     row.open = 1;
-    for item in items.into_iter().filter(|item| !item.entry_point) {
+    for item in items.into_iter().filter(|item| item.entry_point.is_none()) {
         row.functions += 1;
         if let Some(fault) = misplaced(&text, &item) {
             faults.push(fault);

@@ -3,11 +3,15 @@
 //! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
 //! after the other.
 
+#[cfg(feature = "engine")]
+mod arbitrary;
 mod runner;
 mod violation;
 
 use std::sync::Arc;
 
+#[cfg(feature = "engine")]
+pub(crate) use arbitrary::VARIANTS;
 pub(crate) use violation::Examined;
 pub use violation::{Violation, ViolationAccess, ViolationKind, Watched};
 
@@ -381,7 +385,8 @@ pub type Afterwards = Vec<(usize, Vec<u32>)>;
 /// An entry point that isn't there has the nearest name of its module.
 fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
     let items = package.functions().unwrap_or_default();
-    let known = items.iter().filter(|item| item.entry_point).map(|item| item.name.as_str());
+    let known =
+        items.iter().filter(|item| item.entry_point.is_some()).map(|item| item.name.as_str());
     let known: Vec<&str> = known.collect();
     if known.contains(&name) {
         return error.into();

@@ -17,6 +17,8 @@
 //! }
 //! ```
 
+mod passes;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
@@ -26,11 +28,13 @@ use serde::Serialize;
 
 use crate::check::arguments;
 use crate::diagnostic::{Diagnostic, nearest};
+use crate::dispatch::Violation;
 use crate::interpret::Interpreted;
 use crate::interpret::hazards::Found;
 pub use crate::interpret::hazards::Kind;
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
+use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed};
 use crate::value::format_f32;
@@ -90,6 +94,9 @@ pub struct Hazard {
     pub accepted: Option<String>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
+    /// Of a compute pass what the sanitizer found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub violation: Option<Violation>,
 }
 
 /// What was found in a package.
@@ -237,16 +244,15 @@ impl Request {
             }
         }
         names.retain(|item| wanted(&item.name));
-        let (entries, names): (Vec<_>, Vec<_>) =
-            names.into_iter().partition(|item| item.entry_point);
-        let why = "it is an entry point: hazards are looked for in functions";
-        skipped.extend(entries.into_iter().map(|item| (item.name, why.to_owned())));
         let done = Mutex::new(0);
         let all = names.len();
         let each: Vec<(String, Result<Seen, String>)> = names
             .par_iter()
             .map(|item| {
-                let seen = self.look(&item.name, &inputs);
+                let seen = match item.entry_point {
+                    Some(Stage::Compute) => passes::look(&self.package, &item.name, &inputs),
+                    _ => self.look(&item.name, &inputs),
+                };
                 // Whoever counts tells it before another one counts, so that no count is told late.
                 let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
                 *done += 1;
@@ -314,10 +320,8 @@ impl Request {
     fn look(&self, name: &str, ranges: &Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
+        let probed = probed.with_varying();
         let form = &probed.function.form;
-        if form.fragment {
-            return Err("it takes derivatives: hazards are looked for pixel by pixel".to_owned());
-        }
         if form.alone {
             return Err("it writes what others would see: hazards are looked for in functions \
                         that only return"
@@ -446,6 +450,7 @@ impl Look<'_> {
                             guessed: false,
                             accepted: None,
                             also: Vec::new(),
+                            violation: None,
                         };
                         (hazard, false)
                     });
@@ -484,6 +489,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         guessed: true,
         accepted: None,
         also: Vec::new(),
+        violation: None,
     }
 }
 
@@ -588,6 +594,11 @@ impl Hazard {
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
         let (cases, of) = self.cases;
         writeln!(f, "    {} with {with}  ({cases} of {of} inputs)", self.function)?;
+        if let Some(violation) = &self.violation {
+            for access in &violation.accesses {
+                writeln!(f, "    {}  {} {}", access.place, access.invocation, access.does)?;
+            }
+        }
         write!(f, "    {}", self.kind.about())?;
         if !self.operands.is_empty() {
             write!(f, " ({})", self.operands.join(", "))?;

@@ -6,6 +6,7 @@
 mod alone;
 mod dispatch;
 pub(crate) mod hazards;
+pub(crate) mod passes;
 mod quads;
 mod sanitizer;
 mod supply;
@@ -106,31 +107,6 @@ impl Interpreted {
         })
     }
 
-    /// An expression in the author's file, and its text there.
-    fn author(&self, range: ops::Range<usize>) -> Option<(Span, String)> {
-        let span = self.program.resolve(range)?;
-        let text = whole_call(&span.file.text, span.range.clone())?.to_owned();
-        Some((span, text))
-    }
-
-    /// An operation in the author's file, and its text there. naga's place of `-x` is that of `x`.
-    fn author_of(&self, site: &karat_engine::Site) -> Option<(Span, String)> {
-        let range = site.span.to_range()?;
-        let (mut span, text) = self.author(range)?;
-        if !site.expression.is_some_and(|at| self.program.negates(&site.function, at.index())) {
-            return Some((span, text));
-        }
-        let sign = '-';
-        let before = span.file.text.get(..span.range.start)?.trim_end();
-        if !text.starts_with(sign) && before.ends_with(sign) {
-            let start = before.len() - 1;
-            let text = format!("{}{text}", span.file.text.get(start..span.range.start)?);
-            span.range.start = start;
-            return Some((span, text));
-        }
-        Some((span, text))
-    }
-
     /// The same that stops after so many rounds of loops.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
@@ -217,7 +193,7 @@ impl Interpreted {
     /// Results in double precision.
     pub(crate) fn shadow(&self, cases: usize, arguments: &[u32]) -> Result<Vec<f64>, ProbeError> {
         let results = self.call::<F64>(cases, arguments)?;
-        let pixels = if self.quads.is_some() { quads::PIXELS } else { 1 };
+        let pixels = self.lanes();
         let lanes = (0..cases).flat_map(|case| results.row(case * pixels));
         let lanes = lanes.zip(self.results.iter().cycle());
         let value = |(lane, scalar): (LaneOf<F64>, &Scalar)| match lane {
@@ -228,14 +204,9 @@ impl Interpreted {
         Ok(lanes.map(value).collect())
     }
 
-    /// Refuses what looks at one pixel, where a case is a quad of them.
-    fn expect_one_pixel(&self) -> Result<(), ProbeError> {
-        if self.quads.is_none() {
-            return Ok(());
-        }
-        let name = &self.name;
-        let message = format!("`{name}` takes derivatives, and one pixel alone has none");
-        Err(PathError::Route { path: Path::CPU, message }.into())
+    /// Lanes of a case: of a quad its pixels.
+    fn lanes(&self) -> usize {
+        if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
 
     /// Refuses to bound what WGSL doesn't.
@@ -254,7 +225,7 @@ impl Interpreted {
     /// What made a bound infinite: the operation in the author's file, and its text.
     pub(crate) fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
-        self.author(self.lowered.cause(*interval)?.span.to_range()?)
+        author(&self.program, self.lowered.cause(*interval)?.span.to_range()?)
     }
 
     fn call<A: Runs>(&self, cases: usize, arguments: &[u32]) -> Result<Results<A>, ProbeError> {
@@ -299,6 +270,31 @@ impl Interpreted {
             }
         })
     }
+}
+
+/// An expression in the author's file, and its text there.
+fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
+    let span = program.resolve(range)?;
+    let text = whole_call(&span.file.text, span.range.clone())?.to_owned();
+    Some((span, text))
+}
+
+/// An operation in the author's file, and its text there. naga's place of `-x` is that of `x`.
+fn author_of(program: &Program, site: &karat_engine::Site) -> Option<(Span, String)> {
+    let range = site.span.to_range()?;
+    let (mut span, text) = author(program, range)?;
+    if !site.expression.is_some_and(|at| program.negates(&site.function, at.index())) {
+        return Some((span, text));
+    }
+    let sign = '-';
+    let before = span.file.text.get(..span.range.start)?.trim_end();
+    if !text.starts_with(sign) && before.ends_with(sign) {
+        let start = before.len() - 1;
+        let text = format!("{}{text}", span.file.text.get(start..span.range.start)?);
+        span.range.start = start;
+        return Some((span, text));
+    }
+    Some((span, text))
 }
 
 /// What WGSL allows a lane to be.

@@ -6,6 +6,7 @@
 //! `NoV`, `worldNormal`, `perceptualRoughness`), else by its type. Both ends of each range are drawn, and 0
 //! and 1 where they lie in it. Members of structures and of buffers have names, too.
 
+mod extents;
 mod meaning;
 mod resources;
 
@@ -15,6 +16,7 @@ use crate::domain::{Dynamic, Numbering, Part, Stream};
 use crate::package::{Package, PackageError};
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
+pub(crate) use extents::Extents;
 use meaning::Meaning;
 pub(crate) use resources::fitted;
 #[cfg(feature = "routes")]
@@ -28,7 +30,13 @@ pub(crate) use resources::{Resources, VARIANTS};
 /// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an
 /// argument (`params.groups`), which comes first.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ranges(BTreeMap<String, (f64, f64)>);
+pub struct Ranges {
+    declared: BTreeMap<String, (f64, f64)>,
+    /// Paths of arguments and members that are builtin values.
+    builtins: Vec<(String, String)>,
+    /// What is dispatched, of a compute pass.
+    extents: Option<Extents>,
+}
 
 impl Ranges {
     /// Those that a package's `karat.toml` declares.
@@ -36,7 +44,7 @@ impl Ranges {
     /// # Errors
     /// If `karat.toml` can't be read.
     pub fn of(package: &Package) -> Result<Self, PackageError> {
-        Ok(Self(package.declared_hazards()?.inputs))
+        Ok(Self { declared: package.declared_hazards()?.inputs, ..Self::default() })
     }
 
     /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
@@ -47,18 +55,30 @@ impl Ranges {
         if !(least <= most && least.is_finite() && most.is_finite()) {
             return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
         }
-        self.0.insert(name.to_owned(), (least, most));
+        self.declared.insert(name.to_owned(), (least, most));
         Ok(())
     }
 
     pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
-        self.0.keys()
+        self.declared.keys()
+    }
+
+    /// The same over the arguments of a function, which may be an entry point with builtin values.
+    #[must_use]
+    pub fn of_function(&self, function: &Function) -> Self {
+        Self { builtins: function.form.builtins.clone(), ..self.clone() }
     }
 
     /// The range of a path such as `params.groups`.
     fn get(&self, path: &str) -> Option<(f64, f64)> {
         let own = path.rsplit('.').next().unwrap_or(path);
-        self.0.get(path).or_else(|| self.0.get(own)).copied()
+        self.declared.get(path).or_else(|| self.declared.get(own)).copied()
+    }
+
+    /// The builtin value that a path of an entry point is.
+    fn builtin(&self, path: &str) -> Option<&str> {
+        let mut all = self.builtins.iter();
+        all.find(|(known, _)| known == path).map(|(_, builtin)| builtin.as_str())
     }
 }
 
@@ -73,6 +93,9 @@ pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>
 /// The most that a number changes from pixel to pixel.
 const STEEPEST: f64 = 0.5;
 
+/// What derivatives are called where it is said from what numbers are drawn.
+const DERIVATIVES: &str = "derivatives";
+
 /// One number or direction of an argument or a resource.
 struct Described {
     path: String,
@@ -80,6 +103,8 @@ struct Described {
     /// Neither a declaration nor the name says what it is.
     guessed: bool,
     declared: bool,
+    /// It is a size that follows from what is dispatched.
+    sized: bool,
     scalars: Vec<Scalar>,
 }
 
@@ -87,16 +112,12 @@ struct Described {
 fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
     if let Some(value) = shape.quad() {
         let mut all = described(path, value, ranges)?;
-        // Levels of textures follow the logarithm of a slope, so small ones are common.
-        let slope = |scalar: Scalar| Described {
-            path: path.to_owned(),
-            part: Part::range_and_zero(scalar, -STEEPEST..=STEEPEST)
-                .unwrap_or_else(|| Part::just(scalar, 0)),
-            guessed: false,
-            declared: false,
-            scalars: vec![scalar],
-        };
-        all.extend([0, 1].iter().flat_map(|_| value.lanes()).map(slope));
+        let values = all.len();
+        for direction in [0, 1] {
+            for at in 0..values {
+                all.extend(slopes(&all[..values], at, direction, ranges));
+            }
+        }
         return Ok(all);
     }
     match shape {
@@ -115,6 +136,34 @@ fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described
     }
 }
 
+/// The derivatives of one of some numbers, to the right or downwards.
+fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) -> Vec<Described> {
+    let path = &values[at].path;
+    let is_pixel = ranges.builtin(path) == Some(meaning::POSITION);
+    let lane = values[..at].iter().rev().take_while(|before| before.path == *path).count();
+    let slope = |scalar: &Scalar| {
+        // The next pixel is one step of the screen away.
+        let step = f32::from(u8::from(lane == direction)).to_bits();
+        // Levels of textures follow the logarithm of a slope, so small ones are common.
+        let small = || Part::range_and_zero(*scalar, -STEEPEST..=STEEPEST);
+        let part = if is_pixel {
+            Part::just(*scalar, step)
+        } else {
+            small().unwrap_or_else(|| Part::just(*scalar, 0))
+        };
+        Described {
+            // The step isn't drawn, and has no name in reports.
+            path: if is_pixel { String::new() } else { DERIVATIVES.to_owned() },
+            part,
+            guessed: false,
+            declared: false,
+            sized: false,
+            scalars: vec![*scalar],
+        }
+    };
+    values[at].scalars.iter().map(slope).collect()
+}
+
 fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
     let own = path.rsplit('.').next().unwrap_or(path);
     let declared = ranges.get(path);
@@ -122,11 +171,13 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         Some((least, most)) => Meaning::Range(least, most),
         None => Meaning::of(own, shape),
     };
+    let builtin = ranges.builtin(path);
     let one = |part, scalars| Described {
         path: path.to_owned(),
         part,
-        guessed: meaning == Meaning::Any,
+        guessed: meaning == Meaning::Any && builtin.is_none(),
         declared: declared.is_some(),
+        sized: false,
         scalars,
     };
     if meaning == Meaning::Direction {
@@ -135,7 +186,17 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             .into_iter()
             .collect());
     }
-    let part = |scalar: Scalar| {
+    let part = |(lane, scalar): (usize, Scalar)| {
+        let of_builtin = || Meaning::of_builtin(builtin?, lane);
+        let of_size = || {
+            let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
+            let size = ranges.extents.filter(|_| whole)?.size(own, lane, shape.lanes().len())?;
+            Some(Meaning::Range(f64::from(size), f64::from(size)))
+        };
+        let meaning = match declared {
+            None => of_builtin().or_else(of_size).unwrap_or(meaning),
+            Some(_) => meaning,
+        };
         let part = match (meaning.part(scalar), declared) {
             (Some(part), _) => part,
             (None, Some((least, most))) => {
@@ -147,9 +208,10 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             // A name that means a number, `is_diffuse`, says nothing of a truth value.
             (None, None) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
-        Ok(one(part, vec![scalar]))
+        let sized = declared.is_none() && of_size().is_some();
+        Ok(Described { sized, ..one(part, vec![scalar]) })
     };
-    shape.lanes().into_iter().map(part).collect()
+    shape.lanes().into_iter().enumerate().map(part).collect()
 }
 
 /// The arguments of a function.
@@ -162,9 +224,10 @@ impl Arguments {
     pub(crate) fn of(function: &Function, ranges: &Ranges) -> Result<Self, String> {
         let mut parts = Vec::new();
         let mut all = Vec::new();
+        let ranges = ranges.of_function(function);
         for (name, shape) in &function.parameters {
-            parts.push(suggested(name, shape, ranges)?);
-            all.extend(described(name, shape, ranges)?);
+            parts.push(suggested(name, shape, &ranges)?);
+            all.extend(described(name, shape, &ranges)?);
         }
         Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
     }
@@ -301,7 +364,11 @@ pub struct Drawn {
 
 impl Drawn {
     fn note(&mut self, one: &Described) {
-        self.by.entry(one.part.described().to_owned()).or_default().insert(one.path.clone());
+        if one.path.is_empty() {
+            return;
+        }
+        let described = if one.sized { "by what is dispatched" } else { one.part.described() };
+        self.by.entry(described.to_owned()).or_default().insert(one.path.clone());
     }
 
     pub(crate) fn merge(&mut self, other: Self) {

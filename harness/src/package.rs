@@ -32,6 +32,7 @@ mod portable;
 mod scan;
 mod scope;
 mod splice;
+pub(crate) mod stage;
 mod syntax;
 pub(crate) mod test_items;
 pub(crate) mod workspace;

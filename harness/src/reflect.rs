@@ -29,7 +29,6 @@ mod rounds;
 mod signature;
 mod validation;
 
-use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -60,6 +59,7 @@ pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
+pub use crate::package::stage::Stage;
 use crate::package::workspace::{self, Kind};
 use crate::package::{Linked, LinkedModule, Package, PackageError};
 
@@ -90,24 +90,6 @@ impl Kind for Checked {
 
 /// Why a name of naga's IR is there: its WGSL front end names functions, arguments, members, variables and overrides.
 const NAMED: &str = "WGSL names it";
-
-/// A stage of a draw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// `@vertex`
-    Vertex,
-    /// `@fragment`
-    Fragment,
-}
-
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Vertex => "vertex",
-            Self::Fragment => "fragment",
-        })
-    }
-}
 
 /// Why a shader can't be reflected or a function can't be probed.
 #[derive(Debug, thiserror::Error)]

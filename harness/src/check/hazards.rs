@@ -80,6 +80,9 @@ fn class(kind: Kind) -> Class {
         | Kind::Saturated
         | Kind::EdgesReversed
         | Kind::LostDigits
+        | Kind::Race
+        | Kind::Barrier
+        | Kind::EqualWrites
         | Kind::Endless => Class::Other,
     }
 }

@@ -24,6 +24,10 @@ pub enum Kind {
     Nan,
     /// An index leaves its array.
     OutOfRange,
+    /// Nothing orders two accesses of an element.
+    Race,
+    /// Some invocations of a workgroup don't reach a barrier.
+    Barrier,
     /// An integer is divided by zero.
     ByZero,
     /// It is infinite.
@@ -34,6 +38,8 @@ pub enum Kind {
     EdgesReversed,
     /// More than half of its digits are rounding errors.
     LostDigits,
+    /// Nothing orders two writes of the same value.
+    EqualWrites,
     /// WGSL allows any result.
     Unbounded,
     /// A loop was stopped.
@@ -47,6 +53,9 @@ impl Kind {
         match self {
             Self::Nan => "NaN",
             Self::OutOfRange => "out of range",
+            Self::Race => "race",
+            Self::Barrier => "barrier that some miss",
+            Self::EqualWrites => "race of equal writes",
             Self::ByZero => "by zero",
             Self::Infinite => "infinite",
             Self::Saturated => "saturated",
@@ -63,6 +72,11 @@ impl Kind {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
             Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
+            Self::Race => {
+                "nothing orders these two accesses of an element: each driver has an order of its own"
+            }
+            Self::Barrier => "WGSL wants each invocation of a workgroup to reach it (15.2)",
+            Self::EqualWrites => "nothing orders two writes of the same value",
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::Saturated => {
@@ -103,7 +117,7 @@ pub(crate) struct Hazards {
     pub(crate) cut: bool,
 }
 
-/// Cases that run together: a chunk of the engine's, so that its operations come in one order.
+/// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
 const TOGETHER: usize = 256;
 
 /// Operations that are kept of a run. A loop repeats them, and what goes wrong in its thousandth
@@ -160,6 +174,16 @@ impl<F> Default for Recorder<F> {
     }
 }
 
+/// The kind of an operation with such operands.
+pub(super) fn kind_of(fault: Fault) -> Kind {
+    match fault {
+        Fault::Index => Kind::OutOfRange,
+        Fault::Division => Kind::ByZero,
+        Fault::Conversion => Kind::Saturated,
+        Fault::Order => Kind::EdgesReversed,
+    }
+}
+
 macro_rules! recorder {
     ($arithmetic:ty, $float:ty) => {
         impl Observer<$arithmetic> for Recorder<$float> {
@@ -179,12 +203,7 @@ macro_rules! recorder {
             }
 
             fn fault(&self, one: &Faulty<'_>) {
-                let kind = match one.fault {
-                    Fault::Index => Kind::OutOfRange,
-                    Fault::Division => Kind::ByZero,
-                    Fault::Conversion => Kind::Saturated,
-                    Fault::Order => Kind::EdgesReversed,
-                };
+                let kind = kind_of(one.fault);
                 let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
                 wrong.insert((one.case, kind, std::ptr::from_ref(one.site).addr()));
             }
@@ -250,11 +269,11 @@ impl Twins {
 impl Interpreted {
     /// What goes wrong in each of some cases: of each kind the first.
     pub(crate) fn hazards(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
-        self.expect_one_pixel()?;
-        let width = self.arguments.len();
+        let width = rows.len().checked_div(cases).unwrap_or_default();
+        let together = TOGETHER / self.lanes();
         let mut found = Hazards { cases: Vec::with_capacity(cases), cut: false };
-        for first in (0..cases).step_by(TOGETHER) {
-            let count = TOGETHER.min(cases - first);
+        for first in (0..cases).step_by(together) {
+            let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
             let part = self.hazards_of_chunk(count, part)?;
             found.cases.extend(part.cases);
@@ -276,10 +295,11 @@ impl Interpreted {
         let anything = Anything::default();
         self.observed::<Intervals>(cases, rows, &options, &anything)?;
         let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let scales = scales(&shadows, cases);
+        let scales = scales(&shadows, cases * self.lanes());
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
-        let each = (0..cases).map(|lane| {
+        // Of a quad the pixel that the arguments are given for.
+        let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
@@ -367,7 +387,7 @@ impl Interpreted {
     fn found(&self, kind: Kind, site: usize, hidden: bool) -> Option<Found> {
         let sites = self.lowered.sites();
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
-        let (span, text) = self.author_of(site)?;
+        let (span, text) = super::author_of(&self.program, site)?;
         let hidden = hidden && matches!(kind, Kind::Nan | Kind::Infinite);
         Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
     }

@@ -186,9 +186,9 @@ pub fn trace(
 }
 
 impl Interpreted {
-    /// The operations of a call, in the order in which they run.
+    /// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are
+    /// given for.
     pub(crate) fn trace(&self, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
-        self.expect_one_pixel()?;
         let options = self.options();
         let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
         self.observed::<F32>(1, row, &options, &single)?;
@@ -210,7 +210,7 @@ impl Interpreted {
             false => BTreeMap::new(),
         };
         let step = |(key, single): ((usize, usize), Vec<Seen>)| {
-            let (span, text) = self.author_of(sites.get(&key.0)?)?;
+            let (span, text) = super::author_of(&self.program, sites.get(&key.0)?)?;
             let signed =
                 at(key.0).is_some_and(|(function, at)| self.program.is_signed(function, at));
             let values =

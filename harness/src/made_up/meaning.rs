@@ -152,7 +152,7 @@ const INDICES: [&str; 18] = [
 ];
 
 /// The words of a name in lower case: of `world_normal`, `worldNormal` and `WorldNormal` they are the same.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = '_';
     for (at, c) in name.char_indices() {
@@ -179,7 +179,47 @@ fn is_cosine_of_two(name: &str) -> bool {
     })
 }
 
+/// The builtin value that is a pixel's place in a fragment shader.
+pub(super) const POSITION: &str = "position";
+
+/// Pixels along each side of the screen.
+const PIXELS: f64 = 64.0;
+
+/// Vertices and instances of one triangle: a shader that looks up its corners in a constant has as many.
+const LAST_VERTEX: f64 = 2.0;
+
+/// The last of 64 invocations in a row, as the buffers that are made up have so many elements.
+const LAST_INVOCATION: f64 = 63.0;
+
+/// The last invocation of the smallest workgroup that is usual, of 8 x 8.
+const LAST_LOCAL: f64 = 7.0;
+
 impl Meaning {
+    /// The meaning of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be anything of
+    /// its type.
+    pub(super) fn of_builtin(builtin: &str, lane: usize) -> Option<Self> {
+        Some(match (builtin, lane) {
+            (POSITION, 0 | 1) => Self::Range(0.5, PIXELS - 0.5),
+            (POSITION, 2) => Self::Range(0.0, 1.0),
+            // The interpolated 1/w of what lies in front of the camera.
+            (POSITION, _) => Self::Range(1.0 / PIXELS, 1.0),
+            ("vertex_index" | "instance_index", _) => Self::Range(0.0, LAST_VERTEX),
+            ("sample_index", _) => Self::Range(0.0, 3.0),
+            ("global_invocation_id" | "global_invocation_index", 0) => {
+                Self::Range(0.0, LAST_INVOCATION)
+            }
+            ("local_invocation_id" | "local_invocation_index", 0 | 1) => {
+                Self::Range(0.0, LAST_LOCAL)
+            }
+            ("num_workgroups", _) => Self::Range(1.0, 1.0 + LAST_LOCAL),
+            (
+                "global_invocation_id" | "workgroup_id" | "workgroup_index" | "local_invocation_id",
+                _,
+            ) => Self::Range(0.0, 1.0),
+            _ => return None,
+        })
+    }
+
     /// The meaning of an argument's or a member's own name.
     pub(super) fn of(name: &str, shape: &Shape) -> Self {
         let words = words(name);

@@ -1,11 +1,11 @@
 //! Contents of the buffers and textures, and the samplers, that a function asks for.
 
-use super::{Drawn, Ranges, described};
+use super::{Described, Drawn, Extents, Ranges, described};
 use crate::domain::Source;
 use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
-use crate::value::Shape;
+use crate::value::{Scalar, Shape};
 
 /// Small whole numbers, of textures.
 const MOST: u64 = 16;
@@ -53,6 +53,8 @@ pub(crate) struct Resources {
     pub(crate) drawn: Drawn,
     /// True if there is any, so that another variant has other contents.
     pub(crate) varies: bool,
+    /// The element of an array that is filled.
+    element: Option<u32>,
 }
 
 impl Resources {
@@ -70,22 +72,43 @@ impl Resources {
         variant: usize,
         content: Content,
     ) -> Result<Self, String> {
-        let varies = !probed.function().bindings.is_empty();
-        let mut all = Self { varies, ..Self::default() };
+        Self::of_bindings((&probed.program, &probed.function().bindings), ranges, variant, content)
+    }
+
+    /// The resources of a compute pass. Their sizes follow from what is dispatched.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_pass(
+        of: (&Program, &[Binding]),
+        ranges: &Ranges,
+        extents: Extents,
+        variant: usize,
+    ) -> Result<Self, String> {
+        let ranges = Ranges { extents: Some(extents), ..ranges.clone() };
+        Self::of_bindings(of, &ranges, variant, Content::Own)
+    }
+
+    fn of_bindings(
+        (program, bindings): (&Program, &[Binding]),
+        ranges: &Ranges,
+        variant: usize,
+        content: Content,
+    ) -> Result<Self, String> {
+        let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
         let mut named = Vec::new();
-        for binding in &probed.function().bindings {
+        let elements = ranges.extents.map_or(ELEMENTS, |extents| extents.total() as usize);
+        for binding in bindings {
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     Some(
                         Buffer::from_bytes(all.buffer(
-                            (&probed.program, binding, ELEMENTS),
+                            (program, binding, elements),
                             ranges,
                             variant,
                         )?)
                         .into(),
                     )
                 }
-                _ => texture_or_sampler(binding, content, variant),
+                _ => texture_or_sampler(binding, content, variant, ranges.extents),
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
@@ -133,15 +156,24 @@ impl Resources {
                 let each = (0..*length as usize).map(|at| index.map(|index| index + at));
                 match **element {
                     Shape::Struct { .. } | Shape::Array { .. } => {
-                        for index in each {
+                        for (at, index) in (0..).zip(each) {
+                            let around = self.element.replace(at);
                             self.fill((path, element), ranges, index, source, lanes)?;
+                            self.element = around;
                         }
                     }
                     // Described once: there may be a million.
                     _ => {
                         let parts = described(path, element, ranges)?;
-                        parts.iter().for_each(|one| self.drawn.note(one));
-                        for index in each {
+                        let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
+                        if !in_order {
+                            parts.iter().for_each(|one| self.drawn.note(one));
+                        }
+                        for (at, index) in (0..).zip(each) {
+                            if in_order {
+                                lanes.extend(parts.iter().map(|_| at));
+                                continue;
+                            }
                             let values = parts.iter().map(|one| one.part.value(index, source));
                             lanes.extend(values.flatten().flatten());
                         }
@@ -153,6 +185,10 @@ impl Resources {
             other => {
                 let start = lanes.len();
                 for one in described(path, other, ranges)? {
+                    if let Some(at) = self.element.filter(|_| ranges.numbers_elements(&one)) {
+                        lanes.push(at);
+                        continue;
+                    }
                     self.drawn.note(&one);
                     lanes.extend(one.part.value(index, source).unwrap_or_default());
                 }
@@ -160,6 +196,14 @@ impl Resources {
                 Ok(())
             }
         }
+    }
+}
+
+impl Ranges {
+    /// Whether a whole number of an element is the element's own, as nothing else says what it is.
+    fn numbers_elements(&self, one: &Described) -> bool {
+        let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
+        whole && !one.declared && self.extents.is_some_and(|extents| extents.in_order)
     }
 }
 
@@ -244,18 +288,26 @@ fn sides(source: &mut Source) -> [u32; 2] {
     [side(), side()]
 }
 
-fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Option<Fixture> {
+fn texture_or_sampler(
+    binding: &Binding,
+    content: Content,
+    variant: usize,
+    extents: Option<Extents>,
+) -> Option<Fixture> {
     let mut source = source_of(binding, variant);
     let is_own = content == Content::Own;
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
-    let sides = sides(&mut source_of(binding, if written { 0 } else { variant }));
+    let sides = match extents {
+        Some(Extents { elements: [across, down, _], .. }) => [across, down.max(LAYERS)],
+        None => sides(&mut source_of(binding, if written { 0 } else { variant })),
+    };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
             // A power of two tells it from another one, and loses no digit.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
-            CubeMap::from_fn(sides[0], texel).with_mips().into()
+            CubeMap::from_fn(sides[0].next_power_of_two(), texel).with_mips().into()
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
@@ -319,7 +371,8 @@ fn texture(
         Texels::Float => {
             let texture = made(dimension, arrayed, sides, samples, wave);
             // Lines have one level, and so have textures of several samples.
-            let levels = samples == 1 && dimension != Dimension::D1;
+            let halve = sides.iter().all(|side| side.is_power_of_two());
+            let levels = samples == 1 && dimension != Dimension::D1 && halve;
             if levels { texture.with_mips() } else { texture }
         }
         Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| {

@@ -97,7 +97,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
         cells: Vec::new(),
     };
     let failed = |kind: &str, error: String| Subject::Row(Box::new(row(kind, Some(error))));
-    if item.entry_point {
+    if item.entry_point.is_some() {
         return match entry_point(request, item) {
             Ok((shader, program, name, kind)) => {
                 let made = translated(request, &shader, program.text(), None, &name);

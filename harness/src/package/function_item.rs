@@ -1,5 +1,6 @@
 //! A function of a package.
 
+use super::stage::Stage;
 use super::syntax::{DeclarationKind, Module};
 use crate::diagnostic::Span;
 
@@ -20,8 +21,8 @@ pub struct FunctionItem {
     pub span: Span,
     /// All of it, with its attributes.
     pub whole: Span,
-    /// True of a shader's entry point, which can't be called.
-    pub entry_point: bool,
+    /// The stage of an entry point.
+    pub entry_point: Option<Stage>,
 }
 
 /// Those of one module, called `name`, without its tests.

@@ -43,14 +43,24 @@ impl Package {
         })
     }
 
-    /// Links the closure of one declaration: what it needs from any module, and nothing else.
+    /// Links the closure of one declaration: what it needs from any module, and nothing else. An entry point is a
+    /// function then.
     pub(crate) fn link(&self, path: &str) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));
-        self.link_items(module, &[item])
+        self.link_closure(module, &[item], Some(item))
     }
 
     /// Links the closure of several declarations of one module.
     pub(crate) fn link_items(&self, module: &str, items: &[&str]) -> Result<Linked, PackageError> {
+        self.link_closure(module, items, None)
+    }
+
+    fn link_closure(
+        &self,
+        module: &str,
+        items: &[&str],
+        called: Option<&str>,
+    ) -> Result<Linked, PackageError> {
         let library = Library::open(self)?;
         let root = library.root(module);
         let file = library.begin(&root).map_err(|error| match error {
@@ -74,7 +84,7 @@ impl Package {
             }
         }
         self.check_imports(&library, &root)?;
-        Linker::new(&library, &root)?.link(wanted, false)
+        Linker::new(&library, &root)?.link(wanted, false, called)
     }
 
     /// Links a whole module with what it needs of others. A module that imports nothing and has no
@@ -90,7 +100,7 @@ impl Package {
         self.check_imports(&library, &root)?;
         let all = (0..parsed.declarations.len()).filter(|index| !parsed.declarations[*index].test);
         let all = all.map(|index| (root.clone(), index)).collect();
-        Linker::new(&library, &root)?.link(all, true)
+        Linker::new(&library, &root)?.link(all, true, None)
     }
 
     /// Follows each import, used or not; of a crate only those that are used, as its engine does:
@@ -109,7 +119,7 @@ impl Package {
         let all = (0..parsed.declarations.len()).map(|index| (root.clone(), index)).collect();
         let mut linker = Linker::new(&library, &root)?;
         linker.free.extend(parsed.names().map(str::to_owned));
-        linker.link(all, true)
+        linker.link(all, true, None)
     }
 
     /// Says that there is no such function, and what may be meant. Modules that can't be read hide
@@ -147,5 +157,5 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
         names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
     let (file, sources) = (Arc::clone(file), library.sources(root, file));
-    Linked { spliced, names, file, whole: true, calls: BTreeMap::new(), sources }
+    Linked { spliced, names, file, whole: true, called: None, calls: BTreeMap::new(), sources }
 }

@@ -7,6 +7,7 @@ use super::depth::deepest;
 use super::lexer::lex;
 use super::library::{ModulePath, Sources};
 use super::splice::Spliced;
+use super::stage::Stage;
 use crate::diagnostic::{SourceFile, Span};
 
 /// WGSL's names that generated kernels use. A shader under test may declare them, too, and gets
@@ -54,10 +55,20 @@ pub(crate) struct Linked {
     pub(crate) file: Arc<SourceFile>,
     /// Whether the whole file is as valid as this is: all that it declares is in it, but for tests.
     pub(crate) whole: bool,
+    /// The entry point that it has as a function.
+    pub(crate) called: Option<EntryPoint>,
     /// Calls of expectations in the modules that it was made of, by the numbers that they have.
     pub(crate) calls: BTreeMap<u32, Span>,
     /// What it was made of.
     pub(crate) sources: Sources,
+}
+
+/// An entry point without its attributes, so that it can be called.
+#[derive(Clone, Debug)]
+pub(crate) struct EntryPoint {
+    pub(crate) stage: Stage,
+    /// Parameters that are builtin values, by their names: `id`, `global_invocation_id`.
+    pub(crate) builtins: Vec<(String, String)>,
 }
 
 impl Linked {

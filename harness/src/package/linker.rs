@@ -9,9 +9,10 @@ use blake3::{Hash, Hasher};
 use super::PackageError;
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
-use super::linked::{Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
+use super::linked::{EntryPoint, Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
 use super::plain::plain;
 use super::splice::{Edit, Spliced};
+use super::stage::Stage;
 use super::syntax::{DeclarationKind, Module};
 use crate::diagnostic::{Diagnostic, Span};
 
@@ -173,8 +174,14 @@ impl<'a> Linker<'a> {
         assertions.map(move |(index, _)| (path.clone(), index))
     }
 
-    /// Links what is wanted and what that needs; `whole` is the root with all that it holds.
-    pub(super) fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
+    /// Links what is wanted and what that needs; `whole` is the root with all that it holds. An entry point of the
+    /// root by the name `called` is a function afterwards, which can be called.
+    pub(super) fn link(
+        mut self,
+        wanted: Vec<Item>,
+        whole: bool,
+        called: Option<&str>,
+    ) -> Result<Linked, PackageError> {
         let items = self.reach(wanted)?;
         let names = self.names(&items);
         let Module { file, declarations, directives, .. } = &*self.parts[&self.root].module;
@@ -186,6 +193,7 @@ impl<'a> Linker<'a> {
             names: BTreeMap::new(),
             file: Arc::clone(file),
             whole: plain && own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
+            called: None,
             calls: self.parts.values().flat_map(|part| part.module.calls.iter().cloned()).collect(),
             sources: self.library.sources(&self.root, file),
         };
@@ -213,10 +221,20 @@ impl<'a> Linker<'a> {
         let own = own.into_iter().filter(|_| !whole);
         for (path, index) in own.chain(others) {
             let module = &self.parts[path].module;
-            let tokens = module.declarations[*index].tokens.clone();
+            let declaration = &module.declarations[*index];
+            let tokens = declaration.tokens.clone();
             let from = module.bytes(&tokens);
             let mut edits = self.edits(path, tokens, &names);
             edits.extend(module.changes(&from));
+            if let Some(stage) = declaration.entry_point.filter(|stage| *stage != Stage::Other)
+                && *path == self.root
+                && called.is_some_and(|called| declaration.name.as_deref() == Some(called))
+            {
+                let (attributes, builtins) = module.as_function(declaration);
+                edits.extend(attributes);
+                linked.called = Some(EntryPoint { stage, builtins });
+                linked.whole = false;
+            }
             spliced.copy(&module.file, from, in_order(edits));
         }
         for (path, index) in &items {

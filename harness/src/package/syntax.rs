@@ -13,6 +13,7 @@ use super::conditions::Inactive;
 use super::directives::Include;
 use super::lexer::{Kind, Token};
 use super::splice::Edit;
+use super::stage::Stage;
 use crate::diagnostic::{SourceFile, Span};
 
 /// A declaration of a module.
@@ -25,7 +26,7 @@ pub(super) struct Declaration {
     pub(super) tokens: Range<usize>,
     /// The token of its name.
     pub(super) name_token: usize,
-    pub(super) entry_point: bool,
+    pub(super) entry_point: Option<Stage>,
     /// Whether it is a test, which only test runners link.
     pub(super) test: bool,
 }
@@ -129,6 +130,32 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
+    /// An entry point as a function that others may call: the attributes that are blanked then, and the builtin
+    /// value that each parameter is. Members of structures keep theirs.
+    pub(super) fn as_function(
+        &self,
+        declaration: &Declaration,
+    ) -> (Vec<Edit>, Vec<(String, String)>) {
+        let (mut edits, mut builtins) = (Vec::new(), Vec::new());
+        let mut at = declaration.tokens.start;
+        while at < declaration.tokens.end && !self.is(at, b'{') {
+            if !self.is(at, b'@') {
+                at += 1;
+                continue;
+            }
+            let end = after_attribute(&self.file.text, &self.tokens, &self.brackets, at);
+            edits.push(Edit { from: self.bytes(&(at..end)), name: None });
+            // Of the result no name follows.
+            let parameter = (end..declaration.tokens.end)
+                .find(|token| !self.is(*token, b'@') && self.is(*token + 1, b':'));
+            if let ("builtin", Some(parameter)) = (self.text(at + 1), parameter) {
+                builtins.push((self.text(parameter).to_owned(), self.text(at + 3).to_owned()));
+            }
+            at = end;
+        }
+        (edits, builtins)
+    }
+
     /// Finds imports, directives and declarations among the tokens.
     pub(super) fn find_items(&mut self) -> Result<(), PackageError> {
         let brackets = std::mem::take(&mut self.brackets);
@@ -139,21 +166,10 @@ impl Module {
                 continue;
             }
             let start = at;
-            let (mut entry_point, mut test) = (false, false);
+            let (mut entry_point, mut test) = (None, false);
             while self.is(at, b'@') && self.is_word(at + 1) {
                 test |= self.text(at + 1) == "test";
-                entry_point |= matches!(
-                    self.text(at + 1),
-                    "vertex"
-                        | "fragment"
-                        | "compute"
-                        | "task"
-                        | "mesh"
-                        | "ray_generation"
-                        | "miss"
-                        | "any_hit"
-                        | "closest_hit"
-                );
+                entry_point = entry_point.or(Stage::of(self.text(at + 1)));
                 at = after_attribute(&self.file.text, &self.tokens, &brackets, at);
             }
             let keyword = self.text(at).to_owned();

@@ -41,6 +41,8 @@ impl Program {
         let naga_stage = match stage {
             Stage::Vertex => naga::ShaderStage::Vertex,
             Stage::Fragment => naga::ShaderStage::Fragment,
+            Stage::Compute => naga::ShaderStage::Compute,
+            Stage::Other => return None,
         };
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == naga_stage)?;
@@ -88,13 +90,6 @@ impl Program {
         let globals = self.checked.module.global_variables.iter();
         let names = globals.filter_map(|(_, global)| global.name.as_deref());
         names.map(|name| self.author_path(name).unwrap_or(name).to_owned()).collect()
-    }
-
-    /// The stage of an entry point and where it is declared, by its name in the text.
-    pub(crate) fn entry_point_called(&self, name: &str) -> Option<(naga::ShaderStage, Span)> {
-        let mut entries = self.checked.module.entry_points.iter();
-        let entry = entries.find(|entry| entry.name == name)?;
-        Some((entry.stage, self.entry_point_span(name)?))
     }
 
     /// Where an entry point is declared, by its name in the text: its name and what is in front of it.

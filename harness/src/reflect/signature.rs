@@ -3,10 +3,11 @@
 use std::fmt;
 use std::sync::Arc;
 
+use naga::common::wgsl::TryToWgsl;
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
-use super::{BindingKind, NAMED, Program, ReflectError, Texels};
+use super::{BindingKind, NAMED, Program, ReflectError, Stage, Texels};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
@@ -47,6 +48,10 @@ pub(crate) struct Form {
     pub(crate) alone: bool,
     /// Whether only fragment shaders may call it: each case is a quad of pixels.
     pub(crate) fragment: bool,
+    /// The stage of an entry point, which is called like any function.
+    pub(crate) stage: Option<Stage>,
+    /// Parameters, and members of them, that are builtin values: `input.pixel`, `position`.
+    pub(crate) builtins: Vec<(String, String)>,
 }
 
 /// How a parameter is passed.
@@ -99,8 +104,12 @@ impl Function {
 }
 
 impl fmt::Display for Function {
-    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`.
+    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`, and in front of an entry point's
+    /// its stage.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(stage) = self.form.stage {
+            write!(f, "@{stage} ")?;
+        }
         write!(f, "{}(", self.name)?;
         let spaces = self.form.passed.iter().map(|passed| passed.space());
         let passed = self.parameters.iter().zip(spaces).map(|((name, shape), space)| match space {
@@ -128,21 +137,10 @@ impl Program {
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let Some((handle, function)) = self.declared(name) else {
-            if let Some((stage, span)) = self.entry_point_called(name) {
-                let (what, note) = match stage {
-                    naga::ShaderStage::Compute => (
-                        "a compute entry point",
-                        "a test in Rust dispatches it (`Package::compute`); a probe calls plain functions",
-                    ),
-                    _ => (
-                        "an entry point",
-                        "a frame draws it (`Package::frame`, `[[frame]]`); a probe calls plain functions",
-                    ),
-                };
-                let message = format!("`{path}` is {what}");
-                return Err(unprobeable(
-                    Diagnostic::new(message).at(span, "declared here").note(note),
-                ));
+            if let Some(span) = self.entry_point_span(name) {
+                let message =
+                    format!("`{path}` is an entry point of a stage that Karat doesn't run");
+                return Err(unprobeable(Diagnostic::new(message).at(span, "declared here")));
             }
             let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
             let message = format!("`{path}` isn't a function");
@@ -174,6 +172,10 @@ impl Program {
         }
         let mut form =
             Form { fragment, alone: self.shared_state(info).is_some(), taken, ..Form::default() };
+        if let Some(entry_point) = &self.linked.called {
+            form.stage = Some(entry_point.stage);
+            form.builtins.clone_from(&entry_point.builtins);
+        }
         if fragment && form.alone {
             return Err(refuse(
                 "it uses operations of fragment shaders, and writes what other pixels see"
@@ -188,6 +190,15 @@ impl Program {
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
             })?;
+            if let naga::TypeInner::Struct { members, .. } = &self.checked.module.types[ty].inner {
+                form.builtins.extend(members.iter().filter_map(|member| {
+                    let Some(naga::Binding::BuiltIn(builtin)) = &member.binding else {
+                        return None;
+                    };
+                    let member = member.name.as_deref().expect(NAMED);
+                    Some((format!("{name}.{member}"), builtin.to_wgsl_for_diagnostics()))
+                }));
+            }
             parameters.push((name, shape));
             form.passed.push(passed);
         }
@@ -390,7 +401,8 @@ impl Program {
     pub fn signature(&self, function: &Function) -> String {
         let (mut shown, text) = (String::new(), function.to_string());
         // The function's own path is the author's.
-        let (path, types) = text.split_at(function.name.len().min(text.len()));
+        let (path, types) =
+            text.split_once('(').map_or((text.as_str(), ""), |(path, _)| text.split_at(path.len()));
         shown.push_str(path);
         let is_part = |c: char| c.is_alphanumeric() || c == '_';
         let mut word = String::new();

@@ -338,6 +338,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let result = probed.function().result.clone();
     let shapes: Vec<Shape> = parameters.iter().map(|(_, shape)| shape.clone()).collect();
     let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
+    let ranges = ranges.of_function(probed.function());
     let domain = |count: usize| -> Result<Dynamic, Misdeclared> {
         let own = parameters.iter().take(count);
         let parts = own.map(|(name, shape)| {

@@ -205,7 +205,16 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
 
 fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
     let style = match hazard.kind {
-        Kind::Nan | Kind::OutOfRange | Kind::ByZero | Kind::Infinite if !hazard.hidden => BAD,
+        Kind::Nan
+        | Kind::OutOfRange
+        | Kind::Race
+        | Kind::Barrier
+        | Kind::ByZero
+        | Kind::Infinite
+            if !hazard.hidden =>
+        {
+            BAD
+        }
         _ => KNOWN,
     };
     let (kind, operation, place) = (hazard.kind.name(), &hazard.text, &hazard.location);

@@ -55,8 +55,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             match Program::of_module(&package, &module) {
                 Ok(program) => {
                     let items = package.functions_in(&module)?;
-                    let items = items.into_iter().filter(|item| !item.entry_point);
-                    entries.extend(items.map(|item| entry(&package, &program, item, &tested)));
+                    entries.extend(
+                        items.into_iter().map(|item| entry(&package, &program, item, &tested)),
+                    );
                 }
                 // Of the package, and not of this module.
                 Err(ReflectError::Package(error @ PackageError::UnknownFeature { .. })) => {
@@ -117,7 +118,7 @@ fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
-    Ok(functions.flatten().filter(|item| !item.entry_point).collect())
+    Ok(functions.flatten().filter(|item| item.entry_point.is_none()).collect())
 }
 
 fn entry(
@@ -165,7 +166,6 @@ fn of_function(
 /// read in a moment.
 fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
     let items = package.functions_in(module).unwrap_or_default();
-    let items: Vec<_> = items.into_iter().filter(|item| !item.entry_point).collect();
     if items.len() > MOST_ALONE {
         return Vec::new();
     }

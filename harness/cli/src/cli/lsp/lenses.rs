@@ -99,7 +99,7 @@ impl Subjects {
     /// The functions of a module, and the tests in its file. None if it can't be read.
     pub(super) fn of(package: &Package, module: &str, file: &Path) -> Self {
         let functions = package.functions_in(module).unwrap_or_default();
-        let functions = functions.into_iter().filter(|item| !item.entry_point);
+        let functions = functions.into_iter().filter(|item| item.entry_point.is_none());
         let mut all: Vec<(String, Span)> = functions.map(|item| (item.name, item.span)).collect();
         let suite = Suite::of(package.clone()).ok();
         let known = suite.iter().flat_map(|suite| &suite.tests);

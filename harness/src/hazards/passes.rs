@@ -1,0 +1,113 @@
+//! Hazards of compute passes, which the engine dispatches over made-up resources.
+
+use std::collections::BTreeMap;
+
+use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
+use crate::diagnostic::Diagnostic;
+use crate::dispatch::{Passes, VARIANTS, Violation, ViolationKind};
+use crate::interpret::examine;
+use crate::interpret::hazards::Kind;
+use crate::interpret::passes::{FoundInPass, hazards};
+use crate::made_up::Ranges;
+use crate::package::Package;
+
+/// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
+/// meanings that no name tells.
+pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
+    let mut seen = Seen::default();
+    let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+    for variant in 0..VARIANTS {
+        let made = Passes::arbitrary(package, name, None, ranges, variant);
+        let (passes, made) = made.map_err(|error| first_line(&error))?;
+        if (0..passes.resources.len()).all(|number| passes.writer(number).is_none()) {
+            return Err("it writes nothing that is seen afterwards".to_owned());
+        }
+        seen.drawn.merge(made.drawn);
+        let examined = examine(&passes);
+        let watched = examined.watched;
+        let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
+        let reason = Some(watched.reason).filter(|reason| !reason.is_empty());
+        let inside = match &reason {
+            None => hazards(&passes).map_err(|error| first_line(&error.to_string())),
+            Some(reason) => Err(reason.clone()),
+        };
+        let members = made.members.iter().take(MEMBERS).cloned();
+        let described = |invocation: String| {
+            let invocation = ("invocation".to_owned(), invocation);
+            [invocation].into_iter().chain(members.clone()).collect::<Vec<_>>()
+        };
+        let of_pass = |kind, location, text| Hazard {
+            kind,
+            location,
+            text,
+            function: name.to_owned(),
+            arguments: Vec::new(),
+            cases: (0, of),
+            hidden: false,
+            values: None,
+            operands: Vec::new(),
+            guessed: variant > 0,
+            accepted: None,
+            also: Vec::new(),
+            violation: None,
+        };
+        let violations = examined.violations.into_iter().map(|(violation, diagnostic)| {
+            let (location, text) = place_of(&violation, &diagnostic);
+            let first = violation.accesses.first().map(|access| access.invocation.clone());
+            let count = usize::try_from(violation.count).unwrap_or(usize::MAX).min(of);
+            Hazard {
+                arguments: described(first.unwrap_or_default()),
+                cases: (count, of),
+                violation: Some(violation.clone()),
+                ..of_pass(kind_of(violation.kind), location, text)
+            }
+        });
+        let inside_found =
+            inside.iter().flatten().map(|FoundInPass { found, invocation, count }| Hazard {
+                arguments: described(invocation.clone()),
+                cases: ((*count).min(of), of),
+                hidden: found.hidden,
+                operands: operands(found),
+                ..of_pass(found.kind, found.span.to_string(), one_line(&found.text))
+            });
+        for hazard in violations.chain(inside_found) {
+            found.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
+        }
+        if let Err(reason) = inside {
+            // With its findings it was looked at, but not to its end.
+            if variant == 0 && found.is_empty() {
+                return Err(reason);
+            }
+            seen.cut += of;
+            break;
+        }
+        if !made.varies {
+            break;
+        }
+    }
+    seen.hazards = found.into_values().collect();
+    Ok(seen)
+}
+
+fn kind_of(kind: ViolationKind) -> Kind {
+    match kind {
+        ViolationKind::ReadWrite | ViolationKind::WriteWrite => Kind::Race,
+        ViolationKind::EqualWrites => Kind::EqualWrites,
+        ViolationKind::Barrier => Kind::Barrier,
+        ViolationKind::Outside => Kind::OutOfRange,
+    }
+}
+
+/// The place of a violation, and the text there.
+fn place_of(violation: &Violation, diagnostic: &Diagnostic) -> (String, String) {
+    match diagnostic.location() {
+        Some(span) => {
+            let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+            (span.to_string(), one_line(text))
+        }
+        None => {
+            let place = violation.accesses.first().map(|access| access.place.clone());
+            (place.unwrap_or_default(), violation.headline.clone())
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What goes wrong inside of compute passes: operations whose operands were good, and whose result isn't.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use karat_engine::{F32, Faulty, Lanes, Observer};
+
+use super::dispatch::{in_order, options};
+use super::hazards::{Found, Kind, kind_of};
+use super::{author_of, dispatch};
+use crate::dispatch::{DispatchError, Pass, Passes};
+use crate::value::Scalar;
+
+/// An operation at fault.
+struct Fault {
+    /// The first invocation.
+    case: usize,
+    count: usize,
+    operands: Vec<f32>,
+}
+
+/// Faults by the address of their site, and their kind.
+#[derive(Default)]
+struct Faults(Mutex<BTreeMap<(usize, Kind), Fault>>);
+
+impl Faults {
+    fn add(&self, site: usize, kind: Kind, case: usize, operands: impl FnOnce() -> Vec<f32>) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let add = || Fault { case, count: 0, operands: operands() };
+        all.entry((site, kind)).or_insert_with(add).count += 1;
+    }
+}
+
+impl Observer<F32> for Faults {
+    fn floats(&self, lanes: &Lanes<'_, F32>) {
+        let site = std::ptr::from_ref(lanes.site).addr();
+        for values in lanes.floats {
+            for (lane, value) in values.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
+                let operands = || lanes.operands.iter().map(|operand| operand[lane]);
+                // An operation that gets an infinity passes on what was wrong before.
+                if lanes.active[lane] && operands().all(f32::is_finite) {
+                    let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
+                    self.add(site, kind, lanes.case + lane, || operands().collect());
+                }
+            }
+        }
+    }
+
+    fn fault(&self, one: &Faulty<'_>) {
+        self.add(std::ptr::from_ref(one.site).addr(), kind_of(one.fault), one.case, Vec::new);
+    }
+}
+
+/// A hazard of a pass: the first invocation that has it, and how many operations of invocations do.
+pub(crate) struct FoundInPass {
+    pub(crate) found: Found,
+    pub(crate) invocation: String,
+    pub(crate) count: usize,
+}
+
+/// What goes wrong inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
+/// The sanitizer tells of indices that leave their arrays.
+pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
+    let finite = leaves_finite(passes)?;
+    let mut all = Vec::new();
+    in_order(passes, &mut |pass: &Pass, lowered, resources| {
+        let faults = Faults::default();
+        lowered.dispatch::<F32>(pass.workgroups, resources, &options(), &faults)?;
+        let size = lowered.workgroup_size().expect("a pass is an entry point");
+        let faults = faults.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+        for ((address, kind), fault) in faults {
+            let mut sites = lowered.sites().iter();
+            let site = sites.find(|one| std::ptr::from_ref(*one).addr() == address);
+            let author = site.and_then(|site| author_of(&pass.program, site));
+            let Some((span, text)) = author.filter(|_| kind != Kind::OutOfRange) else { continue };
+            let hidden = finite && matches!(kind, Kind::Nan | Kind::Infinite);
+            let found = Found { kind, span, text, hidden, values: None, operands: fault.operands };
+            let invocation = pass.invocation(size, fault.case);
+            all.push(FoundInPass { found, invocation, count: fault.count });
+        }
+        Ok(true)
+    })?;
+    Ok(all)
+}
+
+/// Whether each float that passes leave is finite.
+fn leaves_finite(passes: &Passes) -> Result<bool, DispatchError> {
+    let mut finite = true;
+    for (number, words) in dispatch(passes)? {
+        let (_, shape) = passes.written(&passes.resources[number].name)?;
+        let lanes = passes.lanes(number, &words).unwrap_or_default();
+        let scalars = shape.lanes();
+        let each = scalars.iter().zip(&lanes);
+        let is_finite = |(scalar, word): (&Scalar, &u32)| {
+            !scalar.is_float() || scalar.decode(*word).is_finite()
+        };
+        finite &= each.map(is_finite).all(|finite| finite);
+    }
+    Ok(finite)
+}

@@ -1,0 +1,49 @@
+//! The stage of an entry point.
+
+use std::fmt;
+
+/// A stage that an entry point runs in.
+///
+/// ```
+/// use karat::Package;
+/// use karat::unstable::reflect::Stage;
+///
+/// let package = Package::from_source("m", "@fragment fn main() -> @location(0) vec4f { return vec4f(); }");
+/// assert_eq!(package.functions()?[0].entry_point, Some(Stage::Fragment));
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// `@vertex`
+    Vertex,
+    /// `@fragment`
+    Fragment,
+    /// `@compute`
+    Compute,
+    /// One that Karat doesn't run: of meshes and rays.
+    Other,
+}
+
+impl Stage {
+    /// The stage of an attribute; `None` if it is of none.
+    pub(super) fn of(attribute: &str) -> Option<Self> {
+        Some(match attribute {
+            "vertex" => Self::Vertex,
+            "fragment" => Self::Fragment,
+            "compute" => Self::Compute,
+            "task" | "mesh" | "ray_generation" | "miss" | "any_hit" | "closest_hit" => Self::Other,
+            _ => return None,
+        })
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Vertex => "vertex",
+            Self::Fragment => "fragment",
+            Self::Compute => "compute",
+            Self::Other => "entry point",
+        })
+    }
+}
