@@ -1,9 +1,9 @@
 //! What an edit changed: every function of a package before and after it, with no test written.
 //!
 //! Functions and entry points whose linked text is the same aren't run. Other functions are called with
-//! arguments that names and types suggest, and their results are compared bit by bit; all NaNs are one
-//! value. Nobody can say of an entry point that was edited whether it draws the same, nor of a function
-//! without a result: they are told as not judged.
+//! arguments that names and types suggest, and so are entry points of draws. Compute passes are dispatched over
+//! made-up resources. Results are compared bit by bit; all NaNs are one value. A function without a result
+//! isn't judged.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -14,17 +14,21 @@
 //! }
 //! ```
 
+mod passes;
+
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
+use crate::dispatch::Violation;
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
+use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
 use crate::path::Path;
 use crate::probe::{ProbeError, Probed};
@@ -81,6 +85,12 @@ pub struct Compared {
     pub drawn: Drawn,
     /// Inputs that weren't run, because they make a loop count to more than some thousands.
     pub cut: usize,
+    /// Whether it is a compute pass, whose cases are the words that it leaves.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub dispatched: bool,
+    /// Violations that a compute pass has after the edit, and hadn't before it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<Violation>,
 }
 
 /// What an edit did to a function.
@@ -141,8 +151,10 @@ pub struct PathChange {
 
 impl Compared {
     fn of(function: &str, change: Change) -> Self {
-        let (location, interface, drawn) = Default::default();
-        Self { function: function.to_owned(), location, change, interface, drawn, cut: 0 }
+        let (location, interface, drawn, violations) = Default::default();
+        let function = function.to_owned();
+        let dispatched = false;
+        Self { function, location, change, interface, drawn, cut: 0, dispatched, violations }
     }
 }
 
@@ -172,25 +184,38 @@ impl Request {
     /// # Errors
     /// If a package can't be read.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
-        let names = |package: &Package| -> Result<BTreeSet<String>, PackageError> {
+        let names = |package: &Package| -> Result<BTreeMap<String, Option<Stage>>, PackageError> {
             let items = package.functions()?.into_iter();
             let wanted = |name: &String| {
                 self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
             };
-            Ok(items.map(|item| item.name).filter(wanted).collect())
+            let items = items.map(|item| (item.name, item.entry_point));
+            Ok(items.filter(|(name, _)| wanted(name)).collect())
         };
         let (before, after) = (names(&self.before)?, names(&self.after)?);
-        let all: Vec<&String> = before.union(&after).collect();
-        let compared =
-            all.into_par_iter().map(|name| match (before.contains(name), after.contains(name)) {
-                (true, true) => self.compare(name),
-                (true, false) => Compared::of(name, Change::Removed),
-                _ => Compared::of(name, Change::Added),
-            });
+        let all: BTreeMap<&String, _> = before
+            .keys()
+            .chain(after.keys())
+            .map(|name| (name, (before.get(name), after.get(name))))
+            .collect();
+        let compared = all.into_par_iter().map(|(name, there)| match there {
+            (Some(None), Some(None)) => self.compare(name, None),
+            (Some(was), Some(is)) if was == is => self.compare(name, *is),
+            (Some(was), Some(is)) => {
+                let shown = |stage: &Option<Stage>| {
+                    let function = || format!("fn {name}");
+                    stage.map_or_else(function, |stage| format!("@{stage} fn {name}"))
+                };
+                let change = Change::Signature { before: shown(was), after: shown(is) };
+                Compared::of(name, change)
+            }
+            (Some(_), None) => Compared::of(name, Change::Removed),
+            _ => Compared::of(name, Change::Added),
+        });
         Ok(compared.collect())
     }
 
-    fn compare(&self, name: &str) -> Compared {
+    fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
         let compared = |change| Compared::of(name, change);
         let unjudged = |error: &dyn std::fmt::Display| {
             let reason = error.to_string().replacen("error: ", "", 1);
@@ -198,11 +223,18 @@ impl Request {
             compared(Change::Unjudged { reason })
         };
         // What can't be called may be untouched all the same.
-        let linked = |package: &Package| Program::of_function(package, name);
-        if let (Ok(before), Ok(after)) = (linked(&self.before), linked(&self.after))
-            && before.normalized_text() == after.normalized_text()
-        {
-            return compared(Change::Untouched);
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+        let linked = |package: &Package| Program::of_items(package, module, &[own]);
+        let linked = (linked(&self.before), linked(&self.after));
+        let mut interface_of_stage = Vec::new();
+        if let (Ok(before), Ok(after)) = &linked {
+            if before.normalized_text() == after.normalized_text() {
+                return compared(Change::Untouched);
+            }
+            interface_of_stage = attributes(&before.attributes(own), &after.attributes(own));
+        }
+        if stage == Some(Stage::Compute) {
+            return Compared { interface: interface_of_stage, ..self.compare_passes(name) };
         }
         let probed = |package: &Package| Probed::new(package, name).and_then(made_up::fitted);
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
@@ -232,7 +264,8 @@ impl Request {
             Change::Unjudged { reason }
         });
         let Ran { drawn, cut } = ran;
-        Compared { location, interface: interface(&before, &after), drawn, cut, ..compared(change) }
+        let interface = [interface_of_stage, interface(&before, &after)].concat();
+        Compared { location, interface, drawn, cut, ..compared(change) }
     }
 
     /// Runs both on each path, over each content of buffers.
@@ -333,6 +366,15 @@ fn hold_the_same(old: &mut Fixtures, new: &Fixtures, before: &Probed, after: &Pr
             old[to].1 = new[from].1.clone();
         }
     }
+}
+
+/// How the host has to connect an entry point in another way: attributes of its inputs and outputs.
+fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
+    let of = |(path, is): &(String, String)| {
+        let (_, was) = before.iter().find(|(known, _)| known == path)?;
+        (was != is).then(|| format!("`{path}` is {is}, and was {was}"))
+    };
+    after.iter().filter_map(of).collect()
 }
 
 /// How the host has to supply resources in another way after an edit: bindings and places of members.
@@ -567,14 +609,16 @@ mod tests {
     #[test]
     fn what_cannot_be_called_is_untouched_or_not_judged() {
         let before = "fn add(x: f32) -> f32 { if x > 3.0 { discard; } return x + 1.0; }\n\
-                      @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }\n";
+                      @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f { if x > 1.0 { discard; } return vec4f(x); }\n\
+                      @compute @workgroup_size(1) fn nothing() { let x = 1.0; }\n";
         let untouched = changes(before, &format!("// a comment\n{before}"));
-        assert_eq!(untouched.len(), 2, "{untouched:?}");
+        assert_eq!(untouched.len(), 3, "{untouched:?}");
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
         let edited = changes(before, &before.replace("1.0", "2.0"));
         for (name, change) in &edited {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
-            assert!(reason.starts_with("it was edited, and "), "{reason}");
+            let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
+            assert!(reason.starts_with(why), "{reason}");
         }
     }
 

@@ -6,6 +6,7 @@
 mod ability;
 #[cfg(feature = "engine")]
 mod adapter;
+mod attributes;
 mod binding;
 mod covering;
 mod dependence;

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
 use crate::diagnostic::Diagnostic;
-use crate::dispatch::{Passes, VARIANTS, Violation, ViolationKind};
+use crate::dispatch::{Passes, Violation, ViolationKind};
 use crate::interpret::examine;
 use crate::interpret::hazards::Kind;
 use crate::interpret::passes::{FoundInPass, hazards};
-use crate::made_up::Ranges;
+use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
 
 /// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
@@ -16,7 +16,7 @@ use crate::package::Package;
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let mut seen = Seen::default();
     let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
-    for variant in 0..VARIANTS {
+    for variant in 0..Extents::VARIANTS {
         let made = Passes::arbitrary(package, name, None, ranges, variant);
         let (passes, made) = made.map_err(|error| first_line(&error))?;
         if (0..passes.resources.len()).all(|number| passes.writer(number).is_none()) {

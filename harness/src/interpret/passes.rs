@@ -90,11 +90,11 @@ fn leaves_finite(passes: &Passes) -> Result<bool, DispatchError> {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).unwrap_or_default();
         let scalars = shape.lanes();
-        let each = scalars.iter().zip(&lanes);
+        let mut each = scalars.iter().zip(&lanes);
         let is_finite = |(scalar, word): (&Scalar, &u32)| {
             !scalar.is_float() || scalar.decode(*word).is_finite()
         };
-        finite &= each.map(is_finite).all(|finite| finite);
+        finite &= each.all(is_finite);
     }
     Ok(finite)
 }

@@ -18,8 +18,18 @@ pub(crate) struct Extents {
 }
 
 impl Extents {
+    /// Contents that are tried: as many elements as are dispatched, in order; fewer, so that the last workgroup has a
+    /// tail; then draws.
+    #[cfg(feature = "engine")]
+    pub(crate) const VARIANTS: usize = 4;
+
+    /// In the first so many of them indices aren't drawn.
+    #[cfg(feature = "engine")]
+    pub(crate) const SURE: usize = 2;
+
     /// A dispatch over all of its invocations. The second variant has a tail: its elements are no multiple of the
     /// workgroup. From the third one on integers in arrays are drawn like others.
+    #[cfg(feature = "engine")]
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
         /// What is missing of the last workgroup.
         const TAIL: u32 = 3;
@@ -27,7 +37,7 @@ impl Extents {
         if variant == 1 {
             elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
         }
-        Self { elements, workgroups, in_order: variant < 2 }
+        Self { elements, workgroups, in_order: variant < Self::SURE }
     }
 
     /// All elements.

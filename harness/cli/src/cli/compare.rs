@@ -67,7 +67,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         false => search::write_broken(&broken, out)?,
     }
     let good = |one: &Compared| {
-        one.interface.is_empty() && matches!(one.change, Change::Untouched | Change::Same { .. })
+        one.interface.is_empty()
+            && one.violations.is_empty()
+            && matches!(one.change, Change::Untouched | Change::Same { .. })
     };
     let good = all.iter().all(good) && broken.is_empty();
     Ok(if good { Ending::Good } else { Ending::Bad })
@@ -115,9 +117,10 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0);
-    let (mut cut, mut moved) = (0, 0);
-    for Compared { function, location, change, interface, drawn, cut: own } in all {
-        cut += own;
+    let (mut cut, mut moved, mut brought) = (0, 0, 0);
+    for one in all {
+        let Compared { function, location, change, interface, drawn, violations, .. } = one;
+        cut += one.cut;
         match change {
             Change::Untouched => {
                 quiet += 1;
@@ -128,13 +131,14 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             Change::Same { cases } => {
                 same += 1;
                 writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}")?;
-                writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?;
+                let what = if one.dispatched { "words" } else { "inputs" };
+                writeln!(out, "    {DIM}{cases} {what}{DIM:#}")?;
             }
             Change::Changed { paths } => {
                 changed += 1;
                 writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}")?;
                 for path in paths {
-                    write_path(path, out)?;
+                    write_path(path, one.dispatched, out)?;
                 }
             }
             Change::Signature { before, after } => {
@@ -156,15 +160,25 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         for line in drawn.lines(usize::MAX) {
             writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
         }
+        brought += violations.len();
+        for violation in violations {
+            writeln!(out, "    {BAD}new{BAD:#}: {}", violation.headline)?;
+            for access in &violation.accesses {
+                writeln!(out, "      {}  {} {}", access.place, access.invocation, access.does)?;
+            }
+        }
         moved += usize::from(!interface.is_empty());
         for sentence in interface {
             writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
         }
     }
-    let style = if changed + unjudged + moved == 0 { GOOD } else { BAD };
+    let style = if changed + unjudged + moved + brought == 0 { GOOD } else { BAD };
     write!(out, "{style}{changed} changed{style:#}, ")?;
     if moved > 0 {
         write!(out, "{moved} with other bindings or layouts, ")?;
+    }
+    if brought > 0 {
+        write!(out, "{}, ", counted(brought, "new violation"))?;
     }
     if unjudged > 0 {
         write!(out, "{unjudged} edited and not judged, ")?;
@@ -177,7 +191,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
     Ok(())
 }
 
-fn write_path(change: &PathChange, out: &mut dyn Write) -> anyhow::Result<()> {
+fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after } = change;
     let by = match (ulp, relative) {
         (Some(ulp), Some(relative)) => format!("by up to {ulp} ulp (rel {relative:.2e})"),
@@ -188,7 +202,8 @@ fn write_path(change: &PathChange, out: &mut dyn Write) -> anyhow::Result<()> {
         arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
     let at =
         if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };
-    writeln!(out, "    {path}: {} of {} results changed, {by}", cases.0, cases.1)?;
+    let what = if dispatched { "words" } else { "results" };
+    writeln!(out, "    {path}: {} of {} {what} changed, {by}", cases.0, cases.1)?;
     writeln!(out, "    {at}{before} -> {after}")?;
     Ok(())
 }

@@ -1,0 +1,62 @@
+//! The attributes that tie an entry point to its host: locations, builtin values, the size of a workgroup.
+
+use naga::common::wgsl::TryToWgsl;
+use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
+
+use super::{NAMED, Program};
+
+impl Program {
+    /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of its
+    /// workgroup; empty if there is no such entry point.
+    pub(crate) fn attributes(&self, name: &str) -> Vec<(String, String)> {
+        let name = self.entry_point_name(name);
+        let module = &self.checked.module;
+        let Some(entry) = module.entry_points.iter().find(|entry| entry.name == name) else {
+            return Vec::new();
+        };
+        let mut all = Vec::new();
+        let mut add = |path: &str, binding: Option<&Binding>, ty: naga::Handle<Type>| {
+            all.extend(binding.map(|binding| (path.to_owned(), shown(binding))));
+            if let (None, TypeInner::Struct { members, .. }) = (binding, &module.types[ty].inner) {
+                all.extend(members.iter().filter_map(|member| {
+                    let own = member.name.as_deref().expect(NAMED);
+                    Some((format!("{path}.{own}"), shown(member.binding.as_ref()?)))
+                }));
+            }
+        };
+        for argument in &entry.function.arguments {
+            let name = argument.name.as_deref().expect(NAMED);
+            add(name, argument.binding.as_ref(), argument.ty);
+        }
+        if let Some(result) = &entry.function.result {
+            add("result", result.binding.as_ref(), result.ty);
+        }
+        if entry.stage == ShaderStage::Compute {
+            let [x, y, z] = entry.workgroup_size;
+            all.push((name.to_owned(), format!("@workgroup_size({x}, {y}, {z})")));
+        }
+        all
+    }
+}
+
+/// An attribute as its author may write it.
+fn shown(binding: &Binding) -> String {
+    match binding {
+        Binding::BuiltIn(builtin) => format!("@builtin({})", builtin.to_wgsl_for_diagnostics()),
+        Binding::Location { location, interpolation, sampling, .. } => {
+            let how = match (interpolation, sampling) {
+                (None | Some(Interpolation::Perspective), None | Some(naga::Sampling::Center)) => {
+                    String::new()
+                }
+                (interpolation, sampling) => {
+                    let of = |text: String| text.to_lowercase();
+                    let kind = interpolation.map(|kind| of(format!("{kind:?}")));
+                    let sampling = sampling.map(|one| of(format!("{one:?}")));
+                    let parts: Vec<String> = kind.into_iter().chain(sampling).collect();
+                    format!(" @interpolate({})", parts.join(", "))
+                }
+            };
+            format!("@location({location}){how}")
+        }
+    }
+}
