@@ -22,6 +22,7 @@
 mod golden;
 mod judge;
 mod sanitizer;
+pub(crate) mod untyped;
 
 use std::fmt;
 use std::panic::Location;
@@ -583,12 +584,13 @@ impl After<'_> {
         holds: impl Fn(&[T]) -> bool,
     ) -> Result<ComputeAgreement, ComputeError> {
         let width = T::shape().lanes().len().max(1);
-        let holds = |words: &[u32]| {
+        let breaks = |words: &[u32]| {
             let elements = words.chunks_exact(width).map(|words| T::load(&mut words.iter()));
-            holds(&elements.collect::<Vec<T>>())
+            let holds = holds(&elements.collect::<Vec<T>>());
+            (!holds).then_some(judge::Broken { failures: 1, first: None })
         };
-        let statement =
-            judge::Statement { text: statement.to_owned(), shape: T::shape(), holds: &holds };
+        let (text, shape) = (statement.to_owned(), T::shape());
+        let statement = judge::Statement { text, shape, may_stay: false, breaks: &breaks };
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 

@@ -86,6 +86,15 @@ pub enum DispatchError {
         /// The closest one that is written.
         nearest: Option<String>,
     },
+    /// No pass uses a buffer of that name.
+    #[error("no pass uses a buffer `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    NoBuffer {
+        /// What was asked for.
+        name: String,
+        /// The closest one that is used.
+        nearest: Option<String>,
+    },
     /// No pass has an override of that name.
     #[error("no pass has the override `{name}`")]
     Override {
@@ -342,6 +351,27 @@ impl Passes {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
+    }
+
+    /// What a buffer holds before all passes: its name, its type and its lanes.
+    pub(crate) fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
+        let is_it = |number: &usize| {
+            let named = |b: &Binding| b.name() == name || b.path == name;
+            self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
+        };
+        let found = (0..self.resources.len()).find(is_it).and_then(|number| {
+            let (pass, binding) = self.uses(number).next()?;
+            let held = &self.resources[number];
+            let bytes = held.fixture.bytes(&pass.program, binding)?.ok()?;
+            let shape = pass.program.written_shape(binding, Some(bytes.len()))?;
+            let lanes = lanes_of(pass.program.module(), binding.ty, &bytes)?;
+            Some((held.name.clone(), shape, lanes))
+        });
+        found.ok_or_else(|| {
+            let known: Vec<&str> = self.resources.iter().map(|held| held.name.as_str()).collect();
+            let nearest = crate::diagnostic::nearest(name, known).map(str::to_owned);
+            DispatchError::NoBuffer { name: name.to_owned(), nearest }
+        })
     }
 
     /// Invocations of all passes.

@@ -100,6 +100,11 @@ pub mod package {
     pub use crate::package::functions::LeftOut;
 }
 
+/// Compute passes over resources whose types aren't known when a program is compiled.
+pub mod compute {
+    pub use crate::compute::untyped::*;
+}
+
 /// Abilities of paths, and the greeting of a program that runs jobs.
 pub mod path {
     pub use crate::path::process::Greeting;

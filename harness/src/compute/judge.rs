@@ -28,7 +28,18 @@ pub(super) struct Expected {
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    pub(super) holds: &'a dyn Fn(&[u32]) -> bool,
+    /// Whether it may hold of a resource that no pass changed.
+    pub(super) may_stay: bool,
+    pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
+}
+
+/// How a resource breaks a statement.
+#[derive(Clone, Debug)]
+pub struct Broken {
+    /// The elements that do; of a statement of all of them 1.
+    pub failures: usize,
+    /// The first of them, if it is one element's fault.
+    pub first: Option<Element>,
 }
 
 /// Elements that differ, on each path that fails.
@@ -207,7 +218,11 @@ impl After<'_> {
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
             // What fails has shown something.
-            if sum.failures == 0 && passes.before(number).is_some_and(|before| before == found) {
+            let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
+            if sum.failures == 0
+                && !may_stay
+                && passes.before(number).is_some_and(|before| before == found)
+            {
                 return Err(ComputeError::Unchanged { variable: self.variable.clone() });
             }
             let record = PathRecord {
@@ -303,9 +318,11 @@ impl After<'_> {
         let (expected, tolerance) = match assertion {
             Assertion::Agrees(expected, tolerance) => (expected, own.unwrap_or(tolerance)),
             Assertion::Holds(statement) => {
-                let holds = (statement.holds)(found);
-                let worst = LaneError::statement(holds);
-                return Ok(Sum { failures: usize::from(!holds), worst, shown: Vec::new() });
+                let broken = (statement.breaks)(found);
+                let worst = LaneError::statement(broken.is_none());
+                let failures = broken.as_ref().map_or(0, |broken| broken.failures.max(1));
+                let shown = broken.and_then(|broken| broken.first).into_iter().collect();
+                return Ok(Sum { failures, worst, shown });
             }
         };
         if expected.lanes.len() != found.len() {
@@ -419,7 +436,9 @@ impl fmt::Display for Difference {
                 writeln!(f, "  {what}: {}", element.place)?;
                 writeln!(f, "      actual = {}", element.actual)?;
                 writeln!(f, "    expected = {}", element.expected)?;
-                writeln!(f, "       error = {}", element.error)?;
+                if !element.error.is_empty() {
+                    writeln!(f, "       error = {}", element.error)?;
+                }
             }
             writeln!(f, "  replay: {}", path.replay)?;
         }

@@ -42,6 +42,34 @@
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
 //! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
+//!
+//! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
+//!
+//! ```toml
+//! [[compute]]
+//! entry = "sort"                                # of this module; several: passes = [{ entry = "..", workgroups = 4 }]
+//! workgroups = [4, 1, 1]                        # or 4
+//! with = { keys = { size = 256, range = "0..99" } }
+//! accept_equal_writes = { flag = "any of them sets it" }   # a race that is meant; or accept_race
+//! [compute.after.keys]                          # what it holds afterwards
+//! sorted = true                                 # or "descending"
+//! permutation_of = "keys"                       # of what that buffer holds before
+//! ```
+//!
+//! | assertion of a resource | holds if |
+//! |---|---|
+//! | `equals = [1, 2]` | it holds this value; a number stands for each component |
+//! | `table = "file.csv"` | each element is a row, of the columns `x,y,z` or `value` |
+//! | `golden = "name"` | it holds what it held when `golden/name.csv` was accepted |
+//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, leaves the same |
+//! | `sorted = true` | its elements rise; `"descending"`: they fall |
+//! | `sum_of = "input"` | its numbers add up to those that a buffer holds before |
+//! | `permutation_of = "input"` | its elements are those that a buffer holds before, in any order |
+//! | `unchanged = true` | it holds what it held before |
+//! | `in_range = [0, 1]`, `finite = true` | as of functions |
+//!
+//! `no_hazards = true` beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides
+//! by 0. Without a `tolerance` numbers are exact. The sanitizer looks through the passes of each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -54,6 +82,7 @@ use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
+use crate::compute;
 use crate::find::of_whole;
 use crate::{Kind, Test};
 
@@ -65,6 +94,8 @@ struct File {
     tests: Vec<Spanned<Declared>>,
     #[serde(default, rename = "frame")]
     frames: Vec<Spanned<Frame>>,
+    #[serde(default)]
+    compute: Vec<Spanned<compute::Declared>>,
 }
 
 /// A `[[test]]`.
@@ -388,14 +419,15 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
         let place = at(error.span().unwrap_or(0..0));
         Diagnostic::new(with_nearest(error.message())).at(place, "")
     })?;
-    if parsed.tests.is_empty() && parsed.frames.is_empty() {
-        let empty = "declares no test: write [[test]] or [[frame]]";
+    if parsed.tests.is_empty() && parsed.frames.is_empty() && parsed.compute.is_empty() {
+        let empty = "declares no test: write [[test]], [[frame]] or [[compute]]";
         return Err(Diagnostic::new(empty).at(at(0..0), ""));
     }
     let module = module_of(file, root);
     let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
     let mut tests = Vec::new();
-    let [mut keys, mut frame_keys] = ["test", "frame"].map(|kind| keys(&source, kind).into_iter());
+    let [mut keys, mut frame_keys, mut compute_keys] =
+        ["test", "frame", "compute"].map(|kind| keys(&source, kind).into_iter());
     for declared in parsed.tests {
         let keys = keys.next().unwrap_or_default();
         let span = at(declared.span());
@@ -439,6 +471,15 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
         goldens.push(frame.golden_file());
         let name = format!("frame {}", frame.name);
         tests.push(Test { name, span, kind: Kind::Frame(Box::new(frame)) });
+    }
+    for declared in parsed.compute {
+        let span = at(declared.span());
+        let keys = compute_keys.next().unwrap_or_default();
+        let all = declared.into_inner().tests(&module, &folder, &keys);
+        for (name, assertion) in all.map_err(|error| Diagnostic::new(error).at(span.clone(), ""))? {
+            let kind = Kind::Compute(Box::new(assertion));
+            tests.push(Test { name, span: span.clone(), kind });
+        }
     }
     Ok(tests)
 }

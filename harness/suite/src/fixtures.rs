@@ -6,6 +6,7 @@
 //! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
+//! | an array without a length | `{ size = 256 }`, of zeros; `{ size = 256, range = "0..1", seed = 7 }`, drawn as arguments are |
 //! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
 //! Texels of depth textures are the red channel of an image. PNGs hold colours in sRGB, which become
@@ -18,12 +19,14 @@ use std::path::Path;
 use glam::{IVec4, UVec4};
 use karat::fixture::{Buffer, Compare, Fixture};
 use karat::unstable::diagnostic::read_file;
+use karat::unstable::domain::{Dynamic, Numbering, Stream};
+use karat::unstable::made_up::Ranges;
 use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 use karat::value::Shape;
 use karat::{CubeMap, Image, Sampler, Texture};
 use toml::Value;
 
-use crate::domains::{is_number, lanes};
+use crate::domains::{is_number, lanes, no_such, parts};
 
 /// Texels along an edge of a face of a cube map that is made of an image.
 const FACE: u32 = 64;
@@ -383,6 +386,12 @@ fn buffer(
         };
         return buffer(program, binding, &value, Path::new("")).map_err(|error| inside(&error));
     }
+    if let Some((size, lanes)) = spread(program, binding, value)? {
+        let shape = program.buffer_of(binding, size).ok_or("no values are known for it")?;
+        debug_assert_eq!(shape.lanes().len(), lanes.len());
+        let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
+        return Ok(Buffer::from_bytes(bytes).into());
+    }
     let is_list = |shape: &Shape| matches!(shape, Shape::Array { .. });
     let unknown = || format!("no values are known for a {}", binding.kind);
     // An array without a length has as many elements as the list; in a structure it is the last member.
@@ -489,4 +498,52 @@ mod tests {
             assert!(error.contains(part), "{declared}: {error}");
         }
     }
+}
+
+/// An array without a length that says its size, and what its elements are drawn from: `{ size = 256, range = "0..1" }`.
+/// `None` if the value says something else.
+fn spread(
+    program: &Program,
+    binding: &Binding,
+    value: &Value,
+) -> Result<Option<(usize, Vec<u32>)>, String> {
+    /// As many words as a buffer may have on every device: 128 MiB.
+    const MOST: usize = 1 << 25;
+    let plain = program.buffer_of(binding, 0);
+    let (Some(Shape::Array { element, length: 0 }), Value::Table(table)) = (&plain, value) else {
+        return Ok(None);
+    };
+    let known = ["size", "range", "seed"];
+    if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
+        return Err(no_such("key", unknown, known.into_iter()));
+    }
+    let width = element.lanes().len().max(1);
+    let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));
+    let size = match whole("size") {
+        Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
+        Some((value, _)) => return Err(format!("size = {value} is no number of elements")),
+        None => return Err("an array without a length is a list, or says its `size`".to_owned()),
+    };
+    let seed = match whole("seed") {
+        Some((_, Some(seed))) => seed.cast_unsigned(),
+        Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
+        None => 0,
+    };
+    let Some(range) = table.get("range") else {
+        return match table.contains_key("seed") {
+            true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
+            false => Ok(Some((size, vec![0; size * width]))),
+        };
+    };
+    let parameter = (binding.name().to_owned(), (**element).clone());
+    let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
+    let domain = Dynamic::new(&[parameter], vec![parts]);
+    let numbering = Numbering::of(&domain, seed, size as u64, size as u64);
+    let mut rows = Vec::new();
+    let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
+    if count == 0 {
+        return Err("nothing lies in that range".to_owned());
+    }
+    // A range of few values gives each of them once.
+    Ok(Some((size, rows.iter().copied().cycle().take(size * width).collect())))
 }

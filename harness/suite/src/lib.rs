@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+mod compute;
 pub mod declared;
 mod domains;
 mod find;
@@ -80,6 +81,8 @@ pub(crate) enum Kind {
     Function(Box<declared::Assertion>),
     /// A `[[frame]]`.
     Frame(Box<declared::Frame>),
+    /// An assertion of a `[[compute]]`.
+    Compute(Box<compute::Assertion>),
 }
 
 impl Test {
@@ -98,6 +101,7 @@ impl Test {
                 Kind::Wgsl(test) => test.calls().any(has),
                 Kind::Function(assertion) => has(&assertion.function),
                 Kind::Frame(_) => false, // its golden's name is its own
+                Kind::Compute(assertion) => assertion.entries().any(has),
             }
     }
 

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use karat::check::{Failure, Vacuous};
+use karat::compute::ComputeError;
 use karat::draw::DrawError;
 use karat::fixture::FixtureError;
 use karat::frame::FrameError;
 use karat::path::Selector;
 use karat::unstable::diagnostic::{Diagnostic, Span, shown};
+use karat::unstable::dispatch::DispatchError;
 use karat::unstable::probe::ProbeError;
 use karat::unstable::reflect::ReflectError;
 
@@ -174,6 +176,53 @@ pub(crate) fn frame_key_of(
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             let mut all = paths.failures.iter().chain(stopped);
             all.find_map(|error| frame_key_of(frame, unknown, error))
+        }
+        _ => None,
+    }
+}
+
+/// The message about the shader, if passes fail by one.
+pub(crate) fn compute_diagnostic_of(error: &ComputeError) -> Option<&Diagnostic> {
+    match error {
+        ComputeError::Dispatch(DispatchError::Reflect(error)) => error.diagnostic(),
+        ComputeError::Dispatch(DispatchError::Rounds(found)) => Some(found),
+        ComputeError::Dispatch(DispatchError::Fixture(FixtureError::Declared {
+            diagnostic,
+            ..
+        })) => Some(diagnostic),
+        _ => None,
+    }
+}
+
+/// True of an error of passes whose message has a place in the shader.
+pub(crate) fn compute_has_place(error: &ComputeError) -> bool {
+    match error {
+        ComputeError::Differs(_) | ComputeError::Violations(_) => true,
+        ComputeError::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, error)| error);
+            paths.failures.iter().chain(stopped).any(compute_has_place)
+        }
+        other => compute_diagnostic_of(other).is_some_and(|found| found.location().is_some()),
+    }
+}
+
+/// The key that an error of passes is about; `None`: the assertion's own.
+pub(crate) fn compute_key_of(error: &ComputeError) -> Option<&'static str> {
+    match error {
+        ComputeError::Declaration(wrong) => Some(of_declaration(wrong)),
+        ComputeError::Dispatch(DispatchError::Fixture(_)) => Some("with"),
+        ComputeError::Dispatch(
+            DispatchError::Override { .. } | DispatchError::Reflect(ReflectError::Override(_)),
+        ) => Some("override"),
+        ComputeError::Dispatch(
+            DispatchError::Workgroups { .. } | DispatchError::WorkgroupSize { .. },
+        ) => Some("workgroups"),
+        ComputeError::Dispatch(DispatchError::EntryPoint { .. } | DispatchError::Reflect(_)) => {
+            Some("entry")
+        }
+        ComputeError::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, error)| error);
+            paths.failures.iter().chain(stopped).find_map(compute_key_of)
         }
         _ => None,
     }

@@ -38,6 +38,14 @@ impl Suite {
                 let files = files(frame.with.values(), &frame.folder)?;
                 Some(format!("{text} {frame:?} {golden} {files}"))
             }
+            Kind::Compute(assertion) => {
+                let mut text = assertion.normalized_text(&self.package)?;
+                for file in assertion.files() {
+                    text += &content(&file)?;
+                }
+                text += &files(assertion.declared.with.values(), &assertion.folder)?;
+                Some(text)
+            }
         }
     }
 
@@ -59,6 +67,10 @@ impl Suite {
                     let golden = frame.golden_file();
                     all.extend([golden.with_extension("toml"), golden]);
                     named(frame.with.values(), &frame.folder, &mut all);
+                }
+                Kind::Compute(assertion) => {
+                    all.extend(assertion.files());
+                    named(assertion.declared.with.values(), &assertion.folder, &mut all);
                 }
             }
         }

@@ -25,8 +25,8 @@ use crate::declared::{
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::misdeclared::{
-    Misdeclared, diagnostic_of, frame_diagnostic_of, frame_has_place, frame_key_of, has_place,
-    key_of,
+    Misdeclared, compute_diagnostic_of, compute_has_place, compute_key_of, diagnostic_of,
+    frame_diagnostic_of, frame_has_place, frame_key_of, has_place, key_of,
 };
 use crate::numbers::{self, Wanted};
 use crate::table;
@@ -74,7 +74,7 @@ impl Suite {
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
         let wrong = |test: &&Test| match &test.kind {
             Kind::Wgsl(test) => test.parameters().err().map(|error| Wrong::from(&*error)),
-            Kind::Function(_) | Kind::Frame(_) => None,
+            Kind::Function(_) | Kind::Frame(_) | Kind::Compute(_) => None,
         };
         let wrong: Vec<Option<Wrong>> = match &*tests {
             // Each thread that starts takes a moment, and with one test that is felt.
@@ -193,6 +193,24 @@ impl Suite {
                 match found {
                     Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
                     None => at(failure.to_string(), span),
+                }
+            }
+            Kind::Compute(assertion) => {
+                let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
+                let judged = assertion.judged(&self.package).map_err(|wrong| {
+                    let wrong = wrong.told(&place_of, whole);
+                    let (function, check) = (assertion.last(), assertion.key());
+                    wrong.recorded(self.unbegun(function, check, wrong.place.as_deref()))
+                })?;
+                let Err(error) = judged else { return Ok(()) };
+                let found = compute_diagnostic_of(&error);
+                if compute_has_place(&error) {
+                    return Err(told(&error, found));
+                }
+                let span = place_of(compute_key_of(&error)).unwrap_or_else(|| whole.clone());
+                match found {
+                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
+                    None => at(error.to_string(), span),
                 }
             }
             Kind::Frame(declared) => {
@@ -536,7 +554,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
 }
 
 /// The lanes of an expected value in `f64`. A number stands for each component.
-fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
+pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
     let number = |value: &Value| match value {

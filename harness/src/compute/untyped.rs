@@ -1,0 +1,151 @@
+//! Passes and what they leave for programs whose types aren't known when they are compiled: tests without Rust, and
+//! `karat call`. A resource is a shape and its lanes.
+
+use std::panic::Location;
+
+use super::judge::{Assertion, Expected, Statement};
+use super::{After, Compute, ComputeAgreement, ComputeError};
+use crate::dispatch::{DispatchError, Violation, Watched};
+use crate::executor;
+use crate::path::Path;
+use crate::tolerance::Tolerance;
+use crate::value::Shape;
+
+pub use super::judge::{Broken, Element};
+
+/// A resource with what it holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Content {
+    /// The variable, or the fixture that several passes share.
+    pub name: String,
+    /// The type, whose arrays have their lengths.
+    pub shape: Shape,
+    /// A word for each scalar.
+    pub lanes: Vec<u32>,
+}
+
+impl Content {
+    /// The type of an element of an array; of something else its own.
+    #[must_use]
+    pub fn element(&self) -> &Shape {
+        match &self.shape {
+            Shape::Array { element, .. } => element,
+            whole => whole,
+        }
+    }
+}
+
+/// What a resource holds before all passes.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// let before = karat::unstable::compute::before(&passes, "data")?;
+/// assert_eq!((before.shape.to_string().as_str(), &*before.lanes), ("array<u32, 2>", &[1, 2][..]));
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
+/// # Errors
+/// If the passes aren't valid, or none uses a buffer of that name.
+pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeError> {
+    let (name, shape, lanes) = compute.passes()?.content(variable)?;
+    Ok(Content { name, shape, lanes })
+}
+
+/// What passes leave in each resource that they write, on a path.
+///
+/// ```
+/// # use karat::Path;
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// assert_eq!(karat::unstable::compute::left(&passes, Path::CPU)?[0].lanes, [7, 2]);
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
+/// # Errors
+/// If the passes can't be dispatched there.
+pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeError> {
+    let passes = compute.passes()?;
+    let afterwards = executor::dispatch(executor::of(path)?, &passes)?;
+    let content = |(number, words): (usize, Vec<u32>)| {
+        let name = passes.resources[number].name.clone();
+        let (_, shape) = passes.written(&name)?;
+        let lanes = passes.lanes(number, &words).ok_or(DispatchError::Unable { path })?;
+        Ok::<_, ComputeError>(Content { name, shape, lanes })
+    };
+    afterwards.into_iter().map(content).collect()
+}
+
+/// The findings of the sanitizer, each with its message, and how much it looked through.
+///
+/// # Errors
+/// If the passes aren't valid.
+pub fn violations(
+    compute: &Compute<'_>,
+) -> Result<(Vec<(Violation, String)>, Watched), ComputeError> {
+    let examined = crate::interpret::examine(&compute.passes()?);
+    let shown = |(violation, message): (Violation, crate::diagnostic::Diagnostic)| {
+        (violation, message.to_string())
+    };
+    Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
+}
+
+/// What goes wrong inside of the passes, where the author wrote it: its place, and what it is.
+///
+/// # Errors
+/// If Karat's engine can't run them.
+#[cfg(feature = "engine")]
+pub fn hazards(compute: &Compute<'_>) -> Result<Vec<(String, String)>, ComputeError> {
+    let all = crate::interpret::passes::hazards(&compute.passes()?)?;
+    let one = |hazard: crate::interpret::passes::FoundInPass| {
+        let found = hazard.found;
+        let what = format!("{} at `{}` of {}", found.kind.name(), found.text, hazard.invocation);
+        (found.span.to_string(), what)
+    };
+    Ok(all.into_iter().map(one).collect())
+}
+
+/// Checks that a resource holds these numbers, to within a tolerance.
+///
+/// # Errors
+/// If it doesn't, or nothing could be compared.
+#[track_caller]
+pub fn agrees_with(
+    after: &After<'_>,
+    expected: Vec<f64>,
+    tolerance: Tolerance,
+) -> Result<ComputeAgreement, ComputeError> {
+    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
+    let shape = match shape {
+        Shape::Array { element, .. } => *element,
+        whole => whole,
+    };
+    let expected = Expected { shape, lanes: expected };
+    after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
+}
+
+/// Checks a statement of the lanes of a resource. One that `may_stay` as it was before says so.
+///
+/// # Errors
+/// If it doesn't hold, or nothing could be compared.
+#[track_caller]
+pub fn satisfies(
+    after: &After<'_>,
+    text: &str,
+    may_stay: bool,
+    breaks: &dyn Fn(&[u32]) -> Option<Broken>,
+) -> Result<ComputeAgreement, ComputeError> {
+    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
+    let shape = match shape {
+        Shape::Array { element, .. } => *element,
+        whole => whole,
+    };
+    let statement = Statement { text: text.to_owned(), shape, may_stay, breaks };
+    after.judge(Assertion::Holds(statement), Location::caller())
+}

@@ -1,0 +1,761 @@
+//! Compute passes that a file declares.
+//!
+//! ```toml
+//! [[compute]]
+//! entry = "sort"                            # of this module; "other::sort" of another
+//! workgroups = [4, 1, 1]                    # or 4; or passes = [{ entry = "..", workgroups = 4 }, ..]
+//! with = { keys = [3, 1, 2, 0] }            # or { size = 4096, range = "0..1000", seed = 7 }
+//! [compute.after.keys]                      # what it holds after all passes
+//! sorted = true
+//! permutation_of = "keys"                   # of what that held before them
+//! ```
+//!
+//! | assertion | holds if |
+//! |---|---|
+//! | `equals = [1, 2]` | the resource holds this value; a number stands for each component |
+//! | `table = "file.csv"` | each element is a row of the table |
+//! | `golden = "name"` | it holds what it held when `golden/name.csv` was accepted |
+//! | `agrees_with = "entry"` | another entry point, which Karat's engine dispatches in place of the last one, leaves the same |
+//! | `sorted = true` | its elements rise; `"descending"`: they fall |
+//! | `sum_of = "input"` | its numbers add up to those of a buffer before the passes |
+//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
+//! | `unchanged = true` | it holds what it held before |
+//! | `in_range = [0, 1]` | each number lies there |
+//! | `finite = true` | no number is NaN or infinite |
+//! | `no_hazards = true`, beside `entry` | nothing inside becomes NaN or infinite, and no integer is divided by 0 |
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use karat::compute::{After, Compute, ComputeAgreement, ComputeError};
+use karat::unstable::compute::{self as untyped, Broken, Content, Element};
+use karat::unstable::diagnostic::{read_file, shown};
+use karat::unstable::reflect::{Program, Stage};
+use karat::value::{Scalar, Shape};
+use karat::{Goldens, Package, Path as Route, Tolerance};
+use serde::Deserialize;
+use toml::Value;
+
+use crate::declared::{GOLDEN, Keys, OverrideValue, Pair};
+use crate::domains::no_such;
+use crate::fixtures::fixture;
+use crate::misdeclared::Misdeclared;
+use crate::numbers::Wanted;
+use crate::run::wide;
+use crate::tolerances::tolerance;
+
+/// A `[[compute]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Declared {
+    /// A name of its own, in place of the last entry point's.
+    pub(crate) name: Option<String>,
+    entry: Option<String>,
+    workgroups: Option<Workgroups>,
+    #[serde(default)]
+    passes: Vec<Pass>,
+    #[serde(default)]
+    pub(crate) with: BTreeMap<String, Value>,
+    /// Values of `override`s, by their names or numbers.
+    #[serde(default, rename = "override")]
+    overrides: BTreeMap<String, OverrideValue>,
+    #[serde(default)]
+    fails_on: BTreeMap<String, String>,
+    #[serde(default)]
+    refused_on: BTreeMap<String, String>,
+    /// Variables whose races are meant, each with the reason.
+    #[serde(default)]
+    accept_race: BTreeMap<String, String>,
+    #[serde(default)]
+    accept_equal_writes: BTreeMap<String, String>,
+    #[serde(default)]
+    after: BTreeMap<String, Expected>,
+    no_hazards: Option<bool>,
+}
+
+/// One of several passes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Pass {
+    entry: String,
+    workgroups: Workgroups,
+}
+
+/// Workgroups in each direction: `4`, `[4]`, `[4, 2]` or `[4, 2, 1]`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "Value")]
+struct Workgroups([u32; 3]);
+
+impl TryFrom<Value> for Workgroups {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "{value} is no number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
+            )
+        };
+        let number = |value: &Value| value.as_integer().and_then(|count| u32::try_from(count).ok());
+        let list = match &value {
+            Value::Array(list) => list.iter().map(number).collect::<Option<Vec<_>>>(),
+            one => number(one).map(|count| vec![count]),
+        };
+        match list.as_deref() {
+            Some(&[x]) => Ok(Self([x, 1, 1])),
+            Some(&[x, y]) => Ok(Self([x, y, 1])),
+            Some(&[x, y, z]) => Ok(Self([x, y, z])),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// What a resource should hold.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Expected {
+    equals: Option<Value>,
+    table: Option<PathBuf>,
+    golden: Option<String>,
+    agrees_with: Option<String>,
+    sorted: Option<Sorted>,
+    sum_of: Option<String>,
+    permutation_of: Option<String>,
+    unchanged: Option<bool>,
+    in_range: Option<Pair<f64>>,
+    finite: Option<bool>,
+    tolerance: Option<String>,
+    #[serde(default)]
+    tolerance_on: BTreeMap<String, String>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum Sorted {
+    Switch(bool),
+    Direction(String),
+}
+
+/// What one test asserts.
+#[derive(Clone, Debug)]
+pub(crate) enum What {
+    Equals(Value),
+    Table(PathBuf),
+    Golden(String),
+    AgreesWith(String),
+    Sorted { descending: bool },
+    SumOf(String),
+    PermutationOf(String),
+    Unchanged,
+    InRange([f64; 2]),
+    Finite,
+    NoHazards,
+}
+
+/// An assertion of a `[[compute]]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Assertion {
+    pub(crate) declared: Declared,
+    /// The entry points with their modules, and workgroups.
+    passes: Vec<(String, [u32; 3])>,
+    /// The resource; empty of what is asserted of the passes.
+    variable: String,
+    what: What,
+    tolerance: Option<String>,
+    tolerance_on: BTreeMap<String, String>,
+    /// Tables and images are relative to it.
+    pub(crate) folder: PathBuf,
+    pub(crate) keys: Keys,
+}
+
+impl What {
+    fn key(&self) -> &'static str {
+        match self {
+            Self::Equals(_) => "equals",
+            Self::Table(_) => "table",
+            Self::Golden(_) => "golden",
+            Self::AgreesWith(_) => "agrees_with",
+            Self::Sorted { .. } => "sorted",
+            Self::SumOf(_) => "sum_of",
+            Self::PermutationOf(_) => "permutation_of",
+            Self::Unchanged => "unchanged",
+            Self::InRange(_) => "in_range",
+            Self::Finite => "finite",
+            Self::NoHazards => "no_hazards",
+        }
+    }
+
+    /// Whether it compares numbers with others, to within a tolerance.
+    fn compares(&self) -> bool {
+        matches!(
+            self,
+            Self::Equals(_)
+                | Self::Table(_)
+                | Self::Golden(_)
+                | Self::AgreesWith(_)
+                | Self::SumOf(_)
+        )
+    }
+}
+
+/// `true`; `false` asserts nothing.
+fn switched(key: &str, value: Option<bool>) -> Result<bool, String> {
+    match value {
+        Some(false) => Err(format!("`{key} = false` asserts nothing: leave it out")),
+        on => Ok(on.is_some()),
+    }
+}
+
+impl Expected {
+    fn whats(&self, variable: &str) -> Result<Vec<What>, String> {
+        let mut all = Vec::new();
+        all.extend(self.equals.clone().map(What::Equals));
+        all.extend(self.table.clone().map(What::Table));
+        all.extend(self.golden.clone().map(What::Golden));
+        all.extend(self.agrees_with.clone().map(What::AgreesWith));
+        all.extend(match &self.sorted {
+            None => None,
+            Some(Sorted::Switch(true)) => Some(What::Sorted { descending: false }),
+            Some(Sorted::Direction(way)) if way == "ascending" || way == "descending" => {
+                Some(What::Sorted { descending: way == "descending" })
+            }
+            Some(other) => {
+                let other = match other {
+                    Sorted::Switch(on) => on.to_string(),
+                    Sorted::Direction(way) => format!("\"{way}\""),
+                };
+                return Err(format!(
+                    "`sorted = {other}` asserts nothing: write true, \"ascending\" or \"descending\""
+                ));
+            }
+        });
+        all.extend(self.sum_of.clone().map(What::SumOf));
+        all.extend(self.permutation_of.clone().map(What::PermutationOf));
+        if switched("unchanged", self.unchanged)? {
+            all.push(What::Unchanged);
+        }
+        all.extend(self.in_range.as_ref().map(|range| What::InRange(range.0)));
+        if switched("finite", self.finite)? {
+            all.push(What::Finite);
+        }
+        if all.is_empty() {
+            return Err(format!(
+                "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
+                 permutation_of, unchanged, in_range or finite"
+            ));
+        }
+        let compares = all.iter().any(What::compares);
+        if !compares && (self.tolerance.is_some() || !self.tolerance_on.is_empty()) {
+            return Err(format!("a tolerance does nothing here: nothing compares `{variable}`"));
+        }
+        Ok(all)
+    }
+}
+
+impl Declared {
+    /// The passes in their order, with the module of the file.
+    fn all_passes(&self, module: &str) -> Result<Vec<(String, [u32; 3])>, String> {
+        let path = |entry: &str| match (module, entry.contains("::")) {
+            ("", _) | (_, true) => entry.to_owned(),
+            (module, false) => format!("{module}::{entry}"),
+        };
+        match (&self.entry, self.workgroups, &*self.passes) {
+            (Some(entry), Some(Workgroups(groups)), []) => Ok(vec![(path(entry), groups)]),
+            (Some(entry), None, []) => Err(format!(
+                "`{entry}` is dispatched over no workgroups: add workgroups = 1, or [2, 2, 1]"
+            )),
+            (None, None, [_, ..]) => {
+                Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
+            }
+            _ => {
+                Err("either `entry` and `workgroups` are written, or `passes = [{ entry = \"a\", \
+                      workgroups = 1 }]`"
+                    .to_owned())
+            }
+        }
+    }
+
+    /// The tests that it declares, by their names.
+    pub(crate) fn tests(
+        self,
+        module: &str,
+        folder: &Path,
+        keys: &Keys,
+    ) -> Result<Vec<(String, Assertion)>, String> {
+        let passes = self.all_passes(module)?;
+        let (last, _) = passes.last().ok_or("there is no pass")?;
+        let name = match &self.name {
+            Some(name) if module.is_empty() => name.clone(),
+            Some(name) => format!("{module}::{name}"),
+            None => last.clone(),
+        };
+        let mut all = Vec::new();
+        let mut add = |variable: &str, what: What, expected: Option<&Expected>| {
+            let of = if variable.is_empty() { String::new() } else { format!(" {variable}") };
+            let name = format!("{name}{of} {}", what.key());
+            let assertion = Assertion {
+                declared: self.clone(),
+                passes: passes.clone(),
+                variable: variable.to_owned(),
+                tolerance: expected
+                    .and_then(|one| one.tolerance.clone())
+                    .filter(|_| what.compares()),
+                tolerance_on: expected.map(|one| one.tolerance_on.clone()).unwrap_or_default(),
+                what,
+                folder: folder.to_owned(),
+                keys: keys.clone(),
+            };
+            all.push((name, assertion));
+        };
+        for (variable, expected) in &self.after {
+            for what in expected.whats(variable)? {
+                add(variable, what, Some(expected));
+            }
+        }
+        if switched("no_hazards", self.no_hazards)? {
+            add("", What::NoHazards, None);
+        }
+        match all.is_empty() {
+            true => Err(format!(
+                "nothing is asserted of `{last}`: say what it leaves in [compute.after.NAME], or \
+                 no_hazards = true"
+            )),
+            false => Ok(all),
+        }
+    }
+}
+
+impl Assertion {
+    /// The entry points, in the order in which they are dispatched.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = &str> {
+        self.passes.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// The entry point that stands for the subject.
+    pub(crate) fn last(&self) -> &str {
+        self.passes.last().map_or("", |(name, _)| name)
+    }
+
+    pub(crate) fn key(&self) -> &'static str {
+        self.what.key()
+    }
+
+    /// The place of a key.
+    pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
+        let named = key.and_then(|key| self.keys.place_of(key));
+        let after = if self.variable.is_empty() { "no_hazards" } else { "after" };
+        named.or_else(|| self.keys.place_of(after))
+    }
+
+    /// The files that it is compared with.
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
+        match &self.what {
+            What::Table(file) => vec![self.folder.join(file)],
+            What::Golden(name) => vec![self.folder.join(GOLDEN).join(format!("{name}.csv"))],
+            _ => Vec::new(),
+        }
+    }
+
+    /// All that the verdict depends on, but for files.
+    pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
+        let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
+        let reference = if let What::AgreesWith(entry) = &self.what {
+            Some(self.of_module(entry))
+        } else {
+            None
+        };
+        for name in self.passes.iter().map(|(name, _)| name).chain(&reference) {
+            let (module, _) = name.rsplit_once("::").unwrap_or(("", name));
+            text += &Program::of_module(package, module).ok()?.normalized_text();
+        }
+        Some(text)
+    }
+
+    /// An entry point of the last pass's module, or of another one.
+    fn of_module(&self, entry: &str) -> String {
+        match (entry.contains("::"), self.last().rsplit_once("::")) {
+            (false, Some((module, _))) => format!("{module}::{entry}"),
+            _ => entry.to_owned(),
+        }
+    }
+
+    /// The tolerance; where none is needed exact.
+    fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
+        let text = self.tolerance.as_deref().unwrap_or("exact");
+        tolerance(text).map_err(Misdeclared::of("after"))
+    }
+
+    /// The passes over what is bound, where `last` may stand for the last one.
+    fn compute<'p>(
+        &self,
+        package: &'p Package,
+        last: Option<&str>,
+    ) -> Result<Compute<'p>, Misdeclared> {
+        let mut compute = package.compute();
+        let mut bound: BTreeMap<&str, bool> =
+            self.declared.with.keys().map(|name| (&**name, false)).collect();
+        let mut known = Vec::new();
+        let count = self.passes.len();
+        for (index, (name, groups)) in self.passes.iter().enumerate() {
+            let name = last.filter(|_| index + 1 == count).unwrap_or(name);
+            compute = compute.dispatch(name, *groups);
+            let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+            // A module or an entry point that isn't there is told by the dispatch.
+            let Ok(program) = Program::of_module(package, module) else { continue };
+            for binding in program.entry_point_bindings(Stage::Compute, own).unwrap_or_default() {
+                known.push(binding.name().to_owned());
+                let is_it = |name: &&String| *name == binding.name() || **name == binding.path;
+                let Some(name) = self.declared.with.keys().find(is_it) else { continue };
+                if bound.insert(name, true) == Some(true) {
+                    continue;
+                }
+                let fixture = fixture(&program, &binding, &self.declared.with[name], &self.folder)
+                    .map_err(Misdeclared::of("with"))?;
+                compute = compute.with(name, fixture);
+            }
+        }
+        if let Some((idle, _)) = bound.iter().find(|(_, is_bound)| !**is_bound)
+            && !known.is_empty()
+        {
+            let known = known.iter().map(String::as_str);
+            return Err(Misdeclared::of("with")(no_such("variable", idle, known)));
+        }
+        for (name, value) in &self.declared.overrides {
+            compute = compute.with_override(name, value.number());
+        }
+        for (on, reason) in &self.declared.fails_on {
+            compute = compute.fails_on(on.as_str(), reason);
+        }
+        for (on, reason) in &self.declared.refused_on {
+            compute = compute.refused_on(on.as_str(), reason);
+        }
+        for (variable, reason) in &self.declared.accept_race {
+            compute = compute.accept_race(variable, reason);
+        }
+        for (variable, reason) in &self.declared.accept_equal_writes {
+            compute = compute.accept_equal_writes(variable, reason);
+        }
+        for (on, text) in &self.tolerance_on {
+            let own = tolerance(text).map_err(Misdeclared::of("after"))?;
+            compute = compute.tolerance_on(on.as_str(), own);
+        }
+        Ok(compute)
+    }
+
+    /// Dispatches and judges.
+    pub(crate) fn judged(
+        &self,
+        package: &Package,
+    ) -> Result<Result<ComputeAgreement, ComputeError>, Misdeclared> {
+        let compute = self.compute(package, None)?;
+        let judged = self.judge(package, &compute);
+        match judged {
+            Ok(agreement) => Ok(Ok(agreement)),
+            Err(Stop::Misdeclared(wrong)) => Err(wrong),
+            Err(Stop::Compute(error)) => Ok(Err(*error)),
+        }
+    }
+
+    fn judge(&self, package: &Package, compute: &Compute<'_>) -> Result<ComputeAgreement, Stop> {
+        if matches!(self.what, What::NoHazards) {
+            let found = untyped::hazards(compute)?;
+            // The passes are the subject: what they write first stands for them.
+            let left = untyped::left(compute, Route::CPU)?;
+            let variable = left.first().ok_or("the passes write nothing")?.name.clone();
+            let first = found.first().map(|(place, what)| Element {
+                place: place.clone(),
+                actual: what.clone(),
+                expected: "numbers that are finite".to_owned(),
+                error: String::new(),
+            });
+            let broken = first.map(|first| Broken { failures: found.len(), first: Some(first) });
+            let after = compute.clone().after(&variable);
+            let text = "nothing inside becomes NaN or infinite, or divides by 0";
+            return Ok(untyped::satisfies(&after, text, true, &|_| broken.clone())?);
+        }
+        let after = compute.clone().after(&self.variable);
+        let before = |name: &str| Ok::<_, Stop>(untyped::before(compute, name)?);
+        match &self.what {
+            What::Equals(value) => {
+                let content = self.content(compute)?;
+                let tolerance = self.tolerance()?;
+                let expected = wide(&content.shape, value, Wanted::from(&tolerance))?;
+                Ok(untyped::agrees_with(&after, expected, tolerance)?)
+            }
+            What::Table(file) => {
+                let content = self.content(compute)?;
+                let expected = table(&self.folder.join(file), content.element())?;
+                Ok(untyped::agrees_with(&after, expected, self.tolerance()?)?)
+            }
+            What::Golden(name) => {
+                let goldens = Goldens::open(&self.folder.join(GOLDEN));
+                Ok(after.try_matches(&goldens, name, self.tolerance()?)?)
+            }
+            What::AgreesWith(entry) => {
+                let entry = self.of_module(entry);
+                if self.last() == entry {
+                    return Err(format!("`{entry}` is compared with itself").into());
+                }
+                let reference = self.compute(package, Some(&entry))?;
+                let left = untyped::left(&reference, Route::CPU)?;
+                let own = |one: &&Content| is_called(&one.name, &self.variable);
+                let Some(content) = left.iter().find(own) else {
+                    return Err(format!("`{entry}` doesn't write `{}`", self.variable).into());
+                };
+                Ok(untyped::agrees_with(&after, values(content), self.tolerance()?)?)
+            }
+            What::Sorted { descending } => {
+                let content = self.content(compute)?;
+                let scalar = only_scalar(&content, "sorted")?;
+                let text = if *descending { "its elements fall" } else { "its elements rise" };
+                let breaks = |lanes: &[u32]| {
+                    let pair =
+                        |at: usize| [lanes[at], lanes[at + 1]].map(|word| scalar.decode(word));
+                    let ordered = |at: &usize| match pair(*at) {
+                        [a, b] if *descending => a >= b,
+                        [a, b] => a <= b,
+                    };
+                    let wrong: Vec<usize> =
+                        (0..lanes.len().saturating_sub(1)).filter(|at| !ordered(at)).collect();
+                    let first = *wrong.first()?;
+                    let [a, b] = pair(first);
+                    let than = if *descending { "most" } else { "least" };
+                    let element = named(first + 1, "", b.to_string(), format!("at {than} {a}"));
+                    Some(Broken { failures: wrong.len(), first: Some(element) })
+                };
+                Ok(untyped::satisfies(&after, text, false, &breaks)?)
+            }
+            What::SumOf(input) => {
+                let (sum, within) =
+                    (values(&before(input)?).iter().sum::<f64>(), self.tolerance()?);
+                let content = self.content(compute)?;
+                let scalar = one_kind(&content, "sum_of")?;
+                let text = format!("its numbers add up to those of `{input}`: {sum}, {within}");
+                let breaks = |lanes: &[u32]| {
+                    let own = lanes.iter().map(|word| scalar.decode(*word)).sum::<f64>();
+                    let passes = within.measure_sum(0, own, sum).passes();
+                    let element = named_whole(own.to_string(), sum.to_string());
+                    (!passes).then(|| Broken { failures: 1, first: Some(element) })
+                };
+                Ok(untyped::satisfies(&after, &text, false, &breaks)?)
+            }
+            What::PermutationOf(input) => {
+                let (content, input_content) = (self.content(compute)?, before(input)?);
+                if content.element() != input_content.element() {
+                    return Err(format!(
+                        "`{}` is {}, and `{input}` is {}: no permutation of each other",
+                        self.variable, content.shape, input_content.shape
+                    )
+                    .into());
+                }
+                let element = content.element().clone();
+                let text = format!("its elements are those of `{input}`, in any order");
+                let breaks = |lanes: &[u32]| not_permuted(&element, &input_content.lanes, lanes);
+                Ok(untyped::satisfies(&after, &text, false, &breaks)?)
+            }
+            What::Unchanged => {
+                let was = before(&self.variable)?;
+                let element = was.element().clone();
+                let breaks = |lanes: &[u32]| first_other(&element, &was.lanes, lanes);
+                Ok(untyped::satisfies(&after, "it is what it was before", true, &breaks)?)
+            }
+            What::InRange([least, most]) => {
+                if !(least <= most) {
+                    return Err(format!("in_range = [{least}, {most}] has no value").into());
+                }
+                let content = self.content(compute)?;
+                let text = format!("each number is from {least} to {most}");
+                let lies = |_: Scalar, value: f64| *least <= value && value <= *most;
+                self.each(&after, &content, &text, &lies)
+            }
+            What::Finite => {
+                let content = self.content(compute)?;
+                if !content.shape.lanes().iter().any(|scalar| scalar.is_float()) {
+                    return Err(format!(
+                        "`finite` holds for every {}, so it can't fail",
+                        content.shape
+                    )
+                    .into());
+                }
+                let is_finite =
+                    |scalar: Scalar, value: f64| !scalar.is_float() || value.is_finite();
+                self.each(&after, &content, "no number is NaN or infinite", &is_finite)
+            }
+            What::NoHazards => unreachable!("it is no resource's"),
+        }
+    }
+
+    /// The resource that is asserted of, before the passes.
+    fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
+        match untyped::before(compute, &self.variable) {
+            Ok(content) => Ok(content),
+            // A texture is no buffer, and what it holds before is seen nowhere.
+            Err(_) => {
+                let left = untyped::left(compute, Route::CPU)?;
+                let own = left.into_iter().find(|one| is_called(&one.name, &self.variable));
+                Ok(own.ok_or_else(|| format!("no pass writes `{}`", self.variable))?)
+            }
+        }
+    }
+
+    /// A statement of each number.
+    fn each(
+        &self,
+        after: &After<'_>,
+        content: &Content,
+        text: &str,
+        holds: &dyn Fn(Scalar, f64) -> bool,
+    ) -> Result<ComputeAgreement, Stop> {
+        let element = content.element().clone();
+        let (scalars, names) = (element.lanes(), element.lane_names());
+        let width = scalars.len().max(1);
+        let breaks = |lanes: &[u32]| {
+            let value = |at: usize| scalars[at % width].decode(lanes[at]);
+            let wrong: Vec<usize> =
+                (0..lanes.len()).filter(|at| !holds(scalars[at % width], value(*at))).collect();
+            let first = *wrong.first()?;
+            let shown = value(first).to_string();
+            let element = named(first / width, &names[first % width], shown, text.to_owned());
+            Some(Broken { failures: wrong.len(), first: Some(element) })
+        };
+        Ok(untyped::satisfies(after, text, false, &breaks)?)
+    }
+}
+
+/// Why there is no agreement.
+enum Stop {
+    Misdeclared(Misdeclared),
+    Compute(Box<ComputeError>),
+}
+
+impl From<ComputeError> for Stop {
+    fn from(error: ComputeError) -> Self {
+        Self::Compute(Box::new(error))
+    }
+}
+
+impl From<Misdeclared> for Stop {
+    fn from(wrong: Misdeclared) -> Self {
+        Self::Misdeclared(wrong)
+    }
+}
+
+impl From<String> for Stop {
+    fn from(message: String) -> Self {
+        Self::Misdeclared(Misdeclared::of("after")(message))
+    }
+}
+
+impl From<&str> for Stop {
+    fn from(message: &str) -> Self {
+        message.to_owned().into()
+    }
+}
+
+/// A resource by the name of its variable, with or without its module.
+fn is_called(path: &str, name: &str) -> bool {
+    path == name || path.rsplit("::").next() == Some(name)
+}
+
+fn named(index: usize, component: &str, actual: String, expected: String) -> Element {
+    Element { place: format!("[{index}]{component}"), actual, expected, error: String::new() }
+}
+
+fn named_whole(actual: String, expected: String) -> Element {
+    Element { place: "the sum".to_owned(), actual, expected, error: String::new() }
+}
+
+/// The numbers of a resource.
+fn values(content: &Content) -> Vec<f64> {
+    let scalars = content.shape.lanes();
+    scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
+}
+
+/// The scalar that each element is.
+fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
+    match content.element() {
+        Shape::Scalar(scalar) => Ok(*scalar),
+        other => Err(format!("`{key}` is for numbers, and an element is a {other}")),
+    }
+}
+
+/// The scalar of all numbers.
+fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
+    let scalars = content.shape.lanes();
+    match scalars.first() {
+        Some(first) if scalars.iter().all(|scalar| scalar == first) => Ok(*first),
+        _ => Err(format!("`{key}` is for numbers of one type, and this is {}", content.shape)),
+    }
+}
+
+/// The first element that isn't the same.
+fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
+    let width = element.lanes().len().max(1);
+    let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
+    let wrong: Vec<_> = pairs.filter(|(_, (was, is))| was != is).collect();
+    let (at, (was, is)) = *wrong.first()?;
+    let first = named(at, "", element.format(is), element.format(was));
+    Some(Broken { failures: wrong.len(), first: Some(first) })
+}
+
+/// The first element that another list hasn't as often.
+fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
+    let width = element.lanes().len().max(1);
+    let mut left: HashMap<&[u32], i64> = HashMap::new();
+    was.chunks(width).for_each(|one| *left.entry(one).or_default() += 1);
+    let mut wrong = Vec::new();
+    for (at, one) in is.chunks(width).enumerate() {
+        let count = left.entry(one).or_default();
+        *count -= 1;
+        if *count < 0 {
+            wrong.push(at);
+        }
+    }
+    let missing = was.chunks(width).find(|one| left[one] > 0);
+    let expected = match missing {
+        Some(missing) => format!("{}, which is missing", element.format(missing)),
+        None => "no more elements".to_owned(),
+    };
+    let (at, actual) = match wrong.first() {
+        Some(at) => {
+            (*at, format!("{}, once too often", element.format(&is[at * width..][..width])))
+        }
+        None => (is.len() / width, "nothing".to_owned()),
+    };
+    let failures = wrong.len().max(usize::from(missing.is_some()));
+    (failures > 0).then(|| Broken { failures, first: Some(named(at, "", actual, expected)) })
+}
+
+/// The rows of a table, whose columns are the components of an element.
+fn table(file: &Path, element: &Shape) -> Result<Vec<f64>, Misdeclared> {
+    let name = shown(file);
+    let text = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
+    let names = element.lane_names();
+    let wanted: Vec<String> = names
+        .iter()
+        .map(|name| {
+            if name.is_empty() {
+                "value".to_owned()
+            } else {
+                name.trim_start_matches('.').to_owned()
+            }
+        })
+        .collect();
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&*text);
+    let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
+    if head.iter().ne(wanted.iter().map(String::as_str)) {
+        let wanted = wanted.join(",");
+        return Err(Misdeclared::at_line(file, 1, format!("the columns of `{name}` are {wanted}")));
+    }
+    let mut all = Vec::new();
+    for (row, record) in reader.records().enumerate() {
+        let wrong =
+            |text: &str| Misdeclared::at_line(file, row + 2, format!("`{text}` is no number"));
+        let record =
+            record.map_err(|error| Misdeclared::at_line(file, row + 2, error.to_string()))?;
+        for field in &record {
+            let number = crate::hexadecimal(field).or_else(|| field.parse().ok());
+            all.push(number.ok_or_else(|| wrong(field))?);
+        }
+    }
+    Ok(all)
+}
