@@ -15,6 +15,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::domain::{Dynamic, Numbering, Part, Stream};
 use crate::package::{Package, PackageError};
 use crate::reflect::Function;
+#[cfg(feature = "engine")]
+use crate::reflect::Program;
 use crate::value::{Scalar, Shape};
 pub(crate) use extents::Extents;
 use meaning::Meaning;
@@ -337,10 +339,33 @@ impl MadeUp {
         Ok(Self { lanes, fixtures, members, drawn: all })
     }
 
+    /// Content `case` of the resources of a compute pass over so many workgroups. Sizes follow from what is dispatched,
+    /// and in the first two cases indices in buffers do.
+    ///
+    /// # Errors
+    /// If the entry point isn't valid, or a resource can't be made up.
+    pub fn of_pass(
+        package: &Package,
+        name: &str,
+        workgroups: [u32; 3],
+        ranges: &Ranges,
+        case: usize,
+    ) -> Result<Self, String> {
+        let (program, bindings, size) = Program::of_pass(package, name)?;
+        let extents = Extents::of(size, workgroups, case);
+        let made = Resources::of_pass((&program, &bindings), ranges, extents, case)?;
+        let Resources { fixtures, members, drawn, .. } = made;
+        Ok(Self { lanes: Vec::new(), fixtures, members, drawn })
+    }
+
     /// The arguments of that function, by their names.
     #[must_use]
     pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
         let mut rest = &*self.lanes;
+        // A pass has none.
+        if rest.is_empty() {
+            return Vec::new();
+        }
         let named = function.parameters.iter().map(|(name, shape)| {
             let (own, others) = rest.split_at(shape.lanes().len().min(rest.len()));
             rest = others;

@@ -12,6 +12,8 @@ mod compilers;
 mod crates;
 #[path = "cli/diff.rs"]
 mod diff;
+#[path = "cli/entry_points.rs"]
+mod entry_points;
 #[path = "cli/errors.rs"]
 mod errors;
 #[path = "cli/escapes.rs"]
@@ -420,7 +422,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
     ] {
         assert!(out.contains(part), "`{part}` is missing in:\n{out}");
     }
-    assert!(!out.contains("calc::main"), "an entry point can't be called");
+    assert!(out.contains("@compute calc::main"), "an entry point is listed with its stage");
 
     let list = json(&karat(project.path(), &["list", "--json"]).out);
     let list = list.as_array().expect("a list");

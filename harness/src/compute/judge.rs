@@ -422,8 +422,11 @@ impl fmt::Display for Difference {
         }
         for path in &self.paths {
             writeln!(f, "on {}", path.adapter)?;
+            let compares = path.shown.iter().all(|one| !one.error.is_empty());
             if path.shown.is_empty() {
                 writeln!(f, "  it doesn't hold of its {} elements", path.elements)?;
+            } else if !compares {
+                writeln!(f, "  {} of {} elements break it", path.failures, path.elements)?;
             } else {
                 let share = 100.0 * path.failures as f64 / path.elements as f64;
                 writeln!(

@@ -1,11 +1,9 @@
 //! Compute passes over resources that are made up.
 
-use std::sync::Arc;
-
 use super::{Passes, Wanted};
 use crate::made_up::{Extents, Ranges, Resources};
 use crate::package::Package;
-use crate::reflect::{Binding, Overrides, Program};
+use crate::reflect::{Overrides, Program};
 
 /// Invocations of a pass, at least.
 const INVOCATIONS: u32 = 64;
@@ -42,7 +40,7 @@ impl Passes {
     /// # Errors
     /// If the entry point isn't valid, or is none of compute passes.
     pub(crate) fn workgroup_size(package: &Package, name: &str) -> Result<[u32; 3], String> {
-        let (_, _, size) = entry_point(package, name)?;
+        let (_, _, size) = Program::of_pass(package, name)?;
         Ok(size)
     }
 
@@ -58,7 +56,7 @@ impl Passes {
         ranges: &Ranges,
         variant: usize,
     ) -> Result<(Self, Resources), String> {
-        let (program, bindings, size) = entry_point(package, name)?;
+        let (program, bindings, size) = Program::of_pass(package, name)?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => usual_workgroups(size),
@@ -69,18 +67,6 @@ impl Passes {
         let passes = Self::new(package, &[wanted], (&made.fixtures, &[]), &Overrides::new());
         Ok((passes.map_err(|error| error.to_string())?, made))
     }
-}
-
-/// A program, the resources of its compute entry point, and the invocations of a workgroup.
-type Entry = (Arc<Program>, Vec<Binding>, [u32; 3]);
-
-fn entry_point(package: &Package, name: &str) -> Result<Entry, String> {
-    let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-    let program = Program::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
-    let program = program.overridden(&Overrides::new()).map_err(|error| error.to_string())?;
-    let found = program.compute_entry_point(program.entry_point_name(own));
-    let (bindings, size) = found.ok_or_else(|| format!("`{name}` is no compute entry point"))?;
-    Ok((program, bindings, size.map(|count| count.max(1))))
 }
 
 #[cfg(test)]

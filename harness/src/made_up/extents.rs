@@ -6,15 +6,33 @@ use super::meaning::words;
 const ELEMENTS: [&str; 10] =
     ["count", "size", "length", "len", "num", "n", "elements", "total", "dimensions", "resolution"];
 
+/// Numbers of elements, each of which is an index of another array, and no two are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Numbered {
+    /// 0, 1, 2 ..
+    Forwards,
+    /// .. 2, 1, 0: what is sorted already would hide that a pass doesn't sort.
+    Backwards,
+}
+
+impl Numbered {
+    /// The number of an element among so many.
+    pub(super) fn of(self, element: u32, count: u32) -> u32 {
+        match self {
+            Self::Forwards => element,
+            Self::Backwards => count - 1 - element,
+        }
+    }
+}
+
 /// How far a dispatch reaches, which made-up sizes follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
     /// Elements in each direction: invocations of all workgroups, or fewer.
     pub(crate) elements: [u32; 3],
     pub(crate) workgroups: [u32; 3],
-    /// Whether element `n` of an array of integers is `n`, so that it is an index of another one, and no two are
-    /// the same.
-    pub(crate) in_order: bool,
+    /// How elements of arrays of integers are numbered; `None`: they are drawn.
+    pub(crate) numbered: Option<Numbered>,
 }
 
 impl Extents {
@@ -37,7 +55,12 @@ impl Extents {
         if variant == 1 {
             elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
         }
-        Self { elements, workgroups, in_order: variant < Self::SURE }
+        let numbered = match variant {
+            0 => Some(Numbered::Forwards),
+            1 => Some(Numbered::Backwards),
+            _ => None,
+        };
+        Self { elements, workgroups, numbered }
     }
 
     /// All elements.

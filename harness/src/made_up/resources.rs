@@ -1,5 +1,6 @@
 //! Contents of the buffers and textures, and the samplers, that a function asks for.
 
+use super::extents::Numbered;
 use super::{Described, Drawn, Extents, Ranges, described};
 use crate::domain::Source;
 use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
@@ -53,7 +54,7 @@ pub(crate) struct Resources {
     pub(crate) drawn: Drawn,
     /// True if there is any, so that another variant has other contents.
     pub(crate) varies: bool,
-    /// The element of an array that is filled.
+    /// The number of the element of an array that is filled.
     element: Option<u32>,
 }
 
@@ -157,7 +158,8 @@ impl Resources {
                 match **element {
                     Shape::Struct { .. } | Shape::Array { .. } => {
                         for (at, index) in (0..).zip(each) {
-                            let around = self.element.replace(at);
+                            let number = ranges.numbered().map(|how| how.of(at, *length));
+                            let around = std::mem::replace(&mut self.element, number);
                             self.fill((path, element), ranges, index, source, lanes)?;
                             self.element = around;
                         }
@@ -170,8 +172,8 @@ impl Resources {
                             parts.iter().for_each(|one| self.drawn.note(one));
                         }
                         for (at, index) in (0..).zip(each) {
-                            if in_order {
-                                lanes.extend(parts.iter().map(|_| at));
+                            if let Some(how) = ranges.numbered().filter(|_| in_order) {
+                                lanes.extend(parts.iter().map(|_| how.of(at, *length)));
                                 continue;
                             }
                             let values = parts.iter().map(|one| one.part.value(index, source));
@@ -203,7 +205,11 @@ impl Ranges {
     /// Whether a whole number of an element is the element's own, as nothing else says what it is.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
-        whole && !one.declared && self.extents.is_some_and(|extents| extents.in_order)
+        whole && !one.declared && self.numbered().is_some()
+    }
+
+    fn numbered(&self) -> Option<Numbered> {
+        self.extents?.numbered
     }
 }
 

@@ -1,7 +1,14 @@
 //! The resource variables of functions and entry points.
 
+#[cfg(feature = "engine")]
+use std::sync::Arc;
+
+#[cfg(feature = "engine")]
+use super::Overrides;
 use super::{BindingKind, NAMED, Program, Stage};
 use crate::diagnostic::Span;
+#[cfg(feature = "engine")]
+use crate::package::Package;
 use crate::value::Shape;
 
 /// A resource variable.
@@ -33,7 +40,26 @@ impl Binding {
     }
 }
 
+/// A program, the resources of its compute entry point, and the invocations of a workgroup.
+#[cfg(feature = "engine")]
+pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
+
 impl Program {
+    /// Links and validates a compute entry point with all that it uses.
+    ///
+    /// # Errors
+    /// If it isn't valid, or is none, or an override has no value.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_pass(package: &Package, name: &str) -> Result<PassProgram, String> {
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+        let program = Self::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
+        let program = program.overridden(&Overrides::new()).map_err(|error| error.to_string())?;
+        let found = program.compute_entry_point(program.entry_point_name(own));
+        let (bindings, size) =
+            found.ok_or_else(|| format!("`{name}` is no compute entry point"))?;
+        Ok((program, bindings, size.map(|count| count.max(1))))
+    }
+
     /// The resources of an entry point; `None` if there is no such entry point.
     #[must_use]
     pub fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {

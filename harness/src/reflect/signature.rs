@@ -85,6 +85,12 @@ impl Function {
         returned.chain(pointers.map(|(parameter, _)| parameter.clone())).collect()
     }
 
+    /// The stage of an entry point, which is called like any function.
+    #[must_use]
+    pub fn stage(&self) -> Option<Stage> {
+        self.form.stage
+    }
+
     /// What it may write of its resources. One that only reads them, though they are declared
     /// `read_write`, doesn't run alone, and has none.
     pub(crate) fn written(&self) -> impl Iterator<Item = &Binding> {

@@ -442,17 +442,9 @@ impl Assertion {
     }
 
     /// Dispatches and judges.
-    pub(crate) fn judged(
-        &self,
-        package: &Package,
-    ) -> Result<Result<ComputeAgreement, ComputeError>, Misdeclared> {
+    pub(crate) fn judged(&self, package: &Package) -> Result<ComputeAgreement, Stop> {
         let compute = self.compute(package, None)?;
-        let judged = self.judge(package, &compute);
-        match judged {
-            Ok(agreement) => Ok(Ok(agreement)),
-            Err(Stop::Misdeclared(wrong)) => Err(wrong),
-            Err(Stop::Compute(error)) => Ok(Err(*error)),
-        }
+        self.judge(package, &compute)
     }
 
     fn judge(&self, package: &Package, compute: &Compute<'_>) -> Result<ComputeAgreement, Stop> {
@@ -470,7 +462,7 @@ impl Assertion {
             let broken = first.map(|first| Broken { failures: found.len(), first: Some(first) });
             let after = compute.clone().after(&variable);
             let text = "nothing inside becomes NaN or infinite, or divides by 0";
-            return Ok(untyped::satisfies(&after, text, true, &|_| broken.clone())?);
+            return concluded(untyped::satisfies(&after, text, true, &|_| broken.clone()));
         }
         let after = compute.clone().after(&self.variable);
         let before = |name: &str| Ok::<_, Stop>(untyped::before(compute, name)?);
@@ -479,16 +471,16 @@ impl Assertion {
                 let content = self.content(compute)?;
                 let tolerance = self.tolerance()?;
                 let expected = wide(&content.shape, value, Wanted::from(&tolerance))?;
-                Ok(untyped::agrees_with(&after, expected, tolerance)?)
+                concluded(untyped::agrees_with(&after, expected, tolerance))
             }
             What::Table(file) => {
                 let content = self.content(compute)?;
                 let expected = table(&self.folder.join(file), content.element())?;
-                Ok(untyped::agrees_with(&after, expected, self.tolerance()?)?)
+                concluded(untyped::agrees_with(&after, expected, self.tolerance()?))
             }
             What::Golden(name) => {
                 let goldens = Goldens::open(&self.folder.join(GOLDEN));
-                Ok(after.try_matches(&goldens, name, self.tolerance()?)?)
+                concluded(after.try_matches(&goldens, name, self.tolerance()?))
             }
             What::AgreesWith(entry) => {
                 let entry = self.of_module(entry);
@@ -501,7 +493,7 @@ impl Assertion {
                 let Some(content) = left.iter().find(own) else {
                     return Err(format!("`{entry}` doesn't write `{}`", self.variable).into());
                 };
-                Ok(untyped::agrees_with(&after, values(content), self.tolerance()?)?)
+                concluded(untyped::agrees_with(&after, values(content), self.tolerance()?))
             }
             What::Sorted { descending } => {
                 let content = self.content(compute)?;
@@ -522,7 +514,7 @@ impl Assertion {
                     let element = named(first + 1, "", b.to_string(), format!("at {than} {a}"));
                     Some(Broken { failures: wrong.len(), first: Some(element) })
                 };
-                Ok(untyped::satisfies(&after, text, false, &breaks)?)
+                concluded(untyped::satisfies(&after, text, false, &breaks))
             }
             What::SumOf(input) => {
                 let (sum, within) =
@@ -534,9 +526,9 @@ impl Assertion {
                     let own = lanes.iter().map(|word| scalar.decode(*word)).sum::<f64>();
                     let passes = within.measure_sum(0, own, sum).passes();
                     let element = named_whole(own.to_string(), sum.to_string());
-                    (!passes).then(|| Broken { failures: 1, first: Some(element) })
+                    (!passes).then_some(Broken { failures: 1, first: Some(element) })
                 };
-                Ok(untyped::satisfies(&after, &text, false, &breaks)?)
+                concluded(untyped::satisfies(&after, &text, false, &breaks))
             }
             What::PermutationOf(input) => {
                 let (content, input_content) = (self.content(compute)?, before(input)?);
@@ -550,13 +542,13 @@ impl Assertion {
                 let element = content.element().clone();
                 let text = format!("its elements are those of `{input}`, in any order");
                 let breaks = |lanes: &[u32]| not_permuted(&element, &input_content.lanes, lanes);
-                Ok(untyped::satisfies(&after, &text, false, &breaks)?)
+                concluded(untyped::satisfies(&after, &text, false, &breaks))
             }
             What::Unchanged => {
                 let was = before(&self.variable)?;
                 let element = was.element().clone();
                 let breaks = |lanes: &[u32]| first_other(&element, &was.lanes, lanes);
-                Ok(untyped::satisfies(&after, "it is what it was before", true, &breaks)?)
+                concluded(untyped::satisfies(&after, "it is what it was before", true, &breaks))
             }
             What::InRange([least, most]) => {
                 if !(least <= most) {
@@ -565,7 +557,7 @@ impl Assertion {
                 let content = self.content(compute)?;
                 let text = format!("each number is from {least} to {most}");
                 let lies = |_: Scalar, value: f64| *least <= value && value <= *most;
-                self.each(&after, &content, &text, &lies)
+                self.each((&after, &content), (&text, &format!("{least} to {most}")), &lies)
             }
             What::Finite => {
                 let content = self.content(compute)?;
@@ -578,7 +570,8 @@ impl Assertion {
                 }
                 let is_finite =
                     |scalar: Scalar, value: f64| !scalar.is_float() || value.is_finite();
-                self.each(&after, &content, "no number is NaN or infinite", &is_finite)
+                let texts = ("no number is NaN or infinite", "a finite number");
+                self.each((&after, &content), texts, &is_finite)
             }
             What::NoHazards => unreachable!("it is no resource's"),
         }
@@ -600,9 +593,8 @@ impl Assertion {
     /// A statement of each number.
     fn each(
         &self,
-        after: &After<'_>,
-        content: &Content,
-        text: &str,
+        (after, content): (&After<'_>, &Content),
+        (text, expected): (&str, &str),
         holds: &dyn Fn(Scalar, f64) -> bool,
     ) -> Result<ComputeAgreement, Stop> {
         let element = content.element().clone();
@@ -614,22 +606,29 @@ impl Assertion {
                 (0..lanes.len()).filter(|at| !holds(scalars[at % width], value(*at))).collect();
             let first = *wrong.first()?;
             let shown = value(first).to_string();
-            let element = named(first / width, &names[first % width], shown, text.to_owned());
+            let element = named(first / width, &names[first % width], shown, expected.to_owned());
             Some(Broken { failures: wrong.len(), first: Some(element) })
         };
-        Ok(untyped::satisfies(after, text, false, &breaks)?)
+        concluded(untyped::satisfies(after, text, false, &breaks))
     }
 }
 
 /// Why there is no agreement.
-enum Stop {
+pub(crate) enum Stop {
     Misdeclared(Misdeclared),
-    Compute(Box<ComputeError>),
+    /// No check began, and none is recorded.
+    Unbegun(Box<ComputeError>),
+    Failed(Box<ComputeError>),
+}
+
+/// The verdict of a check.
+fn concluded(verdict: Result<ComputeAgreement, ComputeError>) -> Result<ComputeAgreement, Stop> {
+    verdict.map_err(|error| Stop::Failed(Box::new(error)))
 }
 
 impl From<ComputeError> for Stop {
     fn from(error: ComputeError) -> Self {
-        Self::Compute(Box::new(error))
+        Self::Unbegun(Box::new(error))
     }
 }
 

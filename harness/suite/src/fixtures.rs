@@ -515,7 +515,7 @@ fn spread(
     };
     let known = ["size", "range", "seed"];
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
-        return Err(no_such("key", unknown, known.into_iter()));
+        return Err(no_such("key", unknown, known));
     }
     let width = element.lanes().len().max(1);
     let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));

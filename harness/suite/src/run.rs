@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use karat::check::{Agreement, Calls, Check, Failure, Limit, Probe};
+use karat::compute::ComputeError;
 use karat::draw::{DrawError, Format};
 use karat::fixture::FixtureError;
 use karat::frame::{FrameAgreement, FrameError};
@@ -19,6 +20,7 @@ use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use toml::Value;
 
+use crate::compute::Stop;
 use crate::declared::{
     Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, Relative, What,
 };
@@ -197,20 +199,26 @@ impl Suite {
             }
             Kind::Compute(assertion) => {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
-                let judged = assertion.judged(&self.package).map_err(|wrong| {
-                    let wrong = wrong.told(&place_of, whole);
+                let unbegun = |wrong: Wrong| {
                     let (function, check) = (assertion.last(), assertion.key());
                     wrong.recorded(self.unbegun(function, check, wrong.place.as_deref()))
-                })?;
-                let Err(error) = judged else { return Ok(()) };
-                let found = compute_diagnostic_of(&error);
-                if compute_has_place(&error) {
-                    return Err(told(&error, found));
-                }
-                let span = place_of(compute_key_of(&error)).unwrap_or_else(|| whole.clone());
-                match found {
-                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
-                    None => at(error.to_string(), span),
+                };
+                let of = |error: &ComputeError| {
+                    let found = compute_diagnostic_of(error);
+                    if compute_has_place(error) {
+                        return told(error, found);
+                    }
+                    let span = place_of(compute_key_of(error)).unwrap_or_else(|| whole.clone());
+                    match found {
+                        Some(found) => Wrong::from(found.clone().at(span, "")),
+                        None => Wrong::from(Diagnostic::new(error.to_string()).at(span, "")),
+                    }
+                };
+                match assertion.judged(&self.package) {
+                    Ok(_) => Ok(()),
+                    Err(Stop::Misdeclared(wrong)) => Err(unbegun(wrong.told(&place_of, whole))),
+                    Err(Stop::Unbegun(error)) => Err(unbegun(of(&error))),
+                    Err(Stop::Failed(error)) => Err(of(&error)),
                 }
             }
             Kind::Frame(declared) => {

@@ -4,6 +4,7 @@ mod arguments;
 mod bind;
 mod cases;
 mod curve;
+mod dispatch;
 mod trace;
 
 use std::io::Write;
@@ -13,7 +14,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use karat::fixture::Fixtures;
 use karat::unstable::made_up::{MadeUp, Ranges};
 use karat::unstable::probe::Probed;
-use karat::unstable::reflect::Function;
+use karat::unstable::reflect::{Function, Stage};
 use karat::unstable::value::hexfloat;
 use karat::{Path, Tolerance};
 
@@ -43,6 +44,11 @@ pub(super) struct Args {
     #[arg(long, value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
+    /// Dispatch a compute entry point over so many workgroups, `4` or `4,2,1`, and show what it leaves; without it a
+    /// single invocation is called, whose builtin values are arguments
+    #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
+        conflicts_with_all = ["arguments", "table", "plot", "trace", "html", "out"])]
+    dispatch: Option<[u32; 3]>,
     /// The value of an `override`, by its name or its `@id`
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
@@ -100,15 +106,32 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let made_up = match args.arbitrary {
         Some(case) => {
             let ranges = Ranges::of(&package)?;
-            Some(
-                MadeUp::of(&probed, &ranges, case)
-                    .map_err(|error| anyhow!("--arbitrary: {error}"))?,
-            )
+            let made = match args.dispatch {
+                Some(groups) => MadeUp::of_pass(&package, &args.function, groups, &ranges, case),
+                None => MadeUp::of(&probed, &ranges, case),
+            };
+            Some(made.map_err(|error| anyhow!("--arbitrary: {error}"))?)
         }
         None => None,
     };
     let fixtures = bind::fixtures(&probed, &args.bind, made_up.as_ref())?;
     probed.fit(&fixtures)?;
+    if let Some(groups) = args.dispatch {
+        ensure!(
+            probed.function().stage() == Some(Stage::Compute),
+            "`{}` is no compute entry point: leave --dispatch out",
+            args.function
+        );
+        let paths = paths(&probed, &fixtures, &args.paths)?;
+        if let Some(made_up) = &made_up {
+            write_made_up(probed.function(), made_up, args, out)?;
+        }
+        let compute =
+            fixtures.into_iter().fold(package.compute(), |all, (name, one)| all.with(&name, one));
+        let compute =
+            overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
+        return dispatch::run(&compute.dispatch(&args.function, groups), &paths, out);
+    }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
         ensure!(svg, "a plot is an SVG: --plot={}", plot.with_extension("svg").display());
@@ -229,11 +252,17 @@ fn write_made_up(
     Ok(())
 }
 
+/// Numbers of a result that are shown in hexadecimal, too: those of a matrix. Of a buffer they would hide the rest.
+const MOST_HEXADECIMAL: usize = 16;
+
 /// Prints a call's result on each path.
 fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write) -> Outcome {
     let Request { probed, fixtures, .. } = *request;
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
+    if function.stage() == Some(Stage::Compute) {
+        writeln!(out, "{DIM}one invocation alone; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+    }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {
         let result = results.first().context("the probe returned nothing")?;
@@ -244,7 +273,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
             .filter(|(_, scalar)| scalar.is_float())
             .map(|(lane, _)| hexfloat(f32::from_bits(*lane)))
             .collect();
-        if !hexadecimal.is_empty() {
+        if (1..=MOST_HEXADECIMAL).contains(&hexadecimal.len()) {
             write!(out, "  {DIM}{}{DIM:#}", hexadecimal.join(" "))?;
         }
         writeln!(out)?;

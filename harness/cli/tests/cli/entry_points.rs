@@ -1,0 +1,262 @@
+//! Entry points without a test in Rust: listed, called, dispatched, compared, and declared as `[[compute]]`.
+
+use super::*;
+
+const SHADER: &str = "\
+struct In { @builtin(position) pixel: vec4f, @location(0) uv: vec2f }
+@fragment fn shade(in: In) -> @location(0) vec4f { return vec4f(in.uv, fwidth(in.pixel.x), 1.0); }
+@group(0) @binding(0) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(1) var<storage, read> input: array<u32>;
+@group(0) @binding(2) var<storage, read_write> total: atomic<u32>;
+@group(0) @binding(3) var<storage, read_write> out: array<f32>;
+@compute @workgroup_size(8) fn reverse(@builtin(local_invocation_index) i: u32) { keys[i] = input[7u - i]; }
+@compute @workgroup_size(8) fn mirror(@builtin(local_invocation_index) i: u32) { keys[7u - i] = input[i]; }
+@compute @workgroup_size(8) fn add(@builtin(global_invocation_id) id: vec3u) {
+    if id.x < arrayLength(&input) { atomicAdd(&total, input[id.x]); }
+}
+@compute @workgroup_size(8) fn root(@builtin(local_invocation_index) i: u32) { out[i] = sqrt(out[i]); }
+@compute @workgroup_size(8) fn wait(@builtin(local_invocation_index) i: u32) { keys[0] = i; }
+";
+
+fn shaders(declared: &str) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", SHADER);
+    if !declared.is_empty() {
+        write(folder.path(), "m.test.toml", declared);
+    }
+    folder
+}
+
+#[test]
+fn an_entry_point_is_listed_and_called() {
+    let folder = shaders("");
+    let list = karat(folder.path(), &["list"]).good();
+    for part in ["@fragment m::shade(in: In) -> vec4<f32>", "@compute m::reverse(i: u32)"] {
+        assert!(list.contains(part), "`{part}` is missing in:\n{list}");
+    }
+    let arguments = ["call", "m::shade", r#"{"pixel": [1, 1, 0, 1], "uv": [0.5, 0.25]}"#];
+    let called = karat(folder.path(), &[&arguments[..], &["--path", "cpu"]].concat()).good();
+    assert!(called.contains("cpu      (0.5, 0.25, 0, 1)"), "{called}");
+    let traced = ["call", "m::shade", "--arbitrary", "--path", "cpu", "--trace"];
+    let traced = karat(folder.path(), &traced).good();
+    assert!(traced.contains("fwidth(in.pixel.x)"), "{traced}");
+}
+
+#[test]
+fn a_pass_is_dispatched_and_looked_through() {
+    let folder = shaders("");
+    let call = |arguments: &[&str]| {
+        let all = ["call"].into_iter().chain(arguments.iter().copied()).chain(["--path", "cpu"]);
+        karat(folder.path(), &all.collect::<Vec<_>>())
+    };
+    let bound = ["--bind", "input=[1,2,3,4,5,6,7,8]", "--bind", "keys=[0,0,0,0,0,0,0,0]"];
+    let ran = call(&[&["m::reverse", "--dispatch", "1"], &bound[..]].concat()).good();
+    assert!(ran.contains("keys = [8, 7, 6, 5, 4, 3, 2, 1]"), "{ran}");
+    let sum =
+        ["m::add", "--dispatch", "2,1", "--bind", "input=[1,2,3,4,5,6,7,8,9]", "--bind", "total=1"];
+    assert!(call(&sum).good().contains("total = 46"));
+    let raced = call(&["m::wait", "--dispatch", "1", "--arbitrary"]);
+    assert_eq!(raced.code, Some(1), "{raced:?}");
+    assert!(
+        raced.out.contains("race on `keys[0]`") && raced.out.contains("m.wgsl:13:"),
+        "{raced:?}"
+    );
+    for (wrong, part) in [
+        (&["m::reverse", "--dispatch", "0", "--arbitrary"][..], "from 1 to 65535"),
+        (&["m::reverse", "--dispatch", "1,x", "--arbitrary"][..], "write workgroups as 4"),
+        (&["m::shade", "--dispatch", "1", "--arbitrary"][..], "no compute entry point"),
+        (&["m::revers", "--dispatch", "1", "--arbitrary"][..], "did you mean `m::reverse`"),
+        (&["m::reverse", "--dispatch", "1"][..], "add --bind"),
+    ] {
+        let ran = call(wrong);
+        assert!(ran.code != Some(0) && ran.err.contains(part), "{wrong:?}: {ran:?}");
+    }
+}
+
+#[test]
+fn passes_are_tested_without_rust() {
+    let declared = "\
+[[compute]]
+name = \"twice\"
+passes = [{ entry = \"reverse\", workgroups = 1 }, { entry = \"mirror\", workgroups = 1 }]
+with = { input = { size = 8, range = \"0..99\", seed = 4 }, keys = { size = 8 } }
+[compute.after.keys]
+permutation_of = \"input\"
+in_range = [0, 99]
+[[compute]]
+entry = \"mirror\"
+workgroups = [1, 1]
+with = { input = [8, 7, 6, 5, 4, 3, 2, 1], keys = { size = 8 } }
+[compute.after.keys]
+sorted = true
+equals = [1, 2, 3, 4, 5, 6, 7, 8]
+table = \"keys.csv\"
+agrees_with = \"reverse\"
+[[compute]]
+entry = \"add\"
+workgroups = 2
+with = { input = [1, 2, 3, 4, 5, 6, 7, 8, 9], total = 0 }
+[compute.after.total]
+sum_of = \"input\"
+equals = 45
+[[compute]]
+entry = \"root\"
+workgroups = 1
+no_hazards = true
+with = { out = { size = 8, range = \"1..4\" } }
+[compute.after.out]
+finite = true
+in_range = [0.999, 2.001]
+[[compute]]
+entry = \"wait\"
+workgroups = 1
+with = { keys = [9, 9] }
+accept_race = { keys = \"any of them may be the last\" }
+[compute.after.keys]
+in_range = [0, 9]
+";
+    let folder = shaders(declared);
+    write(folder.path(), "keys.csv", "value\n1\n2\n3\n4\n5\n6\n7\n8\n");
+    let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
+    assert!(ran.contains("12 checks"), "{ran}");
+    assert!(ran.contains("its elements are those of `input`, in any order"), "{ran}");
+    assert!(ran.contains("1 accepted race"), "{ran}");
+}
+
+/// Each expectation fails where it is wrong, at the entry point, with the element.
+#[test]
+fn wrong_passes_fail_with_the_element() {
+    let of = |entry: &str, with: &str, after: &str| {
+        let declared =
+            format!("[[compute]]\nentry = \"{entry}\"\nworkgroups = 1\nwith = {with}\n{after}\n");
+        let folder = shaders(&declared);
+        let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
+        assert!(ran.code != Some(0), "{declared}: {ran:?}");
+        format!("{}{}", ran.out, ran.err)
+    };
+    let input = "{ input = [1, 2, 3, 4, 5, 6, 7, 8], keys = { size = 8 } }";
+    let root = "{ out = { size = 8, range = \"-4..-1\" } }";
+    for (entry, with, after, parts) in [
+        ("reverse", input, "[compute.after.keys]\nsorted = true", ["first: [1]", "at least 8"]),
+        (
+            "mirror",
+            input,
+            "[compute.after.keys]\nsorted = \"descending\"\nequals = 1",
+            ["first: [0]", "expected = 1"],
+        ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nunchanged = true",
+            ["actual = 8", "expected = 0"],
+        ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\npermutation_of = \"keys\"",
+            ["once too often", "0, which is missing"],
+        ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nin_range = [0, 7]",
+            ["actual = 8", "expected = 0 to 7"],
+        ),
+        (
+            "add",
+            "{ input = [1, 2], total = 1 }",
+            "[compute.after.total]\nsum_of = \"input\"",
+            ["actual = 4", "expected = 3"],
+        ),
+        ("root", root, "[compute.after.out]\nfinite = true", ["actual = NaN", "m.wgsl:12:"]),
+        ("root", root, "no_hazards = true", ["NaN at `sqrt(out[i])`", "m.wgsl:12:"]),
+        (
+            "wait",
+            "{ keys = [9, 9] }",
+            "[compute.after.keys]\nin_range = [0, 9]",
+            ["race on `keys[0]`", "m.wgsl:13:"],
+        ),
+    ] {
+        let said = of(entry, with, after);
+        assert!(parts.iter().all(|part| said.contains(part)), "{entry} {after}: {said}");
+    }
+    for (entry, with, after, parts) in [
+        (
+            "revers",
+            input,
+            "[compute.after.keys]\nsorted = true",
+            ["did you mean `m::reverse`", "m.test.toml:2:1"],
+        ),
+        (
+            "reverse",
+            "{ inputs = [1] }",
+            "[compute.after.keys]\nsorted = true",
+            ["`inputs`", "m.test.toml:4:1"],
+        ),
+        ("reverse", input, "[compute.after.kyes]\nsorted = true", ["kyes", "m.test.toml:5:"]),
+        ("reverse", input, "", ["nothing is asserted", "m.test.toml:1:1"]),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\n",
+            ["nothing is asserted of `keys`", "m.test.toml:1:1"],
+        ),
+        ("reverse", input, "[compute.after.keys]\nsortd = true", ["sortd", "m.test.toml:6:1"]),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nsorted = false",
+            ["asserts nothing", "m.test.toml:1:1"],
+        ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nsorted = true\ntolerance = \"4 ulp\"",
+            ["a tolerance does nothing", "m.test.toml:1:1"],
+        ),
+        (
+            "reverse",
+            "{ input = { size = 0 }, keys = { size = 8 } }",
+            "[compute.after.keys]\nsorted = true",
+            ["no number of elements", "m.test.toml:4:1"],
+        ),
+        (
+            "reverse",
+            "{ input = { sise = 8 }, keys = { size = 8 } }",
+            "[compute.after.keys]\nsorted = true",
+            ["did you mean `size`", "m.test.toml:4:1"],
+        ),
+        (
+            "reverse",
+            "{ input = { size = 8 } }",
+            "[compute.after.keys]\nsorted = true",
+            ["bind `m::keys` by `with`", "m.wgsl:3:23"],
+        ),
+        (
+            "shade",
+            "{}",
+            "[compute.after.keys]\nsorted = true",
+            ["no compute entry point", "m.test.toml:2:1"],
+        ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nagrees_with = \"reverse\"",
+            ["compared with itself", "m.test.toml:5:"],
+        ),
+    ] {
+        let said = of(entry, with, after);
+        assert!(parts.iter().all(|part| said.contains(part)), "{entry} {with} {after}: {said}");
+    }
+}
+
+#[test]
+fn edits_of_entry_points_are_compared() {
+    let (old, new) = (shaders(""), shaders(""));
+    write(new.path(), "m.wgsl", &SHADER.replace("input[7u - i]", "input[6u - min(i, 6u)]"));
+    let before = old.path().display().to_string();
+    let ran = karat(new.path(), &["compare", &before]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("changed    m::reverse"), "{}", ran.out);
+    assert!(ran.out.contains("words changed") && ran.out.contains("keys["), "{}", ran.out);
+}
