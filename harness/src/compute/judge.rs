@@ -34,6 +34,11 @@ pub(super) struct Statement<'a> {
 }
 
 /// How a resource breaks a statement.
+///
+/// ```
+/// let whole = karat::unstable::compute::Broken { failures: 1, first: None };
+/// assert!(whole.first.is_none());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Broken {
     /// The elements that do; of a statement of all of them 1.

@@ -14,6 +14,14 @@ use crate::value::Shape;
 pub use super::judge::{Broken, Element};
 
 /// A resource with what it holds.
+///
+/// ```
+/// use karat::unstable::compute::Content;
+/// use karat::value::{Scalar, Shape};
+///
+/// let number = Content { name: "total".to_owned(), shape: Shape::Scalar(Scalar::U32), lanes: vec![7] };
+/// assert_eq!(number.shape.format(&number.lanes), "7");
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Content {
     /// The variable, or the fixture that several passes share.
@@ -26,6 +34,15 @@ pub struct Content {
 
 impl Content {
     /// The type of an element of an array; of something else its own.
+    ///
+    /// ```
+    /// use karat::unstable::compute::Content;
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let shape = Shape::Array { element: Box::new(Shape::Scalar(Scalar::U32)), length: 2 };
+    /// let two = Content { name: "keys".to_owned(), shape, lanes: vec![7, 8] };
+    /// assert_eq!(*two.element(), Shape::Scalar(Scalar::U32));
+    /// ```
     #[must_use]
     pub fn element(&self) -> &Shape {
         match &self.shape {
@@ -84,6 +101,17 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
 
 /// The findings of the sanitizer, each with its message, and how much it looked through.
 ///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// let (found, watched) = karat::unstable::compute::violations(&passes)?;
+/// assert_eq!((found.len(), watched.invocations), (0, 1));
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
 /// # Errors
 /// If the passes aren't valid.
 pub fn violations(
@@ -97,6 +125,16 @@ pub fn violations(
 }
 
 /// What goes wrong inside of the passes, where the author wrote it: its place, and what it is.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// assert!(karat::unstable::compute::hazards(&passes)?.is_empty());
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
 ///
 /// # Errors
 /// If Karat's engine can't run them.
@@ -112,6 +150,16 @@ pub fn hazards(compute: &Compute<'_>) -> Result<Vec<(String, String)>, ComputeEr
 }
 
 /// Checks that a resource holds these numbers, to within a tolerance.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// karat::unstable::compute::agrees_with(&passes.after("data"), vec![7.0, 2.0], Ulp(0.0).into())?;
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
 ///
 /// # Errors
 /// If it doesn't, or nothing could be compared.
@@ -131,6 +179,20 @@ pub fn agrees_with(
 }
 
 /// Checks a statement of the lanes of a resource. One that `may_stay` as it was before says so.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// let after = passes.after("data");
+/// karat::unstable::compute::satisfies(&after, "has two elements", false, &|lanes| {
+///     use karat::unstable::compute::Broken;
+///     (lanes.len() != 2).then_some(Broken { failures: 1, first: None })
+/// })?;
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
 ///
 /// # Errors
 /// If it doesn't hold, or nothing could be compared.

@@ -439,6 +439,54 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
+/// An array without a length that says its size, and what its elements are drawn from: `{ size = 256, range = "0..1" }`.
+/// `None` if the value says something else.
+fn spread(
+    program: &Program,
+    binding: &Binding,
+    value: &Value,
+) -> Result<Option<(usize, Vec<u32>)>, String> {
+    /// As many words as a buffer may have on every device: 128 MiB.
+    const MOST: usize = 1 << 25;
+    let plain = program.buffer_of(binding, 0);
+    let (Some(Shape::Array { element, length: 0 }), Value::Table(table)) = (&plain, value) else {
+        return Ok(None);
+    };
+    let known = ["size", "range", "seed"];
+    if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
+        return Err(no_such("key", unknown, known));
+    }
+    let width = element.lanes().len().max(1);
+    let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));
+    let size = match whole("size") {
+        Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
+        Some((value, _)) => return Err(format!("size = {value} is no number of elements")),
+        None => return Err("an array without a length is a list, or says its `size`".to_owned()),
+    };
+    let seed = match whole("seed") {
+        Some((_, Some(seed))) => seed.cast_unsigned(),
+        Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
+        None => 0,
+    };
+    let Some(range) = table.get("range") else {
+        return match table.contains_key("seed") {
+            true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
+            false => Ok(Some((size, vec![0; size * width]))),
+        };
+    };
+    let parameter = (binding.name().to_owned(), (**element).clone());
+    let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
+    let domain = Dynamic::new(&[parameter], vec![parts]);
+    let numbering = Numbering::of(&domain, seed, size as u64, size as u64);
+    let mut rows = Vec::new();
+    let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
+    if count == 0 {
+        return Err("nothing lies in that range".to_owned());
+    }
+    // A range of few values gives each of them once.
+    Ok(Some((size, rows.iter().copied().cycle().take(size * width).collect())))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -498,52 +546,4 @@ mod tests {
             assert!(error.contains(part), "{declared}: {error}");
         }
     }
-}
-
-/// An array without a length that says its size, and what its elements are drawn from: `{ size = 256, range = "0..1" }`.
-/// `None` if the value says something else.
-fn spread(
-    program: &Program,
-    binding: &Binding,
-    value: &Value,
-) -> Result<Option<(usize, Vec<u32>)>, String> {
-    /// As many words as a buffer may have on every device: 128 MiB.
-    const MOST: usize = 1 << 25;
-    let plain = program.buffer_of(binding, 0);
-    let (Some(Shape::Array { element, length: 0 }), Value::Table(table)) = (&plain, value) else {
-        return Ok(None);
-    };
-    let known = ["size", "range", "seed"];
-    if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
-        return Err(no_such("key", unknown, known));
-    }
-    let width = element.lanes().len().max(1);
-    let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));
-    let size = match whole("size") {
-        Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
-        Some((value, _)) => return Err(format!("size = {value} is no number of elements")),
-        None => return Err("an array without a length is a list, or says its `size`".to_owned()),
-    };
-    let seed = match whole("seed") {
-        Some((_, Some(seed))) => seed.cast_unsigned(),
-        Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
-        None => 0,
-    };
-    let Some(range) = table.get("range") else {
-        return match table.contains_key("seed") {
-            true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
-            false => Ok(Some((size, vec![0; size * width]))),
-        };
-    };
-    let parameter = (binding.name().to_owned(), (**element).clone());
-    let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
-    let domain = Dynamic::new(&[parameter], vec![parts]);
-    let numbering = Numbering::of(&domain, seed, size as u64, size as u64);
-    let mut rows = Vec::new();
-    let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
-    if count == 0 {
-        return Err("nothing lies in that range".to_owned());
-    }
-    // A range of few values gives each of them once.
-    Ok(Some((size, rows.iter().copied().cycle().take(size * width).collect())))
 }
