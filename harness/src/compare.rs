@@ -85,9 +85,9 @@ pub struct Compared {
     pub drawn: Drawn,
     /// Inputs that weren't run, because they make a loop count to more than some thousands.
     pub cut: usize,
-    /// Whether it is a compute pass, whose cases are the words that it leaves.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub dispatched: bool,
+    /// Invocations in each direction of a compute pass, whose cases are the words that it leaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dispatched: Option<[u32; 3]>,
     /// Violations that a compute pass has after the edit, and hadn't before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
@@ -153,7 +153,7 @@ impl Compared {
     fn of(function: &str, change: Change) -> Self {
         let (location, interface, drawn, violations) = Default::default();
         let function = function.to_owned();
-        let dispatched = false;
+        let dispatched = None;
         Self { function, location, change, interface, drawn, cut: 0, dispatched, violations }
     }
 }
@@ -234,7 +234,9 @@ impl Request {
             interface_of_stage = attributes(&before.attributes(own), &after.attributes(own));
         }
         if stage == Some(Stage::Compute) {
-            return Compared { interface: interface_of_stage, ..self.compare_passes(name) };
+            let compared = self.compare_passes(name);
+            let interface = [interface_of_stage, compared.interface].concat();
+            return Compared { interface, ..compared };
         }
         let probed = |package: &Package| Probed::new(package, name).and_then(made_up::fitted);
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
@@ -264,7 +266,8 @@ impl Request {
             Change::Unjudged { reason }
         });
         let Ran { drawn, cut } = ran;
-        let interface = [interface_of_stage, interface(&before, &after)].concat();
+        let interface =
+            [interface_of_stage, interface(Side::of(&before), Side::of(&after))].concat();
         Compared { location, interface, drawn, cut, ..compared(change) }
     }
 
@@ -338,31 +341,54 @@ struct Ran {
     cut: usize,
 }
 
+/// A function or an entry point on one side of an edit, with its resources.
+#[derive(Clone, Copy)]
+struct Side<'s> {
+    program: &'s Program,
+    bindings: &'s [Binding],
+}
+
+impl<'s> Side<'s> {
+    fn of(probed: &'s Probed) -> Self {
+        Self { program: &probed.program, bindings: &probed.function.bindings }
+    }
+
+    /// Whether a resource lies in memory as another side's does.
+    fn has_layout(self, binding: &Binding, other: Self, is: &Binding) -> bool {
+        let layout = |side: Self, binding: &Binding| {
+            let lanes = side.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
+            (lanes, side.program.least_bytes(binding), side.program.places(binding))
+        };
+        layout(self, binding) == layout(other, is)
+    }
+}
+
 /// The resource before an edit: that of the same name, or one that isn't there any more and was bound where
 /// this one is.
-fn was<'b>(before: &'b Probed, after: &Probed, new: &Binding) -> Option<&'b Binding> {
-    let olds = &before.function.bindings;
-    let is_gone = |old: &Binding| after.function.bindings.iter().all(|new| new.path != old.path);
+fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
+    let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
     let place = |one: &Binding| (one.group, one.binding, one.kind);
+    let olds = before.bindings;
     olds.iter()
         .find(|old| old.path == new.path)
         .or_else(|| olds.iter().find(|old| place(old) == place(new) && is_gone(old)))
 }
 
-/// A resource with another name holds the same, if it is laid out in the same way: contents come from names.
+/// Resources that have another name after an edit and the same layout: their paths before it and after it.
+fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
+    let of = |is: &Binding| {
+        let was = was(before, after, is).filter(|was| was.path != is.path)?;
+        before.has_layout(was, after, is).then(|| (was.path.clone(), is.path.clone()))
+    };
+    after.bindings.iter().filter_map(of).collect()
+}
+
+/// A resource with another name holds the same: contents come from names.
 fn hold_the_same(old: &mut Fixtures, new: &Fixtures, before: &Probed, after: &Probed) {
-    for is in &after.function.bindings {
-        let Some(was) = was(before, after, is).filter(|was| was.path != is.path) else { continue };
-        let layout = |probed: &Probed, binding: &Binding| {
-            let lanes = probed.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
-            (lanes, probed.program.least_bytes(binding), probed.program.places(binding))
-        };
+    for (was, is) in renamed(Side::of(before), Side::of(after)) {
         let of =
             |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
-        let (from, to) = (of(new, &is.path), of(old, &was.path));
-        if let (Some(from), Some(to)) = (from, to)
-            && layout(before, was) == layout(after, is)
-        {
+        if let (Some(from), Some(to)) = (of(new, &is), of(old, &was)) {
             old[to].1 = new[from].1.clone();
         }
     }
@@ -378,9 +404,9 @@ fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<St
 }
 
 /// How the host has to supply resources in another way after an edit: bindings and places of members.
-fn interface(before: &Probed, after: &Probed) -> Vec<String> {
+fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let mut all = Vec::new();
-    for new in &after.function.bindings {
+    for new in after.bindings {
         let Some(old) = was(before, after, new) else { continue };
         let name = new.name();
         let at =
@@ -391,7 +417,7 @@ fn interface(before: &Probed, after: &Probed) -> Vec<String> {
         if old.kind != new.kind {
             all.push(format!("`{name}` is a {}, and was a {}", new.kind, old.kind));
         }
-        let bytes = |probed: &Probed, binding: &Binding| probed.program.least_bytes(binding);
+        let bytes = |side: Side<'_>, binding: &Binding| side.program.least_bytes(binding);
         if bytes(before, old) != bytes(after, new) {
             let (was, is) = (bytes(before, old), bytes(after, new));
             all.push(format!("`{name}` takes {is} bytes, and took {was}"));

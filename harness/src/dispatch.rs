@@ -11,7 +11,7 @@ mod violation;
 use std::sync::Arc;
 
 #[cfg(feature = "engine")]
-pub(crate) use arbitrary::common_invocations;
+pub(crate) use arbitrary::Usual;
 pub(crate) use violation::Examined;
 pub use violation::{Violation, ViolationAccess, ViolationKind, Watched};
 

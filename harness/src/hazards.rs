@@ -593,7 +593,14 @@ impl Hazard {
             self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
         let (cases, of) = self.cases;
-        writeln!(f, "    {} with {with}  ({cases} of {of} inputs)", self.function)?;
+        let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
+        let counted = match (is_pass, &self.violation) {
+            // Elements, of which an invocation has several, or several have one.
+            (true, Some(_)) => format!("in {of} invocations"),
+            (true, None) => format!("{cases} of {of} invocations"),
+            (false, _) => format!("{cases} of {of} inputs"),
+        };
+        writeln!(f, "    {} with {with}  ({counted})", self.function)?;
         if let Some(violation) = &self.violation {
             for access in &violation.accesses {
                 writeln!(f, "    {}  {} {}", access.place, access.invocation, access.does)?;

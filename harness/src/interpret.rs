@@ -35,7 +35,7 @@ use crate::value::{Scalar, Shape};
 pub(crate) use alone::Alone;
 pub(crate) use dispatch::dispatch;
 use quads::Quads;
-pub(crate) use sanitizer::examine;
+pub(crate) use sanitizer::{FEW_ROUNDS, examine, examine_made_up};
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]

@@ -192,8 +192,11 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
         let of_size = || {
             let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
-            let size = ranges.extents.filter(|_| whole)?.size(own, lane, shape.lanes().len())?;
-            Some(Meaning::Range(f64::from(size), f64::from(size)))
+            let extents = ranges.extents.filter(|_| whole || scalar == Scalar::F32)?;
+            let size = extents.size(own, lane, shape.lanes().len(), whole);
+            let unknown = extents.unknown.filter(|_| whole && meaning == Meaning::Any);
+            let size = f64::from(size.or(unknown)?);
+            Some(Meaning::Range(size, size))
         };
         let meaning = match declared {
             None => of_builtin().or_else(of_size).unwrap_or(meaning),

@@ -219,7 +219,7 @@ fn members_of_buffers_are_drawn_and_declared() {
                 fn f(id: u32) -> u32 { return (id + 1u) % p.groups; }\n\
                 fn g(id: u32) -> u32 { return id / p.other; }\n\
                 fn h(x: f32) -> f32 { return x / p.gain; }\n\
-                fn k(id: u32) -> u32 { return id / p.seeds[1]; }\n";
+                fn k(id: u32) -> u32 { return id / p.seeds[0]; }\n";
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
     let package = Package::open(folder.path()).expect("it is there");

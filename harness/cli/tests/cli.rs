@@ -436,7 +436,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
     let broken = find("broken::broken");
     assert!(broken["signature"].is_null());
     assert!(broken["error"].as_str().is_some_and(|text| text.contains("broken.wgsl:2:")));
-    assert_eq!(list.len(), 12);
+    assert_eq!(list.len(), 13);
 }
 
 #[test]

@@ -1,18 +1,19 @@
 //! What an edit changed of a compute pass: the words that it leaves in each resource, and violations that it brings.
 
-use super::{Change, Compared, PathChange, Request, distance};
-use crate::dispatch::{Passes, Violation, common_invocations};
+use super::{Change, Compared, PathChange, Request, Side, distance, interface, renamed};
+use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
-use crate::interpret::examine;
+use crate::fixture::Fixtures;
+use crate::interpret::examine_made_up;
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
+use crate::reflect::Program;
 use crate::value::format_lane;
 
 impl Request {
     /// Dispatches a pass before and after the edit over made-up resources.
     pub(super) fn compare_passes(&self, name: &str) -> Compared {
-        let mut compared =
-            Compared { dispatched: true, ..Compared::of(name, Change::Same { cases: 0 }) };
+        let mut compared = Compared::of(name, Change::Same { cases: 0 });
         match self.run_passes(name, &mut compared) {
             Ok(change) => Compared { change, ..compared },
             Err(reason) => {
@@ -25,27 +26,51 @@ impl Request {
 
     fn run_passes(&self, name: &str, compared: &mut Compared) -> Result<Change, String> {
         let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
-        let size = |package: &Package| Passes::workgroup_size(package, name);
-        let was = size(&self.before).map_err(|error| format!("before: {error}"))?;
-        let is = size(&self.after).map_err(|error| format!("after: {error}"))?;
-        let invocations = Some(common_invocations([was, is]));
+        let (of_old, of_new) =
+            (|error| format!("before: {error}"), |error| format!("after: {error}"));
+        let (was, old_bindings, _) = Program::of_pass(&self.before, name).map_err(of_old)?;
+        let (is, new_bindings, _) = Program::of_pass(&self.after, name).map_err(of_new)?;
+        let before = Side { program: &was, bindings: &old_bindings };
+        let after = Side { program: &is, bindings: &new_bindings };
+        compared.interface = interface(before, after);
+        let renamed = renamed(before, after);
+        let usual = |package: &Package| Usual::of(package, name);
+        let usual = usual(&self.before)?.invocations_with(usual(&self.after)?);
+        compared.dispatched = Some(usual);
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
         for variant in 0..Extents::VARIANTS {
-            let made =
-                |package: &Package| Passes::arbitrary(package, name, invocations, &ranges, variant);
-            let (old, _) = made(&self.before).map_err(|error| format!("before: {error}"))?;
-            let (new, made) = made(&self.after).map_err(|error| format!("after: {error}"))?;
+            let made = |package: &Package, given: &Fixtures| {
+                Passes::arbitrary(package, name, Some(usual), &ranges, (variant, given))
+            };
+            let (new, made_new) = made(&self.after, &Vec::new()).map_err(of_new)?;
+            let of_new_name = |path: &str| made_new.fixtures.iter().find(|(name, _)| name == path);
+            let given = renamed
+                .iter()
+                .filter_map(|(was, is)| Some((was.clone(), of_new_name(is)?.1.clone())));
+            let (old, _) = made(&self.before, &given.collect()).map_err(of_old)?;
+            let made = made_new;
             compared.location = new.span().map_or_else(String::new, |span| span.to_string());
             compared.drawn.merge(made.drawn);
-            // Draws may bring an index that leaves its array in one of the two alone.
-            if variant < Extents::SURE {
-                for one in brought(&old, &new) {
+            // Where sizes don't follow from each other an index leaves its array in one of the two alone.
+            let counts =
+                |one: &&Violation| variant < Extents::SIZED || one.kind != ViolationKind::Outside;
+            let (seen_old, seen_new) = (examine_made_up(&old), examine_made_up(&new));
+            match (&seen_old.endless, &seen_new.endless) {
+                (None, Some(_)) => return Err("after the edit a loop of it doesn't end".to_owned()),
+                (Some(_), _) => {
+                    compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
+                    continue;
+                }
+                (None, None) => {}
+            }
+            if variant < Extents::LIKELY {
+                for one in brought(&seen_old, &seen_new).filter(counts) {
                     let known = |known: &Violation| {
                         (known.kind, &known.variable) == (one.kind, &one.variable)
                     };
                     if !compared.violations.iter().any(known) {
-                        compared.violations.push(one);
+                        compared.violations.push(one.clone());
                     }
                 }
             }
@@ -54,7 +79,7 @@ impl Request {
                     let executor = executor::of(*path).map_err(|error| error.to_string())?;
                     executor::dispatch(executor, passes).map_err(|error| error.to_string())
                 };
-                let difference = Difference::of((&old, run(&old)?), (&new, run(&new)?))?;
+                let difference = Difference::of((&old, run(&old)?), (&new, run(&new)?), &renamed)?;
                 words += difference.words;
                 let Some(change) = difference.change(path.to_string(), &made.members) else {
                     continue;
@@ -67,6 +92,9 @@ impl Request {
             if !made.varies {
                 break;
             }
+        }
+        if words == 0 && compared.cut > 0 {
+            return Err("its loops are too long to be run".to_owned());
         }
         if words == 0 {
             return Err("it writes nothing that is seen afterwards".to_owned());
@@ -81,14 +109,11 @@ impl Request {
 }
 
 /// Violations that the pass after an edit has, and hadn't before.
-fn brought(old: &Passes, new: &Passes) -> Vec<Violation> {
-    let of =
-        |passes: &Passes| examine(passes).violations.into_iter().map(|(violation, _)| violation);
-    let before: Vec<Violation> = of(old).collect();
-    let is_new = |one: &Violation| {
-        before.iter().all(|known| (known.kind, &known.variable) != (one.kind, &one.variable))
-    };
-    of(new).filter(is_new).collect()
+fn brought<'e>(old: &'e Examined, new: &'e Examined) -> impl Iterator<Item = &'e Violation> {
+    let of = |examined: &'e Examined| examined.violations.iter().map(|(violation, _)| violation);
+    of(new).filter(move |one| {
+        of(old).all(|known| (known.kind, &known.variable) != (one.kind, &one.variable))
+    })
 }
 
 /// How words that passes leave differ.
@@ -106,6 +131,7 @@ impl Difference {
     fn of(
         (old, was): (&Passes, crate::dispatch::Afterwards),
         (new, is): (&Passes, crate::dispatch::Afterwards),
+        renamed: &[(String, String)],
     ) -> Result<Self, String> {
         let mut all = Self { ulp: Some(0), relative: Some(0.0), ..Self::default() };
         for (number, words) in &is {
@@ -114,14 +140,23 @@ impl Difference {
             let (_, shape) = new.written(name).map_err(|error| text(&error))?;
             let lanes = new.lanes(*number, words).unwrap_or_default();
             let short = name.rsplit("::").next().unwrap_or(name);
-            let Ok((before, old_shape)) = old.written(name) else {
-                return Err(format!("it writes `{short}`, and didn't"));
+            let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
+            // A resource that wasn't written held what it held before.
+            let (old_shape, before) = match old.written(known) {
+                Ok((number, shape)) => {
+                    let words = was.iter().find(|(known, _)| *known == number);
+                    (shape, words.and_then(|(number, words)| old.lanes(*number, words)))
+                }
+                Err(_) => match old.content(known) {
+                    Ok((_, shape, lanes)) => (shape, Some(lanes)),
+                    Err(_) => {
+                        return Err(format!("it writes `{short}`, which it didn't use before"));
+                    }
+                },
             };
             if shape != old_shape {
                 return Err(format!("`{short}` is {shape}, and was {old_shape}"));
             }
-            let before = was.iter().find(|(known, _)| *known == before);
-            let before = before.and_then(|(number, words)| old.lanes(*number, words));
             let (scalars, names) = (shape.lanes(), shape.lane_names());
             for (lane, (was, is)) in before.unwrap_or_default().iter().zip(&lanes).enumerate() {
                 all.words += 1;

@@ -1,6 +1,7 @@
 //! Compute passes over resources that are made up.
 
 use super::{Passes, Wanted};
+use crate::fixture::Fixtures;
 use crate::made_up::{Extents, Ranges, Resources};
 use crate::package::Package;
 use crate::reflect::{Overrides, Program};
@@ -9,8 +10,12 @@ use crate::reflect::{Overrides, Program};
 const INVOCATIONS: u32 = 64;
 
 /// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which a workgroup extends,
-/// as nothing orders two of them, and three downwards, so that rows are no columns.
-pub(crate) fn usual_workgroups(size: [u32; 3]) -> [u32; 3] {
+/// as nothing orders two of them, and three downwards, so that rows are no columns. A pass that asks for nothing that
+/// tells workgroups apart is made for one.
+fn usual_workgroups(size: [u32; 3], tells_apart: bool) -> [u32; 3] {
+    if !tells_apart {
+        return [1; 3];
+    }
     let mut groups = size.map(|count| if count > 1 { 2 } else { 1 });
     groups[0] = groups[0].max(2);
     if size[1] > 1 {
@@ -22,30 +27,47 @@ pub(crate) fn usual_workgroups(size: [u32; 3]) -> [u32; 3] {
     groups
 }
 
-/// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are: the size
-/// of the first and of the second.
-pub(crate) fn common_invocations(sizes: [[u32; 3]; 2]) -> [u32; 3] {
-    [0, 1, 2].map(|k| {
-        let usual = |size: [u32; 3]| size[k] * usual_workgroups(size)[k];
-        let (one, other) = (sizes[0][k], sizes[1][k]);
-        let both = (1..=other).map(|times| one * times).find(|all| all % other == 0);
-        let both = both.unwrap_or(one * other);
-        usual(sizes[0]).max(usual(sizes[1])).next_multiple_of(both)
-    })
+/// Builtin values that tell one workgroup from another.
+const APART: [&str; 5] = [
+    "@builtin(global_invocation_id)",
+    "@builtin(global_invocation_index)",
+    "@builtin(workgroup_id)",
+    "@builtin(workgroup_index)",
+    "@builtin(num_workgroups)",
+];
+
+/// A compute entry point as it is usually dispatched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Usual {
+    size: [u32; 3],
+    workgroups: [u32; 3],
+}
+
+impl Usual {
+    /// # Errors
+    /// If the entry point isn't valid, or is none of compute passes.
+    pub(crate) fn of(package: &Package, name: &str) -> Result<Self, String> {
+        let (program, _, size) = Program::of_pass(package, name)?;
+        let own = name.rsplit("::").next().unwrap_or(name);
+        let attributes = program.attributes(own);
+        let apart = attributes.iter().any(|(_, attribute)| APART.contains(&&**attribute));
+        Ok(Self { size, workgroups: usual_workgroups(size, apart) })
+    }
+
+    /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
+    pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
+        [0, 1, 2].map(|k| {
+            let usual = |one: Self| one.size[k] * one.workgroups[k];
+            let (a, b) = (self.size[k], other.size[k]);
+            let both = (1..=b).map(|times| a * times).find(|all| all % b == 0).unwrap_or(a * b);
+            usual(self).max(usual(other)).next_multiple_of(both)
+        })
+    }
 }
 
 impl Passes {
-    /// The invocations of a compute entry point's workgroup.
-    ///
-    /// # Errors
-    /// If the entry point isn't valid, or is none of compute passes.
-    pub(crate) fn workgroup_size(package: &Package, name: &str) -> Result<[u32; 3], String> {
-        let (_, _, size) = Program::of_pass(package, name)?;
-        Ok(size)
-    }
-
     /// One pass over made-up resources, whose sizes follow from what is dispatched: so many invocations in each
-    /// direction, if that is said.
+    /// direction, if that is said. What is `given` stands for what would be made up.
     ///
     /// # Errors
     /// If the pass isn't valid, or a resource can't be made up.
@@ -54,15 +76,20 @@ impl Passes {
         name: &str,
         invocations: Option<[u32; 3]>,
         ranges: &Ranges,
-        variant: usize,
+        (variant, given): (usize, &Fixtures),
     ) -> Result<(Self, Resources), String> {
         let (program, bindings, size) = Program::of_pass(package, name)?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
-            None => usual_workgroups(size),
+            None => Usual::of(package, name)?.workgroups,
         };
         let extents = Extents::of(size, workgroups, variant);
-        let made = Resources::of_pass((&program, &bindings), ranges, extents, variant)?;
+        let mut made = Resources::of_pass((&program, &bindings), ranges, extents, variant)?;
+        for (name, fixture) in &mut made.fixtures {
+            if let Some((_, own)) = given.iter().find(|(known, _)| known == name) {
+                fixture.clone_from(own);
+            }
+        }
         let wanted = Wanted { name: name.to_owned(), workgroups };
         let passes = Self::new(package, &[wanted], (&made.fixtures, &[]), &Overrides::new());
         Ok((passes.map_err(|error| error.to_string())?, made))
@@ -75,11 +102,13 @@ mod tests {
 
     #[test]
     fn several_workgroups_run_in_each_direction_that_a_workgroup_has() {
-        assert_eq!(usual_workgroups([256, 1, 1]), [2, 1, 1]);
-        assert_eq!(usual_workgroups([8, 8, 1]), [2, 3, 1]);
-        assert_eq!(usual_workgroups([1, 1, 1]), [64, 1, 1]);
-        assert_eq!(usual_workgroups([1, 16, 1]), [2, 3, 1]);
-        assert_eq!(common_invocations([[8, 8, 1], [4, 4, 1]]), [16, 24, 1]);
-        assert_eq!(common_invocations([[6, 1, 1], [4, 1, 1]]), [96, 1, 1]);
+        assert_eq!(usual_workgroups([256, 1, 1], true), [2, 1, 1]);
+        assert_eq!(usual_workgroups([8, 8, 1], true), [2, 3, 1]);
+        assert_eq!(usual_workgroups([1, 1, 1], true), [64, 1, 1]);
+        assert_eq!(usual_workgroups([1, 16, 1], true), [2, 3, 1]);
+        assert_eq!(usual_workgroups([64, 1, 1], false), [1, 1, 1]);
+        let usual = |size| Usual { size, workgroups: usual_workgroups(size, true) };
+        assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
+        assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 }

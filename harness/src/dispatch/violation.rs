@@ -78,6 +78,8 @@ pub(crate) struct Examined {
     /// Each with its message.
     pub(crate) violations: Vec<(Violation, Diagnostic)>,
     pub(crate) watched: Watched,
+    /// A loop that was stopped.
+    pub(crate) endless: Option<Diagnostic>,
 }
 
 /// How much of passes was looked through by the sanitizer.

@@ -5,35 +5,39 @@ use std::collections::BTreeMap;
 use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Passes, Violation, ViolationKind};
-use crate::interpret::examine;
 use crate::interpret::hazards::Kind;
 use crate::interpret::passes::{FoundInPass, hazards};
+use crate::interpret::{FEW_ROUNDS, examine_made_up};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
+
+/// The first argument of a hazard in a pass.
+pub(super) const INVOCATION: &str = "invocation";
 
 /// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
 /// meanings that no name tells.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let mut seen = Seen::default();
     let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+    let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     for variant in 0..Extents::VARIANTS {
-        let made = Passes::arbitrary(package, name, None, ranges, variant);
+        let made = Passes::arbitrary(package, name, None, ranges, (variant, &Vec::new()));
         let (passes, made) = made.map_err(|error| first_line(&error))?;
         if (0..passes.resources.len()).all(|number| passes.writer(number).is_none()) {
             return Err("it writes nothing that is seen afterwards".to_owned());
         }
         seen.drawn.merge(made.drawn);
-        let examined = examine(&passes);
+        let examined = examine_made_up(&passes);
         let watched = examined.watched;
         let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
         let reason = Some(watched.reason).filter(|reason| !reason.is_empty());
         let inside = match &reason {
-            None => hazards(&passes).map_err(|error| first_line(&error.to_string())),
+            None => hazards(&passes, FEW_ROUNDS).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
         let members = made.members.iter().take(MEMBERS).cloned();
         let described = |invocation: String| {
-            let invocation = ("invocation".to_owned(), invocation);
+            let invocation = (INVOCATION.to_owned(), invocation);
             [invocation].into_iter().chain(members.clone()).collect::<Vec<_>>()
         };
         let of_pass = |kind, location, text| Hazard {
@@ -70,22 +74,40 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 operands: operands(found),
                 ..of_pass(found.kind, found.span.to_string(), one_line(&found.text))
             });
-        for hazard in violations.chain(inside_found) {
-            found.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
+        let endless = examined.endless.iter().map(|diagnostic| {
+            let place = diagnostic.location();
+            let text = place.and_then(|at| at.file.text.get(at.range.clone())).unwrap_or_default();
+            let location = place.map_or_else(String::new, ToString::to_string);
+            Hazard {
+                arguments: described("unknown".to_owned()),
+                cases: (1, of),
+                ..of_pass(Kind::Endless, location, one_line(text))
+            }
+        });
+        for hazard in violations.chain(inside_found).chain(endless) {
+            let likely = match hazard.kind {
+                // No name tells how large a texture is beside another one.
+                Kind::OutOfRange => variant < Extents::SIZED && !hazard.text.starts_with("texture"),
+                Kind::Endless => variant < Extents::SIZED,
+                _ => variant < Extents::LIKELY,
+            };
+            let to = if likely { &mut found } else { &mut rare };
+            to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
         }
         if let Err(reason) = inside {
             // With its findings it was looked at, but not to its end.
-            if variant == 0 && found.is_empty() {
+            if variant == 0 && found.is_empty() && rare.is_empty() {
                 return Err(reason);
             }
             seen.cut += of;
-            break;
         }
         if !made.varies {
             break;
         }
     }
+    rare.retain(|key, _| !found.contains_key(key));
     seen.hazards = found.into_values().collect();
+    seen.rare = rare.into_values().collect();
     Ok(seen)
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Faulty, Lanes, Observer};
+use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 
 use super::dispatch::{in_order, options};
 use super::hazards::{Found, Kind, kind_of};
@@ -60,12 +60,13 @@ pub(crate) struct FoundInPass {
 
 /// What goes wrong inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
 /// The sanitizer tells of indices that leave their arrays.
-pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
+pub(crate) fn hazards(passes: &Passes, fuel: u64) -> Result<Vec<FoundInPass>, DispatchError> {
     let finite = leaves_finite(passes)?;
     let mut all = Vec::new();
     in_order(passes, &mut |pass: &Pass, lowered, resources| {
         let faults = Faults::default();
-        lowered.dispatch::<F32>(pass.workgroups, resources, &options(), &faults)?;
+        let options = Options { fuel, ..options() };
+        lowered.dispatch::<F32>(pass.workgroups, resources, &options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let faults = faults.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         for ((address, kind), fault) in faults {

@@ -2,13 +2,15 @@
 
 use std::ops::Range;
 
-use karat_engine::{Access, Divergence, Observed, Outside, Place, Race as Found};
+use karat_engine::{Access, Divergence, Observed, Options, Outside, Place, Race as Found};
 
 use super::dispatch::{in_order, options};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
     DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
 };
+use crate::probe::ProbeError;
+use crate::reflect::{BindingKind, Dimension};
 
 /// Invocations that run whole. Of more, some workgroups of one pass run.
 const WHOLE: u64 = 1 << 16;
@@ -16,19 +18,31 @@ const WHOLE: u64 = 1 << 16;
 /// Workgroups that run of a pass that is too large: the first, the last, and others by the name of the pass.
 const SOME: usize = 64;
 
+/// Rounds of loops that made-up sizes may cause: what they count to is some hundreds.
+pub(crate) const FEW_ROUNDS: u64 = 1 << 14;
+
+/// [`examine`] of passes over made-up resources, whose loops may count to anything.
+pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
+    examine_with(passes, &Options { fuel: FEW_ROUNDS, ..options() })
+}
+
 /// Runs passes in the engine and returns its findings. The result says which passes it couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
+    examine_with(passes, &options())
+}
+
+fn examine_with(passes: &Passes, options: &Options) -> Examined {
     let of = passes.invocations();
     let mut examined =
         Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
-    if let Err(error) = run(passes, &mut examined) {
+    if let Err(error) = run(passes, &mut examined, options) {
         examined.watched.reason = first_line(&error.to_string());
     }
     examined
 }
 
-fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
-    let Examined { violations, watched } = examined;
+fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
+    let Examined { violations, watched, endless } = examined;
     let (mut outside, mut number) = (Vec::new(), 0);
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
@@ -39,7 +53,7 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
         let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
         let observed =
-            lowered.observe_races(pass.workgroups, resources, &options(), some.as_deref())?;
+            lowered.observe_races(pass.workgroups, resources, options, some.as_deref())?;
         watched.invocations += observed.invocations as u64;
         if let Some(some) = &some {
             // A later pass would read words that were never written.
@@ -53,8 +67,11 @@ fn run(passes: &Passes, examined: &mut Examined) -> Result<(), DispatchError> {
             watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
         }
         if let Some(stop) = &observed.stopped {
-            watched.reason =
-                first_line(&super::stopped(&pass.program, &pass.name, stop).to_string());
+            let stopped = super::stopped(&pass.program, &pass.name, stop);
+            watched.reason = first_line(&stopped.to_string());
+            if let ProbeError::Rounds { diagnostic, .. } = stopped {
+                *endless = Some(*diagnostic);
+            }
         }
         let goes_on = is_whole && observed.stopped.is_none();
         violations.extend(violations_of(&Examining { pass, size }, &observed));
@@ -106,7 +123,12 @@ impl Examining<'_> {
 
     /// The place of an access, as far as the author wrote it.
     fn span(&self, site: &karat_engine::Site) -> Option<Span> {
-        self.pass.program.resolve(site.span.to_range()?).map(|span| span.first_line())
+        let mut span = self.pass.program.resolve(site.span.to_range()?)?;
+        // Of a call naga keeps the name alone.
+        if let Some(whole) = super::whole_call(&span.file.text, span.range.clone()) {
+            span.range.end = span.range.start + whole.len();
+        }
+        Some(span.first_line())
     }
 }
 
@@ -138,7 +160,22 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
             Some((path, values)) => (path, Some(values)),
             None => (format!(", byte {at}"), None),
         },
-        Place::Texel([x, y, z]) => (format!("[{x}, {y}, {z}]"), None),
+        Place::Texel([x, y, z]) => {
+            let dimensions = pass.bindings.iter().find_map(|(binding, _)| match binding.kind {
+                BindingKind::StorageTexture { dimension, arrayed, .. }
+                    if program.name_of(&binding.path) == race.variable =>
+                {
+                    Some((dimension, arrayed))
+                }
+                _ => None,
+            });
+            let texel = match dimensions {
+                Some((Dimension::D1, false)) => format!("[{x}]"),
+                Some((Dimension::D2, false)) => format!("[{x}, {y}]"),
+                _ => format!("[{x}, {y}, {z}]"),
+            };
+            (texel, None)
+        }
     };
     let variable = program.author_path(&race.variable).unwrap_or(&race.variable).to_owned();
     let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));

@@ -6,13 +6,18 @@ use super::meaning::words;
 const ELEMENTS: [&str; 10] =
     ["count", "size", "length", "len", "num", "n", "elements", "total", "dimensions", "resolution"];
 
-/// Numbers of elements, each of which is an index of another array, and no two are the same.
+/// Words of vectors' names that mean the elements in each direction.
+const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bounds", "domain"];
+
+/// How integers in arrays are numbered: each of them is an index of another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Numbered {
-    /// 0, 1, 2 ..
+    /// 0, 1, 2 ..: no two are the same.
     Forwards,
     /// .. 2, 1, 0: what is sorted already would hide that a pass doesn't sort.
     Backwards,
+    /// 0 and 1, as cells and flags are.
+    Bits,
 }
 
 impl Numbered {
@@ -21,11 +26,13 @@ impl Numbered {
         match self {
             Self::Forwards => element,
             Self::Backwards => count - 1 - element,
+            // Bits of the golden ratio's multiples: none of the short periods that a stencil would hide in.
+            Self::Bits => element.wrapping_mul(0x9e37_79b9) >> 31,
         }
     }
 }
 
-/// How far a dispatch reaches, which made-up sizes follow.
+/// How far a dispatch reaches, which made-up sizes follow, and what else is made up for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
     /// Elements in each direction: invocations of all workgroups, or fewer.
@@ -33,34 +40,49 @@ pub(crate) struct Extents {
     pub(crate) workgroups: [u32; 3],
     /// How elements of arrays of integers are numbered; `None`: they are drawn.
     pub(crate) numbered: Option<Numbered>,
+    /// A whole number of which the name says nothing; `None`: it is drawn.
+    pub(crate) unknown: Option<u32>,
 }
 
 impl Extents {
-    /// Contents that are tried: as many elements as are dispatched, in order; fewer, so that the last workgroup has a
-    /// tail; then draws.
+    /// Contents that are tried.
     #[cfg(feature = "engine")]
-    pub(crate) const VARIANTS: usize = 4;
+    pub(crate) const VARIANTS: usize = 8;
 
-    /// In the first so many of them indices aren't drawn.
+    /// In the first so many all sizes follow from what is dispatched.
     #[cfg(feature = "engine")]
-    pub(crate) const SURE: usize = 2;
+    pub(crate) const SIZED: usize = 2;
+
+    /// In the first so many indices and counts are such as a host may well give.
+    #[cfg(feature = "engine")]
+    pub(crate) const LIKELY: usize = 5;
 
     /// A dispatch over all of its invocations. The second variant has a tail: its elements are no multiple of the
-    /// workgroup. From the third one on integers in arrays are drawn like others.
+    /// workgroup. The others try the numbers that a parameter may be compared with, and then draws.
     #[cfg(feature = "engine")]
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
         /// What is missing of the last workgroup.
         const TAIL: u32 = 3;
+        /// Elements of arrays, at least.
+        const LEAST: u32 = 64;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
+        let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
+        if total < LEAST {
+            elements[0] *= LEAST.div_ceil(total);
+        }
         if variant == 1 {
             elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
         }
-        let numbered = match variant {
-            0 => Some(Numbered::Forwards),
-            1 => Some(Numbered::Backwards),
-            _ => None,
+        let (numbered, unknown) = match variant {
+            0 => (Some(Numbered::Forwards), Some(1)),
+            1 => (Some(Numbered::Backwards), Some(1)),
+            2 => (Some(Numbered::Backwards), Some(2)),
+            3 => (Some(Numbered::Bits), Some(3)),
+            4 => (Some(Numbered::Forwards), Some(4)),
+            5 => (Some(Numbered::Forwards), Some(0)),
+            _ => (None, None),
         };
-        Self { elements, workgroups, numbered }
+        Self { elements, workgroups, numbered, unknown }
     }
 
     /// All elements.
@@ -68,17 +90,25 @@ impl Extents {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }
 
-    /// The value of a whole number by its name, if that says a size; `lanes` are those of its vector.
-    pub(super) fn size(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
+    /// The value of a number by its name, if that says a size; `lanes` are those of its vector.
+    pub(super) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
+        if !whole {
+            // A width in floats may be that of a line.
+            let is_size = lanes > 1 && has(&["resolution", "dimensions"]);
+            return self.elements.get(lane).copied().filter(|_| is_size);
+        }
         Some(match () {
-            () if has(&["width", "columns"]) => self.elements[0],
+            () if has(&["offset", "start", "first", "base", "begin"]) => 0,
+            () if has(&["channels", "components"]) => 1,
+            () if has(&["width", "columns", "stride", "pitch"]) => self.elements[0],
             () if has(&["height", "rows"]) => self.elements[1],
             () if has(&["groups", "workgroups"]) => match lanes {
                 1 => self.workgroups.iter().product(),
                 _ => *self.workgroups.get(lane)?,
             },
+            () if lanes > 1 && has(&DIRECTIONS) => *self.elements.get(lane)?,
             () if has(&ELEMENTS) => match lanes {
                 1 => self.total(),
                 _ => *self.elements.get(lane)?,
@@ -96,13 +126,19 @@ mod tests {
     fn sizes_follow_from_what_is_dispatched() {
         let extents = Extents::of([8, 8, 1], [2, 3, 1], 0);
         assert_eq!(extents.elements, [16, 24, 1]);
-        let size = |name, lane, lanes| extents.size(name, lane, lanes);
+        let size = |name, lane, lanes| extents.size(name, lane, lanes, true);
         assert_eq!(size("width", 0, 1), Some(16));
         assert_eq!(size("imageHeight", 0, 1), Some(24));
         assert_eq!(size("particle_count", 0, 1), Some(16 * 24));
         assert_eq!((size("resolution", 0, 2), size("resolution", 1, 2)), (Some(16), Some(24)));
         assert_eq!(size("num_workgroups", 0, 1), Some(6));
         assert_eq!(size("seed", 0, 1), None);
+        assert_eq!((size("row_stride", 0, 1), size("base", 0, 1)), (Some(16), Some(0)));
+        assert_eq!((size("grid", 1, 3), size("grid", 0, 1)), (Some(24), None));
+        assert_eq!(extents.size("resolution", 1, 2, false), Some(24));
+        assert_eq!(extents.size("width", 0, 1, false), None, "of a line");
+        let bits: Vec<u32> = (0..64).map(|at| Numbered::Bits.of(at, 64)).collect();
+        assert!((24..40).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
         assert_eq!(Extents::of([64, 1, 1], [2, 1, 1], 1).elements, [125, 1, 1]);
     }
 }

@@ -56,6 +56,10 @@ pub(crate) struct Resources {
     pub(crate) varies: bool,
     /// The number of the element of an array that is filled.
     element: Option<u32>,
+    /// Arrays around what is filled.
+    depth: usize,
+    /// Whether what is filled is written, so that a number in it counts what is added.
+    counts: bool,
 }
 
 impl Resources {
@@ -131,9 +135,10 @@ impl Resources {
     ) -> Result<Vec<u8>, String> {
         let shape = program.buffer_of(binding, elements);
         let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
-        let mut source = source_of(binding, variant);
+        let mut source = source_of(&binding.path, variant);
         let mut lanes = Vec::new();
         let name = binding.name();
+        self.counts = binding.kind.is_written() && ranges.numbered().is_some();
         self.fill((name, &shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
@@ -149,12 +154,17 @@ impl Resources {
     ) -> Result<(), String> {
         match shape {
             Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
-                self.fill((&format!("{path}.{member}"), shape), ranges, index, source, lanes)
+                let path = format!("{path}.{member}");
+                // Members in another order hold the same.
+                let mut own = source_of(&path, index.map_or(0, |index| index + 1));
+                let source = if self.depth == 0 { &mut own } else { &mut *source };
+                self.fill((&path, shape), ranges, index, source, lanes)
             }),
             Shape::Array { element, length } => {
                 // Elements have no place in a line of a report.
                 let shown = self.members.len();
                 let each = (0..*length as usize).map(|at| index.map(|index| index + at));
+                self.depth += 1;
                 match **element {
                     Shape::Struct { .. } | Shape::Array { .. } => {
                         for (at, index) in (0..).zip(each) {
@@ -181,6 +191,7 @@ impl Resources {
                         }
                     }
                 }
+                self.depth -= 1;
                 self.members.truncate(shown);
                 Ok(())
             }
@@ -189,6 +200,10 @@ impl Resources {
                 for one in described(path, other, ranges)? {
                     if let Some(at) = self.element.filter(|_| ranges.numbers_elements(&one)) {
                         lanes.push(at);
+                        continue;
+                    }
+                    if self.counts && self.depth == 0 && ranges.numbers_elements(&one) {
+                        lanes.push(0);
                         continue;
                     }
                     self.drawn.note(&one);
@@ -281,8 +296,8 @@ const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 const ELEMENTS: usize = 64;
 
 /// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
-fn source_of(binding: &Binding, variant: usize) -> Source {
-    let hash = blake3::hash(binding.path.as_bytes());
+fn source_of(path: &str, variant: usize) -> Source {
+    let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
     Source::new(SEED + variant as u64, stream)
 }
@@ -300,13 +315,13 @@ fn texture_or_sampler(
     variant: usize,
     extents: Option<Extents>,
 ) -> Option<Fixture> {
-    let mut source = source_of(binding, variant);
+    let mut source = source_of(&binding.path, variant);
     let is_own = content == Content::Own;
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let sides = match extents {
         Some(Extents { elements: [across, down, _], .. }) => [across, down.max(LAYERS)],
-        None => sides(&mut source_of(binding, if written { 0 } else { variant })),
+        None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
@@ -317,12 +332,12 @@ fn texture_or_sampler(
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
-            let own = is_own.then_some(&mut source);
+            let own = is_own.then_some((&mut source, variant % 2 == 1));
             texture((kind.dimension, kind.arrayed), sides, kind.texels, samples, own).into()
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();
-            let own = is_own.then_some(&mut source);
+            let own = is_own.then_some((&mut source, variant % 2 == 1));
             texture((dimension, arrayed), sides, texels, 1, own).without_mips().into()
         }
         BindingKind::Sampler { comparison: false } if !is_own => Sampler::LINEAR.into(),
@@ -354,15 +369,16 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 }
 
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
-/// curved, too, so that levels differ.
+/// curved, too, so that levels differ; and may be transparent.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
     texels: Texels,
     samples: u32,
-    own: Option<&mut Source>,
+    own: Option<(&mut Source, bool)>,
 ) -> Texture {
-    let (own, whole) = own.map_or((0.0, 0), |source| {
+    let transparent = own.as_ref().is_some_and(|(_, transparent)| *transparent);
+    let (own, whole) = own.map_or((0.0, 0), |(source, _)| {
         let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
         (source.unit() as f32, whole)
     });
@@ -371,7 +387,9 @@ fn texture(
         let z = z as f32 / LAYERS as f32;
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
-        held_by_halves(texel).extend(1.0)
+        let texel = held_by_halves(texel);
+        // What divides by alpha meets 0.
+        texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
     match texels {
         Texels::Float => {

@@ -131,14 +131,19 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             Change::Same { cases } => {
                 same += 1;
                 writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}")?;
-                let what = if one.dispatched { "words" } else { "inputs" };
-                writeln!(out, "    {DIM}{cases} {what}{DIM:#}")?;
+                match one.dispatched {
+                    Some([x, y, z]) => {
+                        let of = "invocations";
+                        writeln!(out, "    {DIM}{cases} words of {x} x {y} x {z} {of}{DIM:#}")?;
+                    }
+                    None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
+                }
             }
             Change::Changed { paths } => {
                 changed += 1;
                 writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}")?;
                 for path in paths {
-                    write_path(path, one.dispatched, out)?;
+                    write_path(path, one.dispatched.is_some(), out)?;
                 }
             }
             Change::Signature { before, after } => {

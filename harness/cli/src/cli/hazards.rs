@@ -141,8 +141,8 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
         let shown = if all { "above" } else { "--all shows them" };
         writeln!(
             out,
-            "{DIM}{} in fewer than 1 of 100 inputs, with arguments that were drawn by their types alone: \
-             {shown}; --input NAME=LEAST..MOST says what they are{DIM:#}",
+            "{DIM}{} in fewer than 1 of 100 inputs, with arguments that were drawn by their types alone, or over \
+             sizes and indices that a host may never give: {shown}; --input NAME=LEAST..MOST says what they are{DIM:#}",
             counted(rare.len(), "rarer hazard")
         )?;
     }

@@ -147,9 +147,14 @@ fn of_function(
     described: Result<(String, String), ReflectError>,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    let (signature, doc, error) = match described {
-        Ok((signature, doc)) => (Some(signature), doc, None),
-        Err(error) => (None, String::new(), Some(error.to_string())),
+    let stage = item.entry_point;
+    let (signature, doc, error) = match (described, stage) {
+        (Ok((signature, doc)), _) => (Some(signature), doc, None),
+        // Drivers run an entry point all the same: one that discards, or that leaves nothing.
+        (Err(ReflectError::Unprobeable(_)), Some(stage)) => {
+            (Some(format!("@{stage} {}", item.name)), String::new(), None)
+        }
+        (Err(error), _) => (None, String::new(), Some(error.to_string())),
     };
     Entry {
         package: package.name(),

@@ -108,7 +108,7 @@ impl<'m> Lower<'m> {
         })
     }
 
-    fn enter_statement(&mut self, scope: &Scope<'m>, span: naga::Span) {
+    pub(super) fn enter_statement(&mut self, scope: &Scope<'m>, span: naga::Span) {
         self.span = span;
         self.code.sites.push(Site {
             function: scope.name.clone(),

@@ -259,6 +259,7 @@ impl<'m> Lower<'m> {
             outs: [0; 3],
             ins: [floats, operands.len() as u32 - floats, 0],
         });
+        self.enter_statement(scope, span);
         let op = Op::ImageStore(self.code.images.len() as u32 - 1);
         self.emit(op, &[], &operands)?;
         Ok(())
