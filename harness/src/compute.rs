@@ -21,6 +21,7 @@
 
 mod golden;
 mod judge;
+mod order;
 mod sanitizer;
 pub(crate) mod untyped;
 
@@ -92,6 +93,8 @@ pub struct After<'a> {
     variable: String,
     /// True if the verdict goes into the record of the run.
     recorded: bool,
+    /// True if elements are compared whatever their order is.
+    up_to_order: bool,
 }
 
 /// What agreed, and how close it came.
@@ -206,6 +209,9 @@ pub enum ComputeError {
         /// The fault of the declaration.
         what: String,
     },
+    /// What passes leave depends on the order of their invocations.
+    #[error("{0}")]
+    Order(Box<OrderDependence>),
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
@@ -227,6 +233,7 @@ impl From<ValuesError> for ComputeError {
 
 pub use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
 pub use judge::Difference;
+pub use order::OrderDependence;
 pub use sanitizer::Violations;
 
 impl From<PathError> for ComputeError {
@@ -238,7 +245,7 @@ impl From<PathError> for ComputeError {
 impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Differs(_) | Self::Violations(_) | Self::Accepted { .. } => true,
+            Self::Differs(_) | Self::Order(_) | Self::Violations(_) | Self::Accepted { .. } => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { source, .. } => source.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
@@ -250,6 +257,7 @@ impl Fails for ComputeError {
         match self {
             Self::Differs(difference) => difference.fault(),
             Self::Violations(found) => found.fault(),
+            Self::Order(order) => order.fault(),
             Self::Paths(failures) => failures.fault(Self::fault),
             Self::Dispatch(DispatchError::Reflect(error)) => {
                 Fault::of(&self.to_string()).at(error.diagnostic())
@@ -483,7 +491,7 @@ impl<'a> Compute<'a> {
     /// passes.dispatch("reset", [1, 1, 1]).after("totals").agrees_with([expected], Ulp(0.0));
     /// ```
     pub fn after(self, variable: &str) -> After<'a> {
-        After { compute: self, variable: variable.to_owned(), recorded: true }
+        After { compute: self, variable: variable.to_owned(), recorded: true, up_to_order: false }
     }
 
     fn passes(&self) -> Result<Passes, DispatchError> {

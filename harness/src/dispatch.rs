@@ -157,9 +157,7 @@ pub(crate) struct Pass {
 impl Pass {
     /// Invocations of all workgroups. A size that is an override counts as 1.
     pub(crate) fn invocations(&self) -> u64 {
-        let (_, size) =
-            self.program.compute_entry_point(&self.entry_point).expect("a pass has an entry point");
-        self.invocations_of(size)
+        self.invocations_of(self.workgroup_size())
     }
 
     /// Invocations of all workgroups, of this size each.
@@ -167,17 +165,34 @@ impl Pass {
         size.iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
     }
 
+    /// Invocations of a workgroup in each direction.
+    pub(crate) fn workgroup_size(&self) -> [u32; 3] {
+        let entry_point = self.program.compute_entry_point(&self.entry_point);
+        entry_point.expect("a pass has an entry point").1
+    }
+
     /// An invocation by its number, workgroup after workgroup of this size.
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
-        let size = size.map(|count| count as usize);
-        let groups = self.workgroups.map(|count| count as usize);
-        let split = |number: usize, [x, y, _]: [usize; 3]| {
-            format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
-        };
-        let width = size.iter().product::<usize>();
-        let (group, local) = (split(number / width, groups), split(number % width, size));
+        let width = size.iter().map(|count| *count as usize).product::<usize>();
+        let (group, local) = (self.workgroup(number / width), split(number % width, size));
         format!("local {local} of workgroup {group}")
     }
+
+    /// A workgroup by its number.
+    pub(crate) fn workgroup(&self, number: usize) -> String {
+        split(number, self.workgroups)
+    }
+
+    /// An invocation of a workgroup by its number.
+    pub(crate) fn local(&self, number: usize) -> String {
+        split(number, self.workgroup_size())
+    }
+}
+
+/// A number among so many in each direction: `(x, y, z)`.
+fn split(number: usize, counts: [u32; 3]) -> String {
+    let [x, y, _] = counts.map(|count| count as usize);
+    format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
 }
 
 /// A resource that passes share.

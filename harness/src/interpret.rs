@@ -6,6 +6,7 @@
 mod alone;
 mod dispatch;
 pub(crate) mod hazards;
+mod order;
 pub(crate) mod passes;
 mod quads;
 mod sanitizer;
@@ -34,6 +35,7 @@ use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
 pub(crate) use dispatch::dispatch;
+pub(crate) use order::{OrderOf, in_order_of};
 use quads::Quads;
 pub(crate) use sanitizer::{FEW_ROUNDS, examine, examine_made_up};
 
@@ -341,7 +343,11 @@ impl Bound {
 /// or a texture.
 fn depends_on(passes: &Passes, pass: &Pass, operation: u32) -> Result<bool, DispatchError> {
     let differs = differing(|outside| {
-        let here = |own: &Pass| (outside.filter(|_| std::ptr::eq(own, pass)), Some(operation));
+        let here = |own: &Pass| Options {
+            outside: outside.filter(|_| std::ptr::eq(own, pass)),
+            outside_at: Some(operation),
+            ..dispatch::options()
+        };
         let afterwards = dispatch::dispatched(passes, &here)?;
         Ok::<_, DispatchError>(afterwards.into_iter().flat_map(|(_, words)| words).collect())
     })?;
@@ -353,7 +359,8 @@ fn depends_on(passes: &Passes, pass: &Pass, operation: u32) -> Result<bool, Disp
 #[cfg(feature = "routes")]
 pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
-        let afterwards = dispatch::dispatched(passes, &|_| (outside, None))?;
+        let options = |_: &Pass| Options { outside, ..dispatch::options() };
+        let afterwards = dispatch::dispatched(passes, &options)?;
         Ok(afterwards.into_iter().flat_map(|(_, words)| words).collect())
     })
 }

@@ -259,3 +259,56 @@ fn races_that_are_accepted() {
         assert!(wrong.contains(part), "{how} {body}: {wrong}");
     }
 }
+
+/// What is appended by an atomic counter comes in another order on each driver.
+#[test]
+fn an_append_whose_order_matters() {
+    let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+                @group(0) @binding(1) var<storage, read_write> found: array<u32>;
+                @compute @workgroup_size(8) fn invocations(@builtin(global_invocation_id) id: vec3u) {
+                    if (id.x % 3u == 0u) { found[atomicAdd(&count, 1u)] = id.x; }
+                }
+                @compute @workgroup_size(1) fn groups(@builtin(workgroup_id) id: vec3u) {
+                    found[atomicAdd(&count, 1u)] = id.x;
+                }
+                @compute @workgroup_size(8) fn sum(@builtin(global_invocation_id) id: vec3u) {
+                    atomicAdd(&count, id.x);
+                    found[id.x] = id.x;
+                }";
+    let package = Package::from_source("append", text);
+    let after = |entry: &str, groups: u32, variable: &str| {
+        let passes = package.compute().with("count", Storage::new([0_u32]));
+        let passes =
+            passes.with("found", Storage::new([99_u32; 8])).dispatch(entry, [groups, 1, 1]);
+        passes.after(variable).unrecorded()
+    };
+    let order = |result: Result<_, ComputeError>| match result {
+        Err(ComputeError::Order(order)) => *order,
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("the order was not seen"),
+    };
+    let thirds = [0_u32, 3, 6, 99, 99, 99, 99, 99];
+    let seen = order(after("invocations", 1, "found").try_agrees_with(thirds, Abs(0.0)));
+    assert!(
+        seen.swap.starts_with("local (") && seen.swap.contains("`invocations`"),
+        "{}",
+        seen.swap
+    );
+    assert!(seen.location.starts_with("<append>:3:"), "{}", seen.location);
+    assert_eq!(seen.element.as_ref().map(|element| &*element.place), Some("[0]"), "{seen}");
+    let text = seen.to_string();
+    assert!(text.contains("change places") && text.contains(".up_to_order()"), "{text}");
+    let all = [0_u32, 1, 2, 3, 4, 5, 6, 7];
+    let seen = order(after("groups", 8, "found").try_agrees_with(all, Abs(0.0)));
+    assert!(seen.swap.starts_with("workgroups ("), "{}", seen.swap);
+    let holds = |found: &[u32]| found.is_sorted();
+    order(after("groups", 8, "found").try_satisfies("rises", holds));
+    // A set has no order, and neither has a sum.
+    after("invocations", 1, "found").up_to_order().agrees_with(thirds, Abs(0.0));
+    after("groups", 8, "found").up_to_order().agrees_with(all, Abs(0.0));
+    after("sum", 1, "count").agrees_with([28_u32], Abs(0.0));
+    after("sum", 1, "found").agrees_with(all, Abs(0.0));
+    // Sets differ all the same.
+    let other = after("groups", 8, "found").up_to_order().try_agrees_with([1_u32; 8], Abs(0.0));
+    assert!(matches!(other, Err(ComputeError::Differs(_))));
+}

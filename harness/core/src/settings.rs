@@ -17,7 +17,7 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 15] = [
+const VARIABLES: [(&str, &str); 16] = [
     (
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
@@ -30,6 +30,10 @@ const VARIABLES: [(&str, &str); 15] = [
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
     (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
+    (
+        SCHEDULES,
+        "orders of invocations in which compute passes run on `cpu` before a test is judged (32, or 3 above 4096 invocations)",
+    ),
     (SEED, "seed of the selected check, or of all (from the test's name)"),
     (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
     (INPUT, "arguments of that case, as hexadecimal words (its own)"),
@@ -61,6 +65,7 @@ const EXECUTORS: &str = "KARAT_EXECUTORS";
 const ADAPTER: &str = "KARAT_ADAPTER";
 const DEADLINE: &str = "KARAT_TIMEOUT";
 const FUEL: &str = "KARAT_FUEL";
+const SCHEDULES: &str = "KARAT_SCHEDULES";
 const SEED: &str = "KARAT_SEED";
 const CASE: &str = "KARAT_CASE";
 const INPUT: &str = "KARAT_INPUT";
@@ -100,6 +105,9 @@ pub struct Settings {
     /// Rounds of all loops that a case may make in the engine, where the IR shows no bound.
     #[doc(hidden)]
     pub fuel: u64,
+    /// Orders of invocations in which compute passes run.
+    #[doc(hidden)]
+    pub schedules: Option<u64>,
     /// Replaces the seed of the selected check, or of all.
     #[doc(hidden)]
     pub seed: Option<u64>,
@@ -223,6 +231,12 @@ pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
+/// Orders of invocations in which compute passes run; `None`: as many as their size suggests.
+#[doc(hidden)]
+pub fn schedules() -> Option<u64> {
+    current().ok()?.schedules
+}
+
 /// How long a shader may take.
 #[doc(hidden)]
 pub fn deadline() -> Duration {
@@ -291,6 +305,8 @@ impl Settings {
         let rounds = "a number of rounds above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
+        let count = "a number of orders, from 0";
+        let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(integer)?;
         let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once and of small letters \
                         and digits";
         let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;
@@ -301,6 +317,7 @@ impl Settings {
             adapter: text(ADAPTER)?,
             deadline: deadline.unwrap_or(Duration::from_secs_f64(DEADLINE_SECONDS)),
             fuel: fuel.unwrap_or(FUEL_ROUNDS),
+            schedules,
             seed,
             case: case.map(|case| SelectedCase { input, ..case }),
             failures: switch(FAILURES, text(FAILURES)?)?,
@@ -468,6 +485,7 @@ mod tests {
             ("KARAT_TIMEOUT", "a minute", "KARAT_TIMEOUT=a minute isn't a number of seconds"),
             ("KARAT_TIMEOUT", "0", "KARAT_TIMEOUT=0 isn't a number of seconds above 0"),
             ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
+            ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders, from 0"),
             ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
             (
                 "KARAT_CASE",
@@ -491,7 +509,7 @@ mod tests {
         assert!(
             error.ends_with(
                 "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
-             KARAT_TIMEOUT, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
+             KARAT_TIMEOUT, KARAT_FUEL, KARAT_SCHEDULES, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_BROWSER"
             ),
             "{error}"

@@ -146,11 +146,13 @@ impl Program {
             let mut machine = Machine::<A>::new(code, options, invocations);
             machine.detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
             let [across, down, deep] = workgroups.map(|count| count as usize);
-            let all = 0..across * down * deep;
+            let all = across * down * deep;
             let some = watch.flatten();
-            let groups: Box<dyn Iterator<Item = usize>> = match some {
-                Some(some) => Box::new(some.iter().copied()),
-                None => Box::new(all),
+            let scheduled = options.schedule.map(|schedule| schedule.orders(all, invocations));
+            let groups: Box<dyn Iterator<Item = usize>> = match (some, &scheduled) {
+                (Some(some), _) => Box::new(some.iter().copied()),
+                (None, Some((groups, _))) => Box::new(groups.iter().copied()),
+                (None, None) => Box::new(0..all),
             };
             for group in groups {
                 let id = [group % across, group / across % down, group / (across * down)];
@@ -171,7 +173,13 @@ impl Program {
                             _ => entry.size[k],
                         }
                     };
-                    machine.set(register.index, scalar, (0..x * y * z).map(word));
+                    match &scheduled {
+                        None => machine.set(register.index, scalar, (0..x * y * z).map(word)),
+                        Some((_, order)) => {
+                            let words = order.iter().map(|index| word(*index as u32));
+                            machine.set(register.index, scalar, words);
+                        }
+                    }
                 }
                 for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
                     if slot.binding == Binding::Workgroup {

@@ -98,6 +98,7 @@ mod results;
 mod rules;
 mod runs;
 mod scalar;
+mod schedule;
 mod texture;
 
 pub use accuracy::Accuracy;
@@ -114,4 +115,5 @@ pub use resources::Resources;
 pub use results::{Lane, LaneOf, Results};
 pub use runs::Runs;
 pub use scalar::Scalar;
+pub use schedule::{Schedule, Swap};
 pub use texture::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, TextureError};

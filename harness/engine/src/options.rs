@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::accuracy::Accuracy;
+use crate::schedule::Schedule;
 
 /// How a program runs.
 #[derive(Clone, Debug)]
@@ -31,6 +32,8 @@ pub struct Options {
     pub outside: Option<u8>,
     /// The one operation of which that is so; `None`: each.
     pub outside_at: Option<u32>,
+    /// The order in which workgroups and invocations of a dispatch run; `None`: by their numbers.
+    pub schedule: Option<Schedule>,
 }
 
 impl Default for Options {
@@ -44,6 +47,7 @@ impl Default for Options {
             accuracy: None,
             outside: None,
             outside_at: None,
+            schedule: None,
         }
     }
 }

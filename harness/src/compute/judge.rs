@@ -10,7 +10,7 @@ use crate::path::Adapter;
 use crate::record::{CaseFault, Fault, PathFault, PathRecord, Replay, Subject};
 use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
-use crate::value::{Shape, hexfloat};
+use crate::value::{Scalar, Shape, hexfloat};
 
 /// What is asserted of the elements.
 pub(super) enum Assertion<'a> {
@@ -145,10 +145,10 @@ struct Outcome {
 }
 
 /// What the elements of one path add up to.
-struct Sum {
-    failures: usize,
+pub(super) struct Sum {
+    pub(super) failures: usize,
     worst: LaneError,
-    shown: Vec<Element>,
+    pub(super) shown: Vec<Element>,
 }
 
 impl After<'_> {
@@ -181,7 +181,7 @@ impl After<'_> {
         reported(subject, &|| self.recorded, judge)
     }
 
-    fn last_entry_point(&self) -> &str {
+    pub(super) fn last_entry_point(&self) -> &str {
         self.compute.wanted.last().map_or("", |wanted| &wanted.name)
     }
 
@@ -212,6 +212,7 @@ impl After<'_> {
             *location = span.to_string();
         }
         self.expect_no_violations(&passes, report)?;
+        self.expect_no_order(assertion, &passes, (number, &element), report)?;
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();
             let own = compute.tolerance_on.on(path, adapter);
@@ -310,7 +311,7 @@ impl After<'_> {
         }
     }
 
-    fn sum(
+    pub(super) fn sum(
         &self,
         assertion: &Assertion<'_>,
         own: Option<&Tolerance>,
@@ -339,7 +340,11 @@ impl After<'_> {
             });
         }
         let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
-        let pairs = found.chunks_exact(width).zip(expected.lanes.chunks_exact(width));
+        let (found, wanted) = match self.up_to_order {
+            true => (sorted(found, &scalars), sorted_values(&expected.lanes, width)),
+            false => (found.to_vec(), expected.lanes.clone()),
+        };
+        let pairs = found.chunks_exact(width).zip(wanted.chunks_exact(width));
         for (index, (found, expected)) in pairs.enumerate() {
             let (lane, measure) = tolerance.measure_words(&scalars, found, expected);
             let worse = !(measure.ratio <= sum.worst.ratio);
@@ -371,11 +376,42 @@ impl After<'_> {
     }
 }
 
+/// Elements in the order of their values.
+fn sorted(words: &[u32], scalars: &[Scalar]) -> Vec<u32> {
+    let width = scalars.len().max(1);
+    let value = |one: &[u32]| -> Vec<f64> {
+        scalars.iter().zip(one).map(|(scalar, word)| scalar.decode(*word)).collect()
+    };
+    let mut elements: Vec<&[u32]> = words.chunks_exact(width).collect();
+    elements.sort_by(|a, b| by_value(&value(a), &value(b)));
+    elements.concat()
+}
+
+/// The same of a reference's elements.
+fn sorted_values(lanes: &[f64], width: usize) -> Vec<f64> {
+    let mut elements: Vec<&[f64]> = lanes.chunks_exact(width).collect();
+    elements.sort_by(|a, b| by_value(a, b));
+    elements.concat()
+}
+
+fn by_value(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
+    let each = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
+    each.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
+}
+
 impl Assertion<'_> {
     fn verb(&self) -> &'static str {
         match self {
             Self::Agrees(..) => "agrees_with",
             Self::Holds(_) => "satisfies",
+        }
+    }
+
+    /// As a part of a sentence: it holds that ..
+    pub(super) fn holds(&self) -> String {
+        match self {
+            Self::Agrees(_, tolerance) => format!("elements agree within {tolerance}"),
+            Self::Holds(statement) => statement.text.clone(),
         }
     }
 

@@ -92,6 +92,9 @@ pub struct Watched {
     /// Why it isn't all; empty if it is.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
+    /// Orders of invocations, beside that by their numbers, in which the assertion held.
+    #[serde(default)]
+    pub orders: u64,
     /// Variables whose races are accepted, each with its reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,

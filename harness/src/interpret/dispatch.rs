@@ -13,21 +13,19 @@ const MOST_INVOCATIONS: u32 = 1024;
 
 /// Dispatches passes, and returns what they write.
 pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, &|_| (None, None))
+    dispatched(passes, &|_| options())
 }
 
-/// The number that a pass reads outside of arrays, and the one operation that does; `None`: each does.
-pub(super) type OfPass<'o> = &'o dyn Fn(&Pass) -> (Option<u8>, Option<u32>);
+/// How each pass runs.
+pub(super) type OfPass<'o> = &'o dyn Fn(&Pass) -> Options;
 
-/// The same where a number stands for what a pass reads outside of arrays.
+/// The same where each pass runs in its own way.
 pub(super) fn dispatched(
     passes: &Passes,
-    outside: OfPass<'_>,
+    options_of: OfPass<'_>,
 ) -> Result<Afterwards, DispatchError> {
     let held = in_order(passes, &mut |pass, lowered, resources| {
-        let (outside, outside_at) = outside(pass);
-        let options = Options { outside, outside_at, ..options() };
-        lowered.dispatch::<F32>(pass.workgroups, resources, &options, &())?;
+        lowered.dispatch::<F32>(pass.workgroups, resources, &options_of(pass), &())?;
         Ok(true)
     })?;
     let mut afterwards = Vec::new();

@@ -112,3 +112,33 @@ impl Interpreted {
         match *self {}
     }
 }
+
+/// Nothing runs passes in another order.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum OrderOf {}
+
+impl OrderOf {
+    pub(crate) fn whole(_: &crate::dispatch::Passes, _: u64) -> Self {
+        unreachable!("passes that weren't looked through have no other order")
+    }
+
+    pub(crate) fn swaps(&self) -> usize {
+        match *self {}
+    }
+
+    pub(crate) fn first(&self, _: usize) -> Self {
+        match *self {}
+    }
+
+    pub(crate) fn last(&self, _: &crate::dispatch::Passes) -> String {
+        match *self {}
+    }
+}
+
+/// Nothing runs passes.
+pub(crate) fn in_order_of(
+    _: &crate::dispatch::Passes,
+    _: Option<OrderOf>,
+) -> Result<crate::dispatch::Afterwards, crate::dispatch::DispatchError> {
+    Err(missing().into())
+}

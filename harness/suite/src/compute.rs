@@ -21,6 +21,7 @@
 //! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
 //! | `unchanged = true` | it holds what it held before |
 //! | `in_range = [0, 1]` | each number lies there |
+//! | `up_to_order = true` | beside `equals`, `table` and `agrees_with`: elements are compared whatever their order is |
 //! | `finite = true` | no number is NaN or infinite |
 //! | `no_hazards = true`, beside `entry` | nothing inside becomes NaN or infinite, and no integer is divided by 0 |
 
@@ -123,6 +124,7 @@ struct Expected {
     unchanged: Option<bool>,
     in_range: Option<Pair<f64>>,
     finite: Option<bool>,
+    up_to_order: Option<bool>,
     tolerance: Option<String>,
     #[serde(default)]
     tolerance_on: BTreeMap<String, String>,
@@ -162,6 +164,8 @@ pub(crate) struct Assertion {
     what: What,
     tolerance: Option<String>,
     tolerance_on: BTreeMap<String, String>,
+    /// Whether elements are compared whatever their order is.
+    up_to_order: bool,
     /// Tables and images are relative to it.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
@@ -243,6 +247,13 @@ impl Expected {
                  permutation_of, unchanged, in_range or finite"
             ));
         }
+        let ordered =
+            |what: &What| matches!(what, What::Equals(_) | What::Table(_) | What::AgreesWith(_));
+        if switched("up_to_order", self.up_to_order)? && !all.iter().any(ordered) {
+            return Err(format!(
+                "`up_to_order` does nothing here: of `{variable}` neither equals, table nor agrees_with is asserted"
+            ));
+        }
         let compares = all.iter().any(What::compares);
         if !compares && (self.tolerance.is_some() || !self.tolerance_on.is_empty()) {
             return Err(format!("a tolerance does nothing here: nothing compares `{variable}`"));
@@ -300,6 +311,7 @@ impl Declared {
                     .and_then(|one| one.tolerance.clone())
                     .filter(|_| what.compares()),
                 tolerance_on: expected.map(|one| one.tolerance_on.clone()).unwrap_or_default(),
+                up_to_order: expected.is_some_and(|one| one.up_to_order.is_some()),
                 what,
                 folder: folder.to_owned(),
                 keys: keys.clone(),
@@ -465,6 +477,7 @@ impl Assertion {
             return concluded(untyped::satisfies(&after, text, true, &|_| broken.clone()));
         }
         let after = compute.clone().after(&self.variable);
+        let after = if self.up_to_order { after.up_to_order() } else { after };
         let before = |name: &str| Ok::<_, Stop>(untyped::before(compute, name)?);
         match &self.what {
             What::Equals(value) => {

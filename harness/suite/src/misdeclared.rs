@@ -197,7 +197,7 @@ pub(crate) fn compute_diagnostic_of(error: &ComputeError) -> Option<&Diagnostic>
 /// True of an error of passes whose message has a place in the shader.
 pub(crate) fn compute_has_place(error: &ComputeError) -> bool {
     match error {
-        ComputeError::Differs(_) | ComputeError::Violations(_) => true,
+        ComputeError::Differs(_) | ComputeError::Violations(_) | ComputeError::Order(_) => true,
         ComputeError::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             paths.failures.iter().chain(stopped).any(compute_has_place)

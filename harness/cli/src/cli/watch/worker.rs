@@ -112,6 +112,10 @@ impl Worker {
         // Frames need a driver.
         command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
+        // An edit waits for no orders but the usual one.
+        if std::env::var_os("KARAT_SCHEDULES").is_none() {
+            command.env("KARAT_SCHEDULES", "0");
+        }
         if std::env::var_os("KARAT_TIMEOUT").is_none() {
             command.env("KARAT_TIMEOUT", DEADLINE);
         }

@@ -1,0 +1,164 @@
+//! What is asserted of passes holds in each order of their workgroups and invocations, as WGSL promises none.
+//!
+//! Passes without a race may still depend on an order: that of atomics. The engine runs them in seeded orders and
+//! judges what each leaves.
+
+use std::fmt;
+
+use super::judge::{Assertion, Element, Sum};
+use super::{After, ComputeError};
+use crate::dispatch::Passes;
+use crate::interpret::{OrderOf, in_order_of};
+use crate::record::Fault;
+use crate::run::Report;
+use crate::settings;
+use crate::value::Shape;
+
+/// Orders that are tried: of passes of so few invocations many, of others few, as each is a run of all passes.
+const SMALL: u64 = 4096;
+const MANY: u64 = 32;
+const FEW: u64 = 3;
+
+/// What passes leave depends on the order in which their invocations run.
+///
+/// ```
+/// use karat::compute::ComputeError;
+/// # use karat::prelude::*;
+///
+/// let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+///             @group(0) @binding(1) var<storage, read_write> found: array<u32, 4>;
+///             @compute @workgroup_size(4) fn append(@builtin(local_invocation_index) i: u32) {
+///                 found[atomicAdd(&count, 1u)] = i;
+///             }";
+/// let package = Package::from_source("m", text);
+/// let passes = || {
+///     let passes = package.compute().with("count", Storage::new([0_u32]));
+///     passes.with("found", Storage::new([9_u32; 4])).dispatch("append", [1, 1, 1]).after("found").unrecorded()
+/// };
+/// let wrong = passes().try_agrees_with([0_u32, 1, 2, 3], Abs(0.0));
+/// let Err(ComputeError::Order(order)) = wrong else { panic!("each driver has an order of its own") };
+/// assert!(order.swap.contains("local"), "{}", order.swap);
+/// passes().up_to_order().agrees_with([0_u32, 1, 2, 3], Abs(0.0));
+/// ```
+#[derive(Clone, Debug)]
+pub struct OrderDependence {
+    /// The passes.
+    pub entry_points: String,
+    /// The resource.
+    pub variable: String,
+    /// What is asserted.
+    pub assertion: String,
+    /// The last entry point, `file:line:column`.
+    pub location: String,
+    /// The two whose order makes the difference: `local (3, 0, 0) and local (5, 0, 0) of each workgroup`.
+    pub swap: String,
+    /// The first element that is wrong then.
+    pub element: Option<Element>,
+}
+
+impl OrderDependence {
+    pub(super) fn fault(&self) -> Fault {
+        Fault { headline: self.headline(), ..Fault::of(&self.to_string()) }
+    }
+
+    fn headline(&self) -> String {
+        let Self { entry_points, variable, .. } = self;
+        format!("`{variable}` after `{entry_points}` depends on the order of invocations")
+    }
+}
+
+impl fmt::Display for OrderDependence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "error: {}", self.headline())?;
+        if !self.location.is_empty() {
+            writeln!(f, "  --> {}", self.location)?;
+        }
+        writeln!(f, "  it holds that {}, until {} change places", self.assertion, self.swap)?;
+        if let Some(Element { place, actual, expected, .. }) = &self.element {
+            writeln!(f, "  then: {place}")?;
+            writeln!(f, "      actual = {actual}")?;
+            writeln!(f, "    expected = {expected}")?;
+        }
+        writeln!(
+            f,
+            "  = WGSL promises no order, and each driver has its own: compare elements `.up_to_order()`, assert what \
+             holds in each order, or allow for sums of floats with a tolerance"
+        )
+    }
+}
+
+impl After<'_> {
+    /// Compares elements whatever their order is: what passes append by an atomic counter comes in another one on each
+    /// driver.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn reverse() { let x = data[0]; data[0] = data[1]; data[1] = x; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("reverse", [1, 1, 1]);
+    /// passes.after("data").up_to_order().agrees_with([1_u32, 2], Abs(0.0));
+    /// ```
+    #[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
+    pub fn up_to_order(mut self) -> Self {
+        self.up_to_order = true;
+        self
+    }
+
+    /// Judges what the passes leave in other orders of their invocations. What fails in the usual one, or isn't looked
+    /// through whole, is told by others.
+    pub(super) fn expect_no_order(
+        &self,
+        assertion: &Assertion<'_>,
+        passes: &Passes,
+        (number, element): (usize, &Shape),
+        report: &mut Report,
+    ) -> Result<(), ComputeError> {
+        let Some(watched) = report.watched.as_mut().filter(|one| one.reason.is_empty()) else {
+            return Ok(());
+        };
+        let usual = if watched.of <= SMALL { MANY } else { FEW };
+        let orders = settings::schedules().unwrap_or(usual);
+        // A single invocation has one order.
+        if orders == 0 || watched.of <= 1 {
+            return Ok(());
+        }
+        let function = self.last_entry_point();
+        let judged = |order: Option<OrderOf>| -> Result<Sum, ComputeError> {
+            let afterwards = in_order_of(passes, order)?;
+            let own = afterwards.into_iter().find(|(of, _)| *of == number);
+            let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
+            self.sum(assertion, None, element, &lanes.unwrap_or_default(), function)
+        };
+        if judged(None)?.failures > 0 {
+            return Ok(());
+        }
+        for seed in 0..orders {
+            let whole = OrderOf::whole(passes, seed);
+            if judged(Some(whole))?.failures == 0 {
+                continue;
+            }
+            // The first swap that makes a difference, by halves: no swap makes none, all of them make one.
+            let (mut right, mut wrong) = (0, whole.swaps());
+            while wrong - right > 1 {
+                let middle = right + (wrong - right) / 2;
+                match judged(Some(whole.first(middle)))?.failures {
+                    0 => right = middle,
+                    _ => wrong = middle,
+                }
+            }
+            let order = whole.first(wrong);
+            let entry_points: Vec<&str> = passes.entry_points().collect();
+            return Err(ComputeError::Order(Box::new(OrderDependence {
+                entry_points: entry_points.join(", "),
+                variable: self.variable.clone(),
+                assertion: assertion.holds(),
+                location: passes.span().map_or_else(String::new, |span| span.to_string()),
+                swap: order.last(passes),
+                element: judged(Some(order))?.shown.into_iter().next(),
+            })));
+        }
+        watched.orders = orders;
+        Ok(())
+    }
+}

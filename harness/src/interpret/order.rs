@@ -1,0 +1,64 @@
+//! Compute passes in other orders of their workgroups and invocations.
+
+use karat_engine::{Schedule, Swap};
+
+use super::dispatch::{dispatched, options};
+use crate::dispatch::{Afterwards, DispatchError, Passes};
+
+/// An order of the invocations of passes: the same shuffle in each pass, as far as that has as many.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OrderOf(Schedule);
+
+impl OrderOf {
+    /// All swaps of an order: 0 is the reverse one.
+    pub(crate) fn whole(passes: &Passes, seed: u64) -> Self {
+        let of_pass = passes.passes.iter().map(|pass| {
+            let (groups, invocations) = counts(pass);
+            Schedule::whole(seed, groups, invocations).swaps
+        });
+        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default() })
+    }
+
+    /// The swaps that it is made of.
+    pub(crate) fn swaps(&self) -> usize {
+        self.0.swaps
+    }
+
+    /// The same with the first so many swaps.
+    pub(crate) fn first(&self, swaps: usize) -> Self {
+        Self(Schedule { swaps, ..self.0 })
+    }
+
+    /// The two that change places last.
+    pub(crate) fn last(&self, passes: &Passes) -> String {
+        let of_pass = |pass: &crate::dispatch::Pass| {
+            let (groups, invocations) = counts(pass);
+            Some(match self.0.last(groups, invocations)? {
+                Swap::Workgroups(one, two) => {
+                    let [one, two] = [one, two].map(|group| pass.workgroup(group));
+                    format!("workgroups {one} and {two} of `{}`", pass.name)
+                }
+                Swap::Invocations(one, two) => {
+                    let [one, two] = [one, two].map(|own| pass.local(own));
+                    format!("local {one} and {two} in each workgroup of `{}`", pass.name)
+                }
+            })
+        };
+        passes.passes.iter().find_map(of_pass).unwrap_or_else(|| "two invocations".to_owned())
+    }
+}
+
+/// Workgroups of a pass, and the invocations of each.
+fn counts(pass: &crate::dispatch::Pass) -> (usize, usize) {
+    let groups = pass.workgroups.iter().map(|count| *count as usize).product();
+    (groups, pass.workgroup_size().iter().map(|count| *count as usize).product())
+}
+
+/// What passes leave in an order of their invocations; `None`: by their numbers.
+pub(crate) fn in_order_of(
+    passes: &Passes,
+    order: Option<OrderOf>,
+) -> Result<Afterwards, DispatchError> {
+    let schedule = order.map(|order| order.0);
+    dispatched(passes, &|_| karat_engine::Options { schedule, ..options() })
+}
