@@ -172,6 +172,7 @@ impl Pass {
     }
 
     /// An invocation by its number, workgroup after workgroup of this size.
+    #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (self.workgroup(number / width), split(number % width, size));
@@ -179,17 +180,20 @@ impl Pass {
     }
 
     /// A workgroup by its number.
+    #[cfg(feature = "engine")]
     pub(crate) fn workgroup(&self, number: usize) -> String {
         split(number, self.workgroups)
     }
 
     /// An invocation of a workgroup by its number.
+    #[cfg(feature = "engine")]
     pub(crate) fn local(&self, number: usize) -> String {
         split(number, self.workgroup_size())
     }
 }
 
 /// A number among so many in each direction: `(x, y, z)`.
+#[cfg(feature = "engine")]
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))

@@ -233,7 +233,7 @@ fn opened(opened: Opened) -> &'static dyn Executor {
         Opened::Device(device) => device,
         Opened::Process(process) => process,
         #[cfg(feature = "engine")]
-        Opened::Cpu => &cpu::Cpu,
+        Opened::Cpu(path) => cpu::of(path),
     }
 }
 

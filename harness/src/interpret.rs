@@ -27,14 +27,14 @@ use karat_engine::{
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::fixture::{Fixtures, resolve};
-use crate::path::{Path, PathError};
+use crate::path::{Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{ADAPTER, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
-pub(crate) use dispatch::dispatch;
+pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, in_order_of};
 use quads::Quads;
 pub(crate) use sanitizer::{FEW_ROUNDS, examine, examine_made_up};
@@ -55,6 +55,13 @@ pub(crate) struct Interpreted {
     program: Arc<Program>,
     /// Rounds of loops that a case may make.
     fuel: u64,
+    /// Whether subnormals are zero.
+    flush: bool,
+}
+
+/// How an arithmetic of the path `cpu` lowers programs.
+fn lowering(via: Via) -> Settings {
+    Settings { contract: via == Via::Fma, ..Settings::default() }
 }
 
 /// Rounds after which a loop with a bound is ended, too: a case would take minutes.
@@ -64,6 +71,16 @@ impl Interpreted {
     /// Lowers a function. What the engine doesn't execute is an error with its place.
     pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::with(probed, fixtures, &Settings::default())
+    }
+
+    /// The same in an arithmetic of the path `cpu`.
+    pub(crate) fn rounding(
+        probed: &Probed,
+        fixtures: &Fixtures,
+        via: Via,
+    ) -> Result<Self, ProbeError> {
+        let own = Self::with(probed, fixtures, &lowering(via))?;
+        Ok(Self { flush: via == Via::Ftz, ..own })
     }
 
     fn with(probed: &Probed, fixtures: &Fixtures, settings: &Settings) -> Result<Self, ProbeError> {
@@ -99,6 +116,7 @@ impl Interpreted {
             results: function.result.lanes(),
             name: function.name.clone(),
             declared: function.span.clone(),
+            flush: false,
             program: Arc::clone(program),
             // What has a bound ends. The round in which a loop is left counts here, and there are at most
             // as many of them as rounds around them.
@@ -236,7 +254,7 @@ impl Interpreted {
 
     fn options(&self) -> Options {
         let deadline = Instant::now().checked_add(settings::deadline());
-        Options { fuel: self.fuel, deadline, ..Options::default() }
+        Options { fuel: self.fuel, deadline, flush: self.flush, ..Options::default() }
     }
 
     fn call_with<A: Runs>(

@@ -185,9 +185,9 @@ fn guess(nearest: Option<&str>) -> String {
 pub(crate) enum Opened {
     Device(&'static Device),
     Process(&'static Process),
-    /// The engine, which is always there.
+    /// The engine, which is always there, in the arithmetic of a path.
     #[cfg(feature = "engine")]
-    Cpu,
+    Cpu(Path),
 }
 
 impl Opened {
@@ -196,7 +196,7 @@ impl Opened {
             Self::Device(device) => device.path(),
             Self::Process(process) => process.path(),
             #[cfg(feature = "engine")]
-            Self::Cpu => Path::CPU,
+            Self::Cpu(path) => path,
         }
     }
 
@@ -205,7 +205,7 @@ impl Opened {
             Self::Device(device) => device.adapter().clone(),
             Self::Process(process) => process.adapter(),
             #[cfg(feature = "engine")]
-            Self::Cpu => cpu::adapter(),
+            Self::Cpu(path) => cpu::adapter(path),
         }
     }
 
@@ -224,8 +224,16 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
     settings::current()?;
     #[cfg(feature = "engine")]
-    if path == Path::CPU {
-        return Ok(Opened::Cpu);
+    if path.api() == Api::Cpu
+        && path.driver().is_none()
+        && (path == Path::CPU || path.via().is_arithmetic())
+    {
+        return Ok(Opened::Cpu(path));
+    }
+    if path.via().is_arithmetic() {
+        let message =
+            format!("only `cpu:{}` has this arithmetic: drivers have their own", path.via());
+        return Err(PathError::Route { path, message });
     }
     let once: &'static Once = {
         let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
@@ -453,7 +461,7 @@ mod tests {
             [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
         {
             let chosen = select(paths, required).expect("it is always there");
-            assert!(matches!(&*chosen, [Opened::Cpu]), "{chosen:?}");
+            assert!(matches!(&*chosen, [Opened::Cpu(Path::CPU)]), "{chosen:?}");
         }
         for names in ["all,vulcan", "vulkan,opengl"] {
             assert!(matches!(select(Some(names), None), Err(PathError::Unknown { .. })));

@@ -6,6 +6,7 @@
 mod ability;
 #[cfg(feature = "engine")]
 mod adapter;
+#[cfg(feature = "engine")]
 mod attributes;
 mod binding;
 mod covering;

@@ -4,21 +4,33 @@ use super::Executor;
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::interpret::{Alone, Interpreted};
 use crate::job::{Job, Reply};
-use crate::path::{Ability, Adapter, Path, PathError, cpu};
+use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
 /// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, and
 /// draws no frames.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cpu;
+pub(crate) struct Cpu {
+    /// The way in which it rounds.
+    via: Via,
+}
+
+/// The executor of `cpu`, `cpu:fma` or `cpu:ftz`.
+pub(crate) fn of(path: Path) -> &'static Cpu {
+    match path.via() {
+        Via::Fma => &Cpu { via: Via::Fma },
+        Via::Ftz => &Cpu { via: Via::Ftz },
+        _ => &Cpu { via: Via::Direct },
+    }
+}
 
 impl Executor for Cpu {
     fn path(&self) -> Path {
-        Path::CPU
+        Path::CPU.through(self.via)
     }
 
     fn adapter(&self) -> Adapter {
-        cpu::adapter()
+        cpu::adapter(self.path())
     }
 
     fn can(&self, ability: Ability) -> bool {
@@ -33,16 +45,16 @@ impl Executor for Cpu {
         let Call { probed, fixtures, cases } = *call;
         let cases = cases.max(1);
         if probed.function().form.alone {
-            let function = Alone::new(probed, fixtures)?;
+            let function = Alone::rounding(probed, fixtures, self.via)?;
             let width = probed.function().result.lanes().len();
             return Ok(Box::new(ReadyAlone { function, cases, width }));
         }
-        let function = Interpreted::new(probed, fixtures)?;
+        let function = Interpreted::rounding(probed, fixtures, self.via)?;
         Ok(Box::new(Ready { function, cases }))
     }
 
     fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
-        crate::interpret::dispatch(passes)
+        crate::interpret::dispatch_rounding(passes, self.via)
     }
 }
 
@@ -103,13 +115,23 @@ mod tests {
         fixtures: Fixtures,
         rows: &[u32],
     ) -> Result<Vec<u32>, String> {
+        call_on(Path::CPU, text, function, fixtures, rows)
+    }
+
+    fn call_on(
+        path: Path,
+        text: &str,
+        function: &str,
+        fixtures: Fixtures,
+        rows: &[u32],
+    ) -> Result<Vec<u32>, String> {
         let package = Package::from_source("cpu", text);
         let probed = Probed::new(&package, function).map_err(|error| error.to_string())?;
         let width: usize =
             probed.function().parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
         let cases = rows.len() / width.max(1);
         let call = Call { probed: &probed, fixtures: &fixtures, cases };
-        let prepared = Cpu.prepare(&call).map_err(|error| error.to_string())?;
+        let prepared = of(path).prepare(&call).map_err(|error| error.to_string())?;
         let mut found = Vec::new();
         let mut read = |words: &[u32], stride: usize| {
             assert_eq!(stride, probed.function().result.lanes().len());
@@ -130,6 +152,38 @@ mod tests {
         assert_eq!(found, [-8.0_f32, -3.0].map(f32::to_bits));
         let found = call(text, "half", Fixtures::new(), &[0.25_f32.to_bits()]).expect("it runs");
         assert_eq!(found, [0.5_f32.to_bits()]);
+    }
+
+    #[test]
+    fn arithmetics_round_as_gpus_may() {
+        let text = "@group(0) @binding(0) var<storage, read_write> out: f32;\n\
+                    fn square(x: f32) -> f32 { return x * x - 1.0; }\n\
+                    fn half(x: f32) -> f32 { return x * 0.5; }\n\
+                    fn store(x: f32) -> f32 { out = x * x - 1.0; return x * 0.5; }\n";
+        let on = |path: &str, function: &str, x: f32| {
+            let path = path.parse().expect("a path");
+            let fixtures: Fixtures = match function {
+                "store" => vec![("out".to_owned(), crate::fixture::Buffer::zeros(4).into())],
+                _ => Fixtures::new(),
+            };
+            let words = call_on(path, text, function, fixtures, &[x.to_bits()]).expect("it runs");
+            words.into_iter().map(f32::from_bits).collect::<Vec<_>>()
+        };
+        let x = 1.0 + 2.0_f32.powi(-12);
+        let (twice, once) = (x * x - 1.0, x.mul_add(x, -1.0));
+        assert_ne!(twice, once);
+        assert_eq!((on("cpu", "square", x), on("cpu:fma", "square", x)), (vec![twice], vec![once]));
+        let tiny = f32::MIN_POSITIVE;
+        assert_eq!(
+            (on("cpu", "half", tiny), on("cpu:ftz", "half", tiny)),
+            (vec![0.5 * tiny], vec![0.0])
+        );
+        assert_eq!(on("cpu:fma", "store", x), [0.5 * x, once]);
+        assert_eq!(on("cpu:ftz", "store", tiny), [0.0, -1.0]);
+        for wrong in ["vulkan:fma", "cpu:hlsl", "cpu:ftz@llvmpipe"] {
+            let path: Path = wrong.parse().expect("a name");
+            assert!(super::super::of(path).is_err(), "{wrong}");
+        }
     }
 
     #[test]

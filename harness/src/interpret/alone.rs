@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use karat_engine::{F32, Options, Program as Lowered, Resources, Settings};
+use karat_engine::{F32, Options, Program as Lowered, Resources};
 
-use super::{refused, stopped, supply};
+use super::{lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
-use crate::path::{Path, PathError};
+use crate::path::{Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, BindingKind, Program};
 use crate::settings;
@@ -25,14 +25,25 @@ pub(crate) struct Alone {
     words_out: usize,
     /// Rounds of loops that a case may make.
     fuel: u64,
+    /// Whether subnormals are zero.
+    flush: bool,
 }
 
 impl Alone {
     pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+        Self::rounding(probed, fixtures, Via::Direct)
+    }
+
+    /// The same in an arithmetic of the path `cpu`.
+    pub(crate) fn rounding(
+        probed: &Probed,
+        fixtures: &Fixtures,
+        via: Via,
+    ) -> Result<Self, ProbeError> {
         let Probed { program, function, .. } = probed;
         let unfit = |message: String| PathError::Route { path: Path::CPU, message };
         let (module, info) = program.kernel(probed.kernel()).map_err(unfit)?;
-        let settings = Settings::default();
+        let settings = lowering(via);
         let lowered = Lowered::entry_point(&module, &info, Probed::ENTRY_POINT, &settings)
             .map_err(|refusal| refused(program, &refusal))?;
         let mut resources = Resources::new();
@@ -44,7 +55,19 @@ impl Alone {
         let (program, name) = (Arc::clone(program), function.name.clone());
         let written = function.written().cloned().collect();
         let fuel = settings::fuel();
-        Ok(Self { lowered, resources, program, name, written, first, words_in, words_out, fuel })
+        let flush = via == Via::Ftz;
+        Ok(Self {
+            lowered,
+            resources,
+            program,
+            name,
+            written,
+            first,
+            words_in,
+            words_out,
+            fuel,
+            flush,
+        })
     }
 
     /// The same that stops after so many rounds of loops.
@@ -92,7 +115,7 @@ impl Alone {
         resources.set_buffer(0, self.first + 1, vec![0; 4 * (self.words_out + 1)]);
         resources.set_buffer(0, self.first + 2, bytes(&[1, 0, 0, 0]));
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
-        let options = Options { fuel: self.fuel, deadline, ..options.clone() };
+        let options = Options { fuel: self.fuel, deadline, flush: self.flush, ..options.clone() };
         self.lowered
             .dispatch::<F32>([1; 3], &mut resources, &options, &())
             .map_err(|stop| stopped(&self.program, &self.name, &stop))?;

@@ -3,9 +3,9 @@
 use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 
 use super::alone::after;
-use super::{refused, stopped, supply};
+use super::{lowering, refused, stopped, supply};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
-use crate::path::Path;
+use crate::path::{Path, Via};
 use crate::settings;
 
 /// Invocations of a workgroup: the engine refuses more.
@@ -16,6 +16,12 @@ pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
     dispatched(passes, &|_| options())
 }
 
+/// The same in an arithmetic of the path `cpu`.
+pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
+    let flush = via == Via::Ftz;
+    dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
+}
+
 /// How each pass runs.
 pub(super) type OfPass<'o> = &'o dyn Fn(&Pass) -> Options;
 
@@ -24,7 +30,15 @@ pub(super) fn dispatched(
     passes: &Passes,
     options_of: OfPass<'_>,
 ) -> Result<Afterwards, DispatchError> {
-    let held = in_order(passes, &mut |pass, lowered, resources| {
+    dispatched_by(passes, &Settings::default(), options_of)
+}
+
+fn dispatched_by(
+    passes: &Passes,
+    settings: &Settings,
+    options_of: OfPass<'_>,
+) -> Result<Afterwards, DispatchError> {
+    let held = in_order_by(passes, settings, &mut |pass, lowered, resources| {
         lowered.dispatch::<F32>(pass.workgroups, resources, &options_of(pass), &())?;
         Ok(true)
     })?;
@@ -50,6 +64,14 @@ type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool
 
 /// Runs passes one after the other, and returns all resources, each bound under its number in group 0.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
+    in_order_by(passes, &Settings::default(), run)
+}
+
+fn in_order_by(
+    passes: &Passes,
+    settings: &Settings,
+    run: Run<'_>,
+) -> Result<Resources, DispatchError> {
     passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
     let mut held = Resources::new();
     for (number, one) in (0..).zip(&passes.resources) {
@@ -62,9 +84,8 @@ pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, Dispa
     }
     for pass in &passes.passes {
         let program = &pass.program;
-        let settings = Settings::default();
         let lowered =
-            Lowered::entry_point(program.module(), program.info(), &pass.entry_point, &settings);
+            Lowered::entry_point(program.module(), program.info(), &pass.entry_point, settings);
         let lowered = lowered.map_err(|refusal| refused(program, &refusal))?;
         let mut resources = Resources::new();
         for (binding, number) in &pass.bindings {

@@ -113,25 +113,25 @@ impl Interpreted {
     }
 }
 
-/// Nothing runs passes in another order.
+/// Nothing runs passes in another order: what looks through them says so before one is asked for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum OrderOf {}
+pub(crate) struct OrderOf;
 
 impl OrderOf {
     pub(crate) fn whole(_: &crate::dispatch::Passes, _: u64) -> Self {
-        unreachable!("passes that weren't looked through have no other order")
+        Self
     }
 
-    pub(crate) fn swaps(&self) -> usize {
-        match *self {}
+    pub(crate) fn swaps(self) -> usize {
+        0
     }
 
-    pub(crate) fn first(&self, _: usize) -> Self {
-        match *self {}
+    pub(crate) fn first(self, _: usize) -> Self {
+        self
     }
 
-    pub(crate) fn last(&self, _: &crate::dispatch::Passes) -> String {
-        match *self {}
+    pub(crate) fn last(self, _: &crate::dispatch::Passes) -> String {
+        String::new()
     }
 }
 

@@ -20,17 +20,17 @@ impl OrderOf {
     }
 
     /// The swaps that it is made of.
-    pub(crate) fn swaps(&self) -> usize {
+    pub(crate) fn swaps(self) -> usize {
         self.0.swaps
     }
 
     /// The same with the first so many swaps.
-    pub(crate) fn first(&self, swaps: usize) -> Self {
+    pub(crate) fn first(self, swaps: usize) -> Self {
         Self(Schedule { swaps, ..self.0 })
     }
 
     /// The two that change places last.
-    pub(crate) fn last(&self, passes: &Passes) -> String {
+    pub(crate) fn last(self, passes: &Passes) -> String {
         let of_pass = |pass: &crate::dispatch::Pass| {
             let (groups, invocations) = counts(pass);
             Some(match self.0.last(groups, invocations)? {

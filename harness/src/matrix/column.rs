@@ -63,9 +63,11 @@ impl Column {
             (Via::Direct, Api::Metal) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
             // The engine runs naga's IR of the author's own text.
-            (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,
+            (Via::Direct | Via::Fma | Via::Ftz, Api::Cpu) if cfg!(feature = "engine") => {
+                Target::Wgsl
+            }
             (Via::Direct, Api::Process) => Target::Wgsl,
-            (Via::Direct, Api::Cpu) => return None,
+            (Via::Direct, Api::Cpu) | (Via::Fma | Via::Ftz, _) => return None,
         };
         Some(Self { target, path: Some(path), by_tint: false })
     }

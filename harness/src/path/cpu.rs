@@ -1,12 +1,17 @@
 //! The path that needs no driver.
 
-use super::{Adapter, Path};
+use super::{Adapter, Path, Via};
 
 /// What runs it.
-pub(crate) fn adapter() -> Adapter {
+pub(crate) fn adapter(path: Path) -> Adapter {
+    let name = match path.via() {
+        Via::Fma => "Karat's engine, a * b + c rounded once",
+        Via::Ftz => "Karat's engine, subnormals as zero",
+        _ => "Karat's engine",
+    };
     Adapter {
-        path: Path::CPU.to_string(),
-        name: "Karat's engine".to_owned(),
+        path: path.to_string(),
+        name: name.to_owned(),
         driver: format!("karat-engine {}", env!("CARGO_PKG_VERSION")),
         software: true,
     }

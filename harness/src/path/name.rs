@@ -82,11 +82,29 @@ pub enum Via {
     Hlsl,
     /// HLSL, by Microsoft's compiler.
     HlslDxc,
+    /// No language, but an arithmetic of the path `cpu`: `a * b + c` is rounded once, as WGSL (15.7.5) allows and many
+    /// GPUs do.
+    Fma,
+    /// The same, in which subnormal numbers are zero, as WGSL (15.7.2) allows and many GPUs do.
+    Ftz,
 }
 
 impl Via {
-    const ALL: [Self; 6] =
-        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::HlslDxc];
+    const ALL: [Self; 8] = [
+        Self::Direct,
+        Self::Wgsl,
+        Self::Spirv,
+        Self::Glsl,
+        Self::Hlsl,
+        Self::HlslDxc,
+        Self::Fma,
+        Self::Ftz,
+    ];
+
+    /// Whether it is an arithmetic, which `cpu` alone has.
+    pub(crate) const fn is_arithmetic(self) -> bool {
+        matches!(self, Self::Fma | Self::Ftz)
+    }
 
     /// The name behind the `:` of a path.
     ///
@@ -104,6 +122,8 @@ impl Via {
             Self::Glsl => "glsl",
             Self::Hlsl => "hlsl",
             Self::HlslDxc => "hlsl-dxc",
+            Self::Fma => "fma",
+            Self::Ftz => "ftz",
         }
     }
 }
@@ -151,6 +171,12 @@ impl Path {
 
     const fn of(api: Api) -> Self {
         Self { api, via: Via::Direct, driver: None }
+    }
+
+    /// The same by another route.
+    #[cfg(feature = "engine")]
+    pub(crate) const fn through(self, via: Via) -> Self {
+        Self { via, ..self }
     }
 
     /// What runs the shader.

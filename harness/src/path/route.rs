@@ -30,7 +30,8 @@ fn target(path: Path) -> Target {
         Via::Hlsl => Target::Hlsl,
         Via::HlslDxc => Target::Hlsl6,
         Via::Wgsl => Target::Wgsl,
-        Via::Direct | Via::Spirv => Target::Spirv,
+        // The arithmetics of `cpu` are no routes.
+        Via::Direct | Via::Spirv | Via::Fma | Via::Ftz => Target::Spirv,
     }
 }
 

@@ -142,8 +142,8 @@ impl Suite {
     /// nothing to compile, and no group.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
-        let drivers =
-            karat::path::selected().is_ok_and(|all| all.iter().any(|p| *p != karat::Path::CPU));
+        let drivers = karat::path::selected()
+            .is_ok_and(|all| all.iter().any(|p| p.api() != karat::path::Api::Cpu));
         let mut own: Vec<&WgslTest> = Vec::new();
         for test in tests {
             if let Kind::Wgsl(test) = &test.kind {

@@ -282,7 +282,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 /// How to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
-        _ if path.api() == Api::Cpu => return "only `cpu` itself is there, without a route",
+        _ if path.api() == Api::Cpu => return "there are `cpu`, `cpu:fma` and `cpu:ftz`",
         _ if path.api() == Api::Process => {
             return "the guide's chapter on paths says what such a program does";
         }

@@ -196,6 +196,7 @@ mod tests {
                 invocations: 64,
                 of: 64,
                 reason: reason.to_owned(),
+                orders: 0,
                 accepted: Vec::new(),
             };
             record.watched = Some(watched);

@@ -110,7 +110,8 @@ impl Worker {
         // Each process has one path: one that is required would run in all of them.
         command.env_remove("KARAT_REQUIRE");
         // Frames need a driver.
-        command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
+        command
+            .envs((path == "cpu" || path.starts_with("cpu:")).then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
         // An edit waits for no orders but the usual one.
         if std::env::var_os("KARAT_SCHEDULES").is_none() {
