@@ -598,7 +598,8 @@ impl After<'_> {
             (!holds).then_some(judge::Broken { failures: 1, first: None })
         };
         let (text, shape) = (statement.to_owned(), T::shape());
-        let statement = judge::Statement { text, shape, may_stay: false, breaks: &breaks };
+        let statement =
+            judge::Statement { text, shape, may_stay: false, settled: false, breaks: &breaks };
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 

@@ -348,14 +348,16 @@ impl MadeUp {
     /// # Errors
     /// If the entry point isn't valid, or a resource can't be made up.
     pub fn of_pass(
-        package: &Package,
-        name: &str,
+        (package, name): (&Package, &str),
+        overrides: &BTreeMap<String, f64>,
         workgroups: [u32; 3],
         ranges: &Ranges,
         case: usize,
     ) -> Result<Self, String> {
-        let (program, bindings, size) = Program::of_pass(package, name)?;
+        let (program, bindings, size) = Program::of_pass(package, name, overrides)?;
+        let case = case % Extents::VARIANTS;
         let extents = Extents::of(size, workgroups, case);
+        extents.expect_few()?;
         let made = Resources::of_pass((&program, &bindings), ranges, extents, case)?;
         let Resources { fixtures, members, drawn, .. } = made;
         Ok(Self { lanes: Vec::new(), fixtures, members, drawn })

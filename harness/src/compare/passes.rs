@@ -1,4 +1,4 @@
-//! What an edit changed of a compute pass: the words that it leaves in each resource, and violations that it brings.
+//! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
 use super::{Change, Compared, PathChange, Request, Side, distance, interface, renamed};
 use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
@@ -7,7 +7,7 @@ use crate::fixture::Fixtures;
 use crate::interpret::examine_made_up;
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
-use crate::reflect::Program;
+use crate::reflect::{Overrides, Program};
 use crate::value::format_lane;
 
 impl Request {
@@ -28,8 +28,10 @@ impl Request {
         let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         let (of_old, of_new) =
             (|error| format!("before: {error}"), |error| format!("after: {error}"));
-        let (was, old_bindings, _) = Program::of_pass(&self.before, name).map_err(of_old)?;
-        let (is, new_bindings, _) = Program::of_pass(&self.after, name).map_err(of_new)?;
+        let (was, old_bindings, _) =
+            Program::of_pass(&self.before, name, &Overrides::new()).map_err(of_old)?;
+        let (is, new_bindings, _) =
+            Program::of_pass(&self.after, name, &Overrides::new()).map_err(of_new)?;
         let before = Side { program: &was, bindings: &old_bindings };
         let after = Side { program: &is, bindings: &new_bindings };
         compared.interface = interface(before, after);
@@ -171,6 +173,14 @@ impl Difference {
                     let shown = |word: u32| format_lane(scalars[lane], word);
                     (format!("{short}{}", names[lane]), shown(*was), shown(*is))
                 });
+            }
+        }
+        for (number, _) in &was {
+            let name = &old.resources[*number].name;
+            let known = renamed.iter().find(|(was, _)| was == name).map_or(name, |(_, is)| is);
+            if new.written(known).is_err() {
+                let short = name.rsplit("::").next().unwrap_or(name);
+                return Err(format!("it wrote `{short}`, and doesn't any more"));
             }
         }
         Ok(all)

@@ -28,8 +28,10 @@ pub(super) struct Expected {
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    /// Whether it may hold of a resource that no pass changed.
+    /// True if it may hold of a resource that no pass changed.
     pub(super) may_stay: bool,
+    /// True if it doesn't ask the resource: its verdict is known.
+    pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
 
@@ -134,6 +136,19 @@ pub struct Element {
     pub expected: String,
     /// How far off it is.
     pub error: String,
+}
+
+impl Sum {
+    /// Passes that a loop didn't leave.
+    pub(super) fn endless() -> Self {
+        let element = Element {
+            place: "nothing".to_owned(),
+            actual: "a loop that doesn't end".to_owned(),
+            expected: "an end in each order".to_owned(),
+            error: String::new(),
+        };
+        Self { failures: 1, worst: LaneError::statement(false), shown: vec![element] }
+    }
 }
 
 /// The results of one path.
@@ -395,7 +410,8 @@ fn sorted_values(lanes: &[f64], width: usize) -> Vec<f64> {
 }
 
 fn by_value(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
-    let each = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
+    // Both zeros are one value.
+    let each = a.iter().zip(b).map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0)));
     each.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
 }
 
@@ -405,6 +421,11 @@ impl Assertion<'_> {
             Self::Agrees(..) => "agrees_with",
             Self::Holds(_) => "satisfies",
         }
+    }
+
+    /// True if no order changes its verdict.
+    pub(super) fn is_settled(&self) -> bool {
+        matches!(self, Self::Holds(statement) if statement.settled)
     }
 
     /// As a part of a sentence: it holds that ..

@@ -52,7 +52,7 @@ impl Content {
     }
 }
 
-/// What a resource holds before all passes.
+/// The content of a resource before all passes.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -72,7 +72,7 @@ pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeE
     Ok(Content { name, shape, lanes })
 }
 
-/// What passes leave in each resource that they write, on a path.
+/// The content of each resource that passes write, after them, on a path.
 ///
 /// ```
 /// # use karat::Path;
@@ -124,7 +124,7 @@ pub fn violations(
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }
 
-/// What goes wrong inside of the passes, where the author wrote it: its place, and what it is.
+/// Faults inside of the passes: the place of each in the author's file, and what it is.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -178,6 +178,37 @@ pub fn agrees_with(
     after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
 }
 
+/// Records a statement about passes themselves, whose verdict is known: it asks no resource, and no order changes it.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// karat::unstable::compute::settled(&passes.after("data"), "nothing goes wrong inside", None)?;
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
+/// # Errors
+/// If it is broken, or nothing could be dispatched.
+#[track_caller]
+pub fn settled(
+    after: &After<'_>,
+    text: &str,
+    broken: Option<Broken>,
+) -> Result<ComputeAgreement, ComputeError> {
+    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
+    let shape = match shape {
+        Shape::Array { element, .. } => *element,
+        whole => whole,
+    };
+    let breaks = |_: &[u32]| broken.clone();
+    let text = text.to_owned();
+    let statement = Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
+    after.judge(Assertion::Holds(statement), Location::caller())
+}
+
 /// Checks a statement of the lanes of a resource. One that `may_stay` as it was before says so.
 ///
 /// ```
@@ -208,6 +239,7 @@ pub fn satisfies(
         Shape::Array { element, .. } => *element,
         whole => whole,
     };
-    let statement = Statement { text: text.to_owned(), shape, may_stay, breaks };
+    let text = text.to_owned();
+    let statement = Statement { text, shape, may_stay, settled: false, breaks };
     after.judge(Assertion::Holds(statement), Location::caller())
 }

@@ -47,7 +47,7 @@ impl Usual {
     /// # Errors
     /// If the entry point isn't valid, or is none of compute passes.
     pub(crate) fn of(package: &Package, name: &str) -> Result<Self, String> {
-        let (program, _, size) = Program::of_pass(package, name)?;
+        let (program, _, size) = Program::of_pass(package, name, &Overrides::new())?;
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
         let apart = attributes.iter().any(|(_, attribute)| APART.contains(&&**attribute));
@@ -78,12 +78,13 @@ impl Passes {
         ranges: &Ranges,
         (variant, given): (usize, &Fixtures),
     ) -> Result<(Self, Resources), String> {
-        let (program, bindings, size) = Program::of_pass(package, name)?;
+        let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => Usual::of(package, name)?.workgroups,
         };
         let extents = Extents::of(size, workgroups, variant);
+        extents.expect_few()?;
         let mut made = Resources::of_pass((&program, &bindings), ranges, extents, variant)?;
         for (name, fixture) in &mut made.fixtures {
             if let Some((_, own)) = given.iter().find(|(known, _)| known == name) {

@@ -29,7 +29,7 @@ impl OrderOf {
         Self(Schedule { swaps, ..self.0 })
     }
 
-    /// The two that change places last.
+    /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
         let of_pass = |pass: &crate::dispatch::Pass| {
             let (groups, invocations) = counts(pass);
@@ -44,7 +44,8 @@ impl OrderOf {
                 }
             })
         };
-        passes.passes.iter().find_map(of_pass).unwrap_or_else(|| "two invocations".to_owned())
+        let all: Vec<String> = passes.passes.iter().filter_map(of_pass).collect();
+        if all.is_empty() { "two invocations".to_owned() } else { all.join(", and ") }
     }
 }
 
@@ -54,7 +55,7 @@ fn counts(pass: &crate::dispatch::Pass) -> (usize, usize) {
     (groups, pass.workgroup_size().iter().map(|count| *count as usize).product())
 }
 
-/// What passes leave in an order of their invocations; `None`: by their numbers.
+/// The words that passes leave in an order of their invocations; `None`: by their numbers.
 pub(crate) fn in_order_of(
     passes: &Passes,
     order: Option<OrderOf>,

@@ -1,4 +1,4 @@
-//! What goes wrong inside of compute passes: operations whose operands were good, and whose result isn't.
+//! Faults inside of compute passes: operations whose operands were good, and whose result isn't.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -58,7 +58,7 @@ pub(crate) struct FoundInPass {
     pub(crate) count: usize,
 }
 
-/// What goes wrong inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
+/// The faults inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
 /// The sanitizer tells of indices that leave their arrays.
 pub(crate) fn hazards(passes: &Passes, fuel: u64) -> Result<Vec<FoundInPass>, DispatchError> {
     let finite = leaves_finite(passes)?;
@@ -84,7 +84,7 @@ pub(crate) fn hazards(passes: &Passes, fuel: u64) -> Result<Vec<FoundInPass>, Di
     Ok(all)
 }
 
-/// Whether each float that passes leave is finite.
+/// True if each float that passes leave is finite.
 fn leaves_finite(passes: &Passes) -> Result<bool, DispatchError> {
     let mut finite = true;
     for (number, words) in dispatch(passes)? {

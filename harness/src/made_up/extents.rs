@@ -61,14 +61,14 @@ impl Extents {
     /// workgroup. The others try the numbers that a parameter may be compared with, and then draws.
     #[cfg(feature = "engine")]
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
-        /// What is missing of the last workgroup.
+        /// The invocations of the last workgroup without an element.
         const TAIL: u32 = 3;
         /// Elements of arrays, at least.
         const LEAST: u32 = 64;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
         if total < LEAST {
-            elements[0] *= LEAST.div_ceil(total);
+            elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if variant == 1 {
             elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
@@ -83,6 +83,21 @@ impl Extents {
             _ => (None, None),
         };
         Self { elements, workgroups, numbered, unknown }
+    }
+
+    /// Refuses more elements than buffers are made up for: 2^22, of which each may have some words.
+    ///
+    /// # Errors
+    /// If there are more.
+    #[cfg(feature = "engine")]
+    pub(crate) fn expect_few(&self) -> Result<(), String> {
+        const MOST: u32 = 1 << 22;
+        match self.total() {
+            total if total > MOST => Err(format!(
+                "buffers are made up for at most {MOST} invocations: dispatch fewer workgroups, or bind them"
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// All elements.
@@ -105,7 +120,7 @@ impl Extents {
             () if has(&["width", "columns", "stride", "pitch"]) => self.elements[0],
             () if has(&["height", "rows"]) => self.elements[1],
             () if has(&["groups", "workgroups"]) => match lanes {
-                1 => self.workgroups.iter().product(),
+                1 => self.workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count)),
                 _ => *self.workgroups.get(lane)?,
             },
             () if lanes > 1 && has(&DIRECTIONS) => *self.elements.get(lane)?,

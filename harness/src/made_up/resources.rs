@@ -320,7 +320,9 @@ fn texture_or_sampler(
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let sides = match extents {
-        Some(Extents { elements: [across, down, _], .. }) => [across, down.max(LAYERS)],
+        Some(Extents { elements: [across, down, _], .. }) => {
+            [across.min(MOST_SIDE), down.clamp(LAYERS, MOST_SIDE)]
+        }
         None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
     Some(match binding.kind {
@@ -328,7 +330,7 @@ fn texture_or_sampler(
             // A power of two tells it from another one, and loses no digit.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
-            CubeMap::from_fn(sides[0].next_power_of_two(), texel).with_mips().into()
+            CubeMap::from_fn(sides[0].next_power_of_two().min(MOST_FACE), texel).with_mips().into()
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
@@ -418,7 +420,8 @@ fn made<T: Texel>(
     value: impl Fn(u32, u32, u32) -> T,
 ) -> Texture {
     let layer = |z: u32| Texture::from_fn(width, height, |x, y| value(x, y, z));
-    let face = |z: u32| Texture::from_fn(width, width, |x, y| value(x, y, z));
+    let side = width.min(MOST_FACE);
+    let face = |z: u32| Texture::from_fn(side, side, |x, y| value(x, y, z));
     match (dimension, arrayed) {
         (Dimension::D1, _) => Texture::from_fn_1d(width, |x| value(x, 0, 0)),
         (Dimension::D2, false) if samples > 1 => {
@@ -431,6 +434,12 @@ fn made<T: Texel>(
         (Dimension::Cube, true) => Texture::cube_array((0..12).map(face)),
     }
 }
+
+/// Texels along a side of a texture, on every device (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
+const MOST_SIDE: u32 = 8192;
+
+/// Texels along a side of a cube's face: there are six of them, with levels.
+const MOST_FACE: u32 = 64;
 
 /// Layers and slices.
 const LAYERS: u32 = 4;

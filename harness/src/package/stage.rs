@@ -43,7 +43,7 @@ impl fmt::Display for Stage {
             Self::Vertex => "vertex",
             Self::Fragment => "fragment",
             Self::Compute => "compute",
-            Self::Other => "entry point",
+            Self::Other => "other_stage",
         })
     }
 }

@@ -145,9 +145,11 @@ impl Module {
             }
             let end = after_attribute(&self.file.text, &self.tokens, &self.brackets, at);
             edits.push(Edit { from: self.bytes(&(at..end)), name: None });
-            // Of the result no name follows.
-            let parameter = (end..declaration.tokens.end)
-                .find(|token| !self.is(*token, b'@') && self.is(*token + 1, b':'));
+            // A parameter's name stands before its colon; the result has none.
+            let ends = |token: &usize| [b',', b')', b'{'].iter().any(|end| self.is(*token, *end));
+            let own = (end..declaration.tokens.end).take_while(|token| !ends(token));
+            let parameter =
+                own.clone().find(|token| self.is_word(*token) && self.is(*token + 1, b':'));
             if let ("builtin", Some(parameter)) = (self.text(at + 1), parameter) {
                 builtins.push((self.text(parameter).to_owned(), self.text(at + 3).to_owned()));
             }

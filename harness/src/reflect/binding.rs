@@ -50,14 +50,27 @@ impl Program {
     /// # Errors
     /// If it isn't valid, or is none, or an override has no value.
     #[cfg(feature = "engine")]
-    pub(crate) fn of_pass(package: &Package, name: &str) -> Result<PassProgram, String> {
+    pub(crate) fn of_pass(
+        package: &Package,
+        name: &str,
+        overrides: &Overrides,
+    ) -> Result<PassProgram, String> {
+        /// As many as any device runs (`maxComputeInvocationsPerWorkgroup` of today's is 1,024).
+        const MOST_INVOCATIONS: u64 = 1024;
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let program = Self::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
-        let program = program.overridden(&Overrides::new()).map_err(|error| error.to_string())?;
+        let program = program.overridden(overrides).map_err(|error| error.to_string())?;
         let found = program.compute_entry_point(program.entry_point_name(own));
         let (bindings, size) =
             found.ok_or_else(|| format!("`{name}` is no compute entry point"))?;
-        Ok((program, bindings, size.map(|count| count.max(1))))
+        let size = size.map(|count| count.max(1));
+        let invocations = size.iter().map(|count| u64::from(*count)).product::<u64>();
+        if invocations > MOST_INVOCATIONS {
+            return Err(format!(
+                "a workgroup of `{name}` has {invocations} invocations, and no device runs them"
+            ));
+        }
+        Ok((program, bindings, size))
     }
 
     /// The resources of an entry point; `None` if there is no such entry point.

@@ -164,7 +164,7 @@ pub(crate) struct Assertion {
     what: What,
     tolerance: Option<String>,
     tolerance_on: BTreeMap<String, String>,
-    /// Whether elements are compared whatever their order is.
+    /// True if elements are compared whatever their order is.
     up_to_order: bool,
     /// Tables and images are relative to it.
     pub(crate) folder: PathBuf,
@@ -188,7 +188,12 @@ impl What {
         }
     }
 
-    /// Whether it compares numbers with others, to within a tolerance.
+    /// True if it compares a list of elements, which may come in any order.
+    fn is_listed(&self) -> bool {
+        matches!(self, Self::Equals(_) | Self::Table(_) | Self::AgreesWith(_))
+    }
+
+    /// True if it compares numbers with others, to within a tolerance.
     fn compares(&self) -> bool {
         matches!(
             self,
@@ -247,12 +252,16 @@ impl Expected {
                  permutation_of, unchanged, in_range or finite"
             ));
         }
-        let ordered =
-            |what: &What| matches!(what, What::Equals(_) | What::Table(_) | What::AgreesWith(_));
-        if switched("up_to_order", self.up_to_order)? && !all.iter().any(ordered) {
+        if switched("up_to_order", self.up_to_order)? && !all.iter().any(What::is_listed) {
             return Err(format!(
                 "`up_to_order` does nothing here: of `{variable}` neither equals, table nor agrees_with is asserted"
             ));
+        }
+        let own = |what: &What| what.compares() && !matches!(what, What::SumOf(_));
+        if !self.tolerance_on.is_empty() && !all.iter().any(own) {
+            return Err(
+                "`tolerance_on` does nothing here: a sum has one tolerance on each path".to_owned()
+            );
         }
         let compares = all.iter().any(What::compares);
         if !compares && (self.tolerance.is_some() || !self.tolerance_on.is_empty()) {
@@ -310,8 +319,12 @@ impl Declared {
                 tolerance: expected
                     .and_then(|one| one.tolerance.clone())
                     .filter(|_| what.compares()),
-                tolerance_on: expected.map(|one| one.tolerance_on.clone()).unwrap_or_default(),
-                up_to_order: expected.is_some_and(|one| one.up_to_order.is_some()),
+                tolerance_on: expected
+                    .filter(|_| what.compares() && !matches!(what, What::SumOf(_)))
+                    .map(|one| one.tolerance_on.clone())
+                    .unwrap_or_default(),
+                up_to_order: expected.is_some_and(|one| one.up_to_order.is_some())
+                    && what.is_listed(),
                 what,
                 folder: folder.to_owned(),
                 keys: keys.clone(),
@@ -473,8 +486,8 @@ impl Assertion {
             });
             let broken = first.map(|first| Broken { failures: found.len(), first: Some(first) });
             let after = compute.clone().after(&variable);
-            let text = "nothing inside becomes NaN or infinite, or divides by 0";
-            return concluded(untyped::satisfies(&after, text, true, &|_| broken.clone()));
+            let text = "inside, each float is finite, and integers are divided and converted in their range";
+            return concluded(untyped::settled(&after, text, broken));
         }
         let after = compute.clone().after(&self.variable);
         let after = if self.up_to_order { after.up_to_order() } else { after };

@@ -107,7 +107,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         Some(case) => {
             let ranges = Ranges::of(&package)?;
             let made = match args.dispatch {
-                Some(groups) => MadeUp::of_pass(&package, &args.function, groups, &ranges, case),
+                Some(groups) => {
+                    let of = (&package, &*args.function);
+                    MadeUp::of_pass(of, &overrides, groups, &ranges, case)
+                }
                 None => MadeUp::of(&probed, &ranges, case),
             };
             Some(made.map_err(|error| anyhow!("--arbitrary: {error}"))?)
