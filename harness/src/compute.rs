@@ -209,7 +209,7 @@ pub enum ComputeError {
         /// The fault of the declaration.
         what: String,
     },
-    /// What passes leave depends on the order of their invocations.
+    /// The words that passes leave depend on the order of their invocations.
     #[error("{0}")]
     Order(Box<OrderDependence>),
     /// Elements differ.

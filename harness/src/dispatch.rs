@@ -372,7 +372,7 @@ impl Passes {
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// What a buffer holds before all passes: its name, its type and its lanes.
+    /// The content of a buffer before all passes: its name, its type and its lanes.
     pub(crate) fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;

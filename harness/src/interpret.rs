@@ -55,7 +55,7 @@ pub(crate) struct Interpreted {
     program: Arc<Program>,
     /// Rounds of loops that a case may make.
     fuel: u64,
-    /// Whether subnormals are zero.
+    /// True if subnormals are zero.
     flush: bool,
 }
 

@@ -36,7 +36,7 @@ pub struct Ranges {
     declared: BTreeMap<String, (f64, f64)>,
     /// Paths of arguments and members that are builtin values.
     builtins: Vec<(String, String)>,
-    /// What is dispatched, of a compute pass.
+    /// The dispatch of a compute pass.
     extents: Option<Extents>,
 }
 
@@ -95,7 +95,7 @@ pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>
 /// The most that a number changes from pixel to pixel.
 const STEEPEST: f64 = 0.5;
 
-/// What derivatives are called where it is said from what numbers are drawn.
+/// The name of derivatives in a report of the numbers that are drawn.
 const DERIVATIVES: &str = "derivatives";
 
 /// One number or direction of an argument or a resource.

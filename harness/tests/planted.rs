@@ -5,7 +5,7 @@ use karat::unstable::compare::{Change, Compared, Request};
 
 const RENDERER: &str = include_str!("planted/renderer.wgsl");
 
-/// What an edit did to the entry points and functions that it reaches.
+/// The changes by an edit of the entry points and functions that it reaches.
 fn edited(from: &str, to: &str) -> Vec<Compared> {
     assert!(RENDERER.contains(from), "the renderer has `{from}`");
     let package = |text: &str| Package::from_source("renderer", text);

@@ -260,7 +260,7 @@ fn races_that_are_accepted() {
     }
 }
 
-/// What is appended by an atomic counter comes in another order on each driver.
+/// Elements that an atomic counter appends come in another order on each driver.
 #[test]
 fn an_append_whose_order_matters() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;

@@ -25,7 +25,7 @@ pub(crate) struct Alone {
     words_out: usize,
     /// Rounds of loops that a case may make.
     fuel: u64,
-    /// Whether subnormals are zero.
+    /// True if subnormals are zero.
     flush: bool,
 }
 

@@ -58,7 +58,7 @@ pub(crate) struct Resources {
     element: Option<u32>,
     /// Arrays around what is filled.
     depth: usize,
-    /// Whether what is filled is written, so that a number in it counts what is added.
+    /// True if a pass writes the buffer, so that a number in it counts additions from 0.
     counts: bool,
 }
 
@@ -217,7 +217,7 @@ impl Resources {
 }
 
 impl Ranges {
-    /// Whether a whole number of an element is the element's own, as nothing else says what it is.
+    /// True if a whole number of an element is the element's own, as nothing else says its value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
@@ -390,7 +390,7 @@ fn texture(
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
         let texel = held_by_halves(texel);
-        // What divides by alpha meets 0.
+        // A shader that divides by alpha meets 0.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
     match texels {

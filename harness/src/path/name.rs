@@ -101,7 +101,7 @@ impl Via {
         Self::Ftz,
     ];
 
-    /// Whether it is an arithmetic, which `cpu` alone has.
+    /// True of an arithmetic, which `cpu` alone has.
     pub(crate) const fn is_arithmetic(self) -> bool {
         matches!(self, Self::Fma | Self::Ftz)
     }

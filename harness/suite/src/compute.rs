@@ -110,7 +110,7 @@ impl TryFrom<Value> for Workgroups {
     }
 }
 
-/// What a resource should hold.
+/// The expected content of a resource.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
@@ -137,7 +137,7 @@ enum Sorted {
     Direction(String),
 }
 
-/// What one test asserts.
+/// The assertion of one test.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
     Equals(Value),
@@ -424,7 +424,7 @@ impl Assertion {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-            // A module or an entry point that isn't there is told by the dispatch.
+            // The dispatch reports a module or an entry point that isn't there.
             let Ok(program) = Program::of_module(package, module) else { continue };
             for binding in program.entry_point_bindings(Stage::Compute, own).unwrap_or_default() {
                 known.push(binding.name().to_owned());

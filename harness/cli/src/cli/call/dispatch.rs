@@ -43,7 +43,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if found.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// What a resource holds; of a long array its first elements.
+/// The content of a resource; of a long array its first elements.
 fn shown(content: &Content) -> String {
     let width = content.element().lanes().len().max(1);
     let count = content.lanes.len() / width;
