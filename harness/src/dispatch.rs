@@ -387,8 +387,10 @@ impl Passes {
             Some((held.name.clone(), shape, lanes))
         });
         found.ok_or_else(|| {
-            let known: Vec<&str> = self.resources.iter().map(|held| held.name.as_str()).collect();
-            let nearest = crate::diagnostic::nearest(name, known).map(str::to_owned);
+            let held = self.resources.iter().map(|held| held.name.as_str());
+            // A texture of that name is no misspelt buffer.
+            let nearest = crate::diagnostic::nearest(name, held).filter(|near| *near != name);
+            let nearest = nearest.map(str::to_owned);
             DispatchError::NoBuffer { name: name.to_owned(), nearest }
         })
     }

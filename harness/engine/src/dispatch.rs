@@ -1,9 +1,11 @@
 //! Compute entry points: invocations of a workgroup are the lanes of one chunk.
 
+use std::time::Instant;
+
 use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::{Arithmetic, F32};
-use crate::code::Binding;
+use crate::code::{Binding, Op};
 use crate::machine::Machine;
 use crate::observer::Observer;
 use crate::options::Options;
@@ -154,33 +156,49 @@ impl Program {
                 (None, Some((groups, _))) => Box::new(groups.iter().copied()),
                 (None, None) => Box::new(0..all),
             };
+            let waits = code.instructions.iter().any(|one| matches!(one.op, Op::Barrier(_)));
+            let serial = options.schedule.is_some_and(|schedule| schedule.serial) && !waits;
             for group in groups {
+                if options.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                    return Err(Stop::Misuse(
+                        "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
+                    ));
+                }
                 let id = [group % across, group / across % down, group / (across * down)];
                 let id = id.map(|index| index as u32);
-                for (&(register, scalar), &(builtin, k)) in
-                    code.parameters.iter().zip(&entry.inputs)
-                {
-                    let word = |index: u32| {
-                        let local = [index % x, index / x % y, index / (x * y)][k];
-                        match builtin {
-                            BuiltIn::GlobalInvocationId => {
-                                id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
+                let set = |machine: &mut Machine<'_, A>, alone: Option<usize>| {
+                    for (&(register, scalar), &(builtin, k)) in
+                        code.parameters.iter().zip(&entry.inputs)
+                    {
+                        let word = |index: u32| {
+                            let local = [index % x, index / x % y, index / (x * y)][k];
+                            match builtin {
+                                BuiltIn::GlobalInvocationId => {
+                                    id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
+                                }
+                                BuiltIn::LocalInvocationId => local,
+                                BuiltIn::LocalInvocationIndex => index,
+                                BuiltIn::WorkGroupId => id[k],
+                                BuiltIn::NumWorkGroups => workgroups[k],
+                                _ => entry.size[k],
                             }
-                            BuiltIn::LocalInvocationId => local,
-                            BuiltIn::LocalInvocationIndex => index,
-                            BuiltIn::WorkGroupId => id[k],
-                            BuiltIn::NumWorkGroups => workgroups[k],
-                            _ => entry.size[k],
-                        }
-                    };
-                    match &scheduled {
-                        None => machine.set(register.index, scalar, (0..x * y * z).map(word)),
-                        Some((_, order)) => {
-                            let words = order.iter().map(|index| word(*index as u32));
-                            machine.set(register.index, scalar, words);
+                        };
+                        let (index, words) = (register.index, 0..x * y * z);
+                        match (alone, &scheduled) {
+                            (Some(own), _) => {
+                                machine.set(index, scalar, std::iter::once(word(own as u32)))
+                            }
+                            (None, None) => machine.set(index, scalar, words.map(word)),
+                            (None, Some((_, order))) => {
+                                machine.set(
+                                    index,
+                                    scalar,
+                                    order.iter().map(|own| word(*own as u32)),
+                                );
+                            }
                         }
                     }
-                }
+                };
                 for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
                     if slot.binding == Binding::Workgroup {
                         buffer.clear();
@@ -190,7 +208,16 @@ impl Program {
                 if let Some(detector) = &mut machine.detector {
                     detector.begin(first);
                 }
-                let ran = machine.run::<SEEN>(invocations, first, &mut memory, observer);
+                let ran = match &scheduled {
+                    Some((_, order)) if serial => order.iter().try_for_each(|own| {
+                        set(&mut machine, Some(*own));
+                        machine.run::<SEEN>(1, first + own, &mut memory, observer)
+                    }),
+                    _ => {
+                        set(&mut machine, None);
+                        machine.run::<SEEN>(invocations, first, &mut memory, observer)
+                    }
+                };
                 if let Err(spent) = ran {
                     let stop = spent.stop(first + spent.lane, options.fuel);
                     if watch.is_none() {

@@ -10,6 +10,9 @@ pub struct Schedule {
     pub seed: u64,
     /// How many of its swaps are made, of workgroups first.
     pub swaps: usize,
+    /// Whether each invocation runs to its end before the next one begins. Where a barrier has them wait for each
+    /// other they can't: then they run side by side, as they do otherwise.
+    pub serial: bool,
 }
 
 /// Two that change places.
@@ -25,7 +28,7 @@ impl Schedule {
     /// All swaps of an order of so many workgroups and invocations.
     #[must_use]
     pub fn whole(seed: u64, groups: usize, invocations: usize) -> Self {
-        let all = Self { seed, swaps: usize::MAX };
+        let all = Self { seed, swaps: usize::MAX, serial: false };
         Self { swaps: all.all(groups).count() + all.all(invocations).count(), ..all }
     }
 
@@ -96,7 +99,10 @@ mod tests {
         let reverse = Schedule::whole(0, 1, 4);
         assert_eq!(reverse.orders(1, 4), (vec![0], vec![3, 2, 1, 0]));
         assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(1, 2)));
-        assert_eq!(Schedule { seed: 0, swaps: 1 }.last(4, 4), Some(Swap::Workgroups(0, 3)));
+        assert_eq!(
+            Schedule { seed: 0, swaps: 1, serial: false }.last(4, 4),
+            Some(Swap::Workgroups(0, 3))
+        );
         assert_ne!(Schedule::whole(1, 1, 8).orders(1, 8), Schedule::whole(2, 1, 8).orders(1, 8));
     }
 }

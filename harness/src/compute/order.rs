@@ -51,7 +51,7 @@ pub struct OrderDependence {
     pub assertion: String,
     /// The last entry point, `file:line:column`.
     pub location: String,
-    /// The two whose order makes the difference: `local (3, 0, 0) and local (5, 0, 0) of each workgroup`.
+    /// The difference between the orders: `local (3, 0, 0) and (5, 0, 0) change places in each workgroup of .. `.
     pub swap: String,
     /// The first element that is wrong then.
     pub element: Option<Element>,
@@ -74,7 +74,7 @@ impl fmt::Display for OrderDependence {
         if !self.location.is_empty() {
             writeln!(f, "  --> {}", self.location)?;
         }
-        writeln!(f, "  it holds that {}, until {} change places", self.assertion, self.swap)?;
+        writeln!(f, "  it holds that {}, until {}", self.assertion, self.swap)?;
         if let Some(Element { place, actual, expected, .. }) = &self.element {
             writeln!(f, "  then: {place}")?;
             writeln!(f, "      actual = {actual}")?;
@@ -82,7 +82,7 @@ impl fmt::Display for OrderDependence {
         }
         writeln!(
             f,
-            "  = WGSL promises no order, and each driver has its own: compare elements `.up_to_order()`, assert what \
+            "  = WGSL promises no order, and each driver has its own: compare elements up to their order (`up_to_order`), assert what \
              holds in each order, or allow for sums of floats with a tolerance"
         )
     }
@@ -149,7 +149,10 @@ impl After<'_> {
             }
             // The first swap that makes a difference, by halves: no swap makes none, all of them make one.
             let (mut right, mut wrong) = (0, whole.swaps());
-            while wrong - right > 1 {
+            if judged(Some(whole.first(0)))?.failures > 0 {
+                wrong = 0;
+            }
+            while wrong > right + 1 {
                 let middle = right + (wrong - right) / 2;
                 match judged(Some(whole.first(middle)))?.failures {
                     0 => right = middle,

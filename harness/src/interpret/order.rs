@@ -16,7 +16,9 @@ impl OrderOf {
             let (groups, invocations) = counts(pass);
             Schedule::whole(seed, groups, invocations).swaps
         });
-        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default() })
+        // In two of them each invocation runs by itself: the others keep statements side by side.
+        let serial = matches!(seed, 1 | 2);
+        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default(), serial })
     }
 
     /// The swaps that it is made of.
@@ -31,21 +33,27 @@ impl OrderOf {
 
     /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
+        if self.0.swaps == 0 {
+            return "invocations run to their ends one after the other".to_owned();
+        }
         let of_pass = |pass: &crate::dispatch::Pass| {
             let (groups, invocations) = counts(pass);
             Some(match self.0.last(groups, invocations)? {
                 Swap::Workgroups(one, two) => {
                     let [one, two] = [one, two].map(|group| pass.workgroup(group));
-                    format!("workgroups {one} and {two} of `{}`", pass.name)
+                    format!("workgroups {one} and {two} of `{}` change places", pass.name)
                 }
                 Swap::Invocations(one, two) => {
                     let [one, two] = [one, two].map(|own| pass.local(own));
-                    format!("local {one} and {two} in each workgroup of `{}`", pass.name)
+                    format!(
+                        "local {one} and {two} change places in each workgroup of `{}`",
+                        pass.name
+                    )
                 }
             })
         };
         let all: Vec<String> = passes.passes.iter().filter_map(of_pass).collect();
-        if all.is_empty() { "two invocations".to_owned() } else { all.join(", and ") }
+        if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
     }
 }
 

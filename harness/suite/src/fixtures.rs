@@ -460,7 +460,10 @@ fn spread(
     let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));
     let size = match whole("size") {
         Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
-        Some((value, _)) => return Err(format!("size = {value} is no number of elements")),
+        Some((value, _)) => {
+            let most = MOST / width;
+            return Err(format!("size = {value} is no number of elements from 1 to {most}"));
+        }
         None => return Err("an array without a length is a list, or says its `size`".to_owned()),
     };
     let seed = match whole("seed") {

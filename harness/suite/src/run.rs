@@ -211,7 +211,11 @@ impl Suite {
                     let span = place_of(compute_key_of(error)).unwrap_or_else(|| whole.clone());
                     match found {
                         Some(found) => Wrong::from(found.clone().at(span, "")),
-                        None => Wrong::from(Diagnostic::new(error.to_string()).at(span, "")),
+                        None => {
+                            let message = error.to_string();
+                            let message = message.trim_start_matches("error: ").trim_end();
+                            Wrong::from(Diagnostic::new(message.to_owned()).at(span, ""))
+                        }
                     }
                 };
                 match assertion.judged(&self.package) {
