@@ -90,7 +90,7 @@ pub enum DispatchError {
     #[error("no pass uses a buffer `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoBuffer {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
         /// The closest one that is used.
         nearest: Option<String>,

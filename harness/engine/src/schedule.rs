@@ -10,7 +10,7 @@ pub struct Schedule {
     pub seed: u64,
     /// How many of its swaps are made, of workgroups first.
     pub swaps: usize,
-    /// Whether each invocation runs to its end before the next one begins. Where a barrier has them wait for each
+    /// True if each invocation runs to its end before the next one begins. Where a barrier has them wait for each
     /// other they can't: then they run side by side, as they do otherwise.
     pub serial: bool,
 }

@@ -118,6 +118,9 @@ fn brought<'e>(old: &'e Examined, new: &'e Examined) -> impl Iterator<Item = &'e
     })
 }
 
+/// Why a resource has lanes: a dispatch returns the words of each that a pass writes.
+const WRITTEN: &str = "a pass writes the resource";
+
 /// How words that passes leave differ.
 #[derive(Default)]
 struct Difference {
@@ -140,7 +143,7 @@ impl Difference {
             let name = &new.resources[*number].name;
             let text = |error: &dyn std::fmt::Display| error.to_string();
             let (_, shape) = new.written(name).map_err(|error| text(&error))?;
-            let lanes = new.lanes(*number, words).unwrap_or_default();
+            let lanes = new.lanes(*number, words).expect(WRITTEN);
             let short = name.rsplit("::").next().unwrap_or(name);
             let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
             // A resource that wasn't written held what it held before.
@@ -160,7 +163,7 @@ impl Difference {
                 return Err(format!("`{short}` is {shape}, and was {old_shape}"));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());
-            for (lane, (was, is)) in before.unwrap_or_default().iter().zip(&lanes).enumerate() {
+            for (lane, (was, is)) in before.expect(WRITTEN).iter().zip(&lanes).enumerate() {
                 all.words += 1;
                 let Some(far) = distance(scalars[lane], *was, *is) else { continue };
                 all.changed += 1;

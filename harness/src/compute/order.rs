@@ -137,7 +137,8 @@ impl After<'_> {
             };
             let own = afterwards.into_iter().find(|(of, _)| *of == number);
             let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
-            self.sum(assertion, None, element, &lanes.unwrap_or_default(), function)
+            let lanes = lanes.expect("a pass writes the resource");
+            self.sum(assertion, None, element, &lanes, function)
         };
         if judged(None)?.failures > 0 {
             return Ok(());

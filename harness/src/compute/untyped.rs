@@ -149,6 +149,15 @@ pub fn hazards(compute: &Compute<'_>) -> Result<Vec<(String, String)>, ComputeEr
     Ok(all.into_iter().map(one).collect())
 }
 
+/// The type of an element of what is asserted of.
+fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
+    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
+    Ok(match shape {
+        Shape::Array { element, .. } => *element,
+        whole => whole,
+    })
+}
+
 /// Checks that a resource holds these numbers, to within a tolerance.
 ///
 /// ```
@@ -169,11 +178,7 @@ pub fn agrees_with(
     expected: Vec<f64>,
     tolerance: Tolerance,
 ) -> Result<ComputeAgreement, ComputeError> {
-    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
-    let shape = match shape {
-        Shape::Array { element, .. } => *element,
-        whole => whole,
-    };
+    let shape = element_of(after)?;
     let expected = Expected { shape, lanes: expected };
     after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
 }
@@ -198,11 +203,7 @@ pub fn settled(
     text: &str,
     broken: Option<Broken>,
 ) -> Result<ComputeAgreement, ComputeError> {
-    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
-    let shape = match shape {
-        Shape::Array { element, .. } => *element,
-        whole => whole,
-    };
+    let shape = element_of(after)?;
     let breaks = |_: &[u32]| broken.clone();
     let text = text.to_owned();
     let statement = Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
@@ -234,11 +235,7 @@ pub fn satisfies(
     may_stay: bool,
     breaks: &dyn Fn(&[u32]) -> Option<Broken>,
 ) -> Result<ComputeAgreement, ComputeError> {
-    let (_, shape) = after.compute.passes()?.written(&after.variable)?;
-    let shape = match shape {
-        Shape::Array { element, .. } => *element,
-        whole => whole,
-    };
+    let shape = element_of(after)?;
     let text = text.to_owned();
     let statement = Statement { text, shape, may_stay, settled: false, breaks };
     after.judge(Assertion::Holds(statement), Location::caller())

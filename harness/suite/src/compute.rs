@@ -1,29 +1,4 @@
-//! Compute passes that a file declares.
-//!
-//! ```toml
-//! [[compute]]
-//! entry = "sort"                            # of this module; "other::sort" of another
-//! workgroups = [4, 1, 1]                    # or 4; or passes = [{ entry = "..", workgroups = 4 }, ..]
-//! with = { keys = [3, 1, 2, 0] }            # or { size = 4096, range = "0..1000", seed = 7 }
-//! [compute.after.keys]                      # what it holds after all passes
-//! sorted = true
-//! permutation_of = "keys"                   # of what that held before them
-//! ```
-//!
-//! | assertion | holds if |
-//! |---|---|
-//! | `equals = [1, 2]` | the resource holds this value; a number stands for each component |
-//! | `table = "file.csv"` | each element is a row of the table |
-//! | `golden = "name"` | it holds what it held when `golden/name.csv` was accepted |
-//! | `agrees_with = "entry"` | another entry point, which Karat's engine dispatches in place of the last one, leaves the same |
-//! | `sorted = true` | its elements rise; `"descending"`: they fall |
-//! | `sum_of = "input"` | its numbers add up to those of a buffer before the passes |
-//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
-//! | `unchanged = true` | it holds what it held before |
-//! | `in_range = [0, 1]` | each number lies there |
-//! | `up_to_order = true` | beside `equals`, `table` and `agrees_with`: elements are compared whatever their order is |
-//! | `finite = true` | no number is NaN or infinite |
-//! | `no_hazards = true`, beside `entry` | nothing inside becomes NaN or infinite, and no integer is divided by 0 |
+//! Compute passes that a file declares: `[[compute]]`, whose keys [`declared`](crate::declared) lists.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
