@@ -303,18 +303,38 @@ fn an_append_whose_order_matters() {
     assert!(seen.swap.starts_with("workgroups ("), "{}", seen.swap);
     let holds = |found: &[u32]| found.is_sorted();
     order(after("groups", 8, "found").try_satisfies("rises", holds));
-    // Side by side both invocations have counted before either one looks.
-    let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+    // Side by side both invocations have counted before either one looks, behind a barrier as before it.
+    let text = "var<workgroup> count: atomic<u32>;
                 @group(0) @binding(1) var<storage, read_write> found: array<u32>;
-                @compute @workgroup_size(8) fn main(@builtin(local_invocation_index) i: u32) {
+                @compute @workgroup_size(8) fn free(@builtin(local_invocation_index) i: u32) {
                     atomicAdd(&count, 1u);
                     found[i] = atomicLoad(&count);
+                }
+                @compute @workgroup_size(8) fn late(@builtin(local_invocation_index) i: u32) {
+                    if (i == 0u) { atomicStore(&count, 0u); }
+                    workgroupBarrier();
+                    atomicAdd(&count, 1u);
+                    found[i] = atomicLoad(&count);
+                }
+                @compute @workgroup_size(8) fn ordered(@builtin(local_invocation_index) i: u32) {
+                    for (var round = 1u; round < 4u; round++) {
+                        atomicAdd(&count, 1u);
+                        workgroupBarrier();
+                        found[i] = atomicLoad(&count) / round;
+                        workgroupBarrier();
+                    }
                 }";
     let package = Package::from_source("counted", text);
-    let passes = package.compute().with("count", Storage::new([0_u32]));
-    let passes = passes.with("found", Storage::new([0_u32; 8])).dispatch("main", [1, 1, 1]);
-    let seen = order(passes.after("found").unrecorded().try_agrees_with([8_u32; 8], Abs(0.0)));
-    assert!(seen.swap.contains("one after the other"), "{}", seen.swap);
+    let counted = |entry: &str| {
+        let passes = package.compute().with("found", Storage::new([0_u32; 8]));
+        let after = passes.dispatch(entry, [1, 1, 1]).after("found").unrecorded();
+        after.try_agrees_with([8_u32; 8], Abs(0.0))
+    };
+    for entry in ["free", "late"] {
+        let seen = order(counted(entry));
+        assert!(seen.swap.contains("one after the other"), "{entry}: {}", seen.swap);
+    }
+    counted("ordered").expect("a barrier lies between them");
     // A set has no order, and neither has a sum.
     after("invocations", 1, "found").up_to_order().agrees_with(thirds, Abs(0.0));
     after("groups", 8, "found").up_to_order().agrees_with(all, Abs(0.0));

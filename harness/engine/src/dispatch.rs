@@ -5,7 +5,7 @@ use std::time::Instant;
 use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::{Arithmetic, F32};
-use crate::code::{Binding, Op};
+use crate::code::Binding;
 use crate::machine::Machine;
 use crate::observer::Observer;
 use crate::options::Options;
@@ -145,20 +145,20 @@ impl Program {
         let (mut observed, mut stopped) = (Observed::default(), None);
         let (written, textures): (Vec<_>, Vec<_>) = {
             let mut memory = self.memory::<A>(resources)?;
-            let mut machine = Machine::<A>::new(code, options, invocations);
-            machine.detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            let some = watch.flatten();
-            let scheduled = options.schedule.map(|schedule| schedule.orders(all, invocations));
-            let groups: Box<dyn Iterator<Item = usize>> = match (some, &scheduled) {
-                (Some(some), _) => Box::new(some.iter().copied()),
-                (None, Some((groups, _))) => Box::new(groups.iter().copied()),
-                (None, None) => Box::new(0..all),
+            let (every, order) = match options.schedule {
+                Some(schedule) => schedule.orders(all, invocations),
+                None => ((0..all).collect(), (0..invocations).collect()),
             };
-            let waits = code.instructions.iter().any(|one| matches!(one.op, Op::Barrier(_)));
-            let serial = options.schedule.is_some_and(|schedule| schedule.serial) && !waits;
-            for group in groups {
+            let groups = watch.flatten().unwrap_or(&every);
+            // The invocations of one machine go from operation to operation side by side.
+            let serial = options.schedule.is_some_and(|schedule| schedule.serial);
+            let lanes = if serial { 1 } else { invocations };
+            let new = |_| Machine::<A>::new(code, options, lanes);
+            let mut machines: Vec<Machine<'_, A>> = order.chunks(lanes).map(new).collect();
+            machines[0].detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
+            'groups: for &group in groups {
                 if options.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                     return Err(Stop::Misuse(
                         "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
@@ -166,11 +166,21 @@ impl Program {
                 }
                 let id = [group % across, group / across % down, group / (across * down)];
                 let id = id.map(|index| index as u32);
-                let set = |machine: &mut Machine<'_, A>, alone: Option<usize>| {
+                for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
+                    if slot.binding == Binding::Workgroup {
+                        buffer.clear();
+                    }
+                }
+                let first = group * invocations;
+                if let Some(detector) = &mut machines[0].detector {
+                    detector.begin(first);
+                }
+                for (machine, own) in machines.iter_mut().zip(order.chunks(lanes)) {
                     for (&(register, scalar), &(builtin, k)) in
                         code.parameters.iter().zip(&entry.inputs)
                     {
-                        let word = |index: u32| {
+                        let word = |index: &usize| {
+                            let index = *index as u32;
                             let local = [index % x, index / x % y, index / (x * y)][k];
                             match builtin {
                                 BuiltIn::GlobalInvocationId => {
@@ -183,51 +193,32 @@ impl Program {
                                 _ => entry.size[k],
                             }
                         };
-                        let (index, words) = (register.index, 0..x * y * z);
-                        match (alone, &scheduled) {
-                            (Some(own), _) => {
-                                machine.set(index, scalar, std::iter::once(word(own as u32)))
-                            }
-                            (None, None) => machine.set(index, scalar, words.map(word)),
-                            (None, Some((_, order))) => {
-                                machine.set(
-                                    index,
-                                    scalar,
-                                    order.iter().map(|own| word(*own as u32)),
-                                );
+                        machine.set(register.index, scalar, own.iter().map(word));
+                    }
+                    machine.start(own.len());
+                }
+                let mut waiting: Vec<usize> = (0..machines.len()).collect();
+                while !waiting.is_empty() {
+                    let mut next = Vec::new();
+                    for number in waiting {
+                        let case = first + order[number * lanes];
+                        let machine = &mut machines[number];
+                        match machine.resume::<SEEN>(case, &mut memory, observer) {
+                            Ok(waits) => next.extend(waits.then_some(number)),
+                            Err(spent) => {
+                                let stop = spent.stop(case + spent.lane, options.fuel);
+                                if watch.is_none() {
+                                    return Err(stop);
+                                }
+                                stopped = Some(stop);
+                                break 'groups;
                             }
                         }
                     }
-                };
-                for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
-                    if slot.binding == Binding::Workgroup {
-                        buffer.clear();
-                    }
-                }
-                let first = group * invocations;
-                if let Some(detector) = &mut machine.detector {
-                    detector.begin(first);
-                }
-                let ran = match &scheduled {
-                    Some((_, order)) if serial => order.iter().try_for_each(|own| {
-                        set(&mut machine, Some(*own));
-                        machine.run::<SEEN>(1, first + own, &mut memory, observer)
-                    }),
-                    _ => {
-                        set(&mut machine, None);
-                        machine.run::<SEEN>(invocations, first, &mut memory, observer)
-                    }
-                };
-                if let Err(spent) = ran {
-                    let stop = spent.stop(first + spent.lane, options.fuel);
-                    if watch.is_none() {
-                        return Err(stop);
-                    }
-                    stopped = Some(stop);
-                    break;
+                    waiting = next;
                 }
             }
-            if let Some(detector) = machine.detector.take() {
+            if let Some(detector) = machines[0].detector.take() {
                 observed = Observed { stopped, ..detector.end() };
             }
             let textures = code.textures.iter().zip(memory.textures);

@@ -63,6 +63,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     lost: Vec<Option<u32>>,
     /// The lanes whose index has left its array in the operation that runs.
     strayed: Vec<usize>,
+    /// The operation that runs next.
+    at: usize,
     /// The site of the operation that runs.
     site: u32,
     width: usize,
@@ -86,6 +88,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             undecided: vec![0; width],
             lost: vec![None; width],
             strayed: Vec::new(),
+            at: 0,
             site: 0,
             width,
             detector: None,
@@ -152,7 +155,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Runs the program for the first `active` lanes, of which the first is `case`.
+    /// Runs the program to its end for the first `active` lanes, of which the first is `case`.
     pub(crate) fn run<const SEEN: bool>(
         &mut self,
         active: usize,
@@ -163,6 +166,14 @@ impl<'p, A: Rules> Machine<'p, A> {
     where
         A: crate::arithmetic::Arithmetic,
     {
+        self.start(active);
+        while self.resume::<SEEN>(case, memory, observer)? {}
+        Ok(())
+    }
+
+    /// Begins the program for the first `active` lanes.
+    pub(crate) fn start(&mut self, active: usize) {
+        self.at = 0;
         if A::UNDECIDED {
             self.worlds.start(active);
         } else {
@@ -171,8 +182,20 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.fuel.fill(self.options.fuel);
         self.undecided.fill(self.options.undecided);
         self.lost.fill(None);
+    }
+
+    /// Runs on to the next barrier, which is true, or to the end. The first lane is `case`.
+    pub(crate) fn resume<const SEEN: bool>(
+        &mut self,
+        case: usize,
+        memory: &mut Memory<'_, A>,
+        observer: &dyn Observer<A>,
+    ) -> Result<bool, Spent>
+    where
+        A: crate::arithmetic::Arithmetic,
+    {
         let code = self.code;
-        let mut at = 0;
+        let mut at = self.at;
         loop {
             let instruction = &code.instructions[at];
             at += 1;
@@ -348,19 +371,20 @@ impl<'p, A: Rules> Machine<'p, A> {
                         });
                     }
                 }
-                // All invocations of a workgroup are lanes of this chunk, so none has to wait.
                 Op::Barrier(barrier) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));
                         detector.barrier(code, instruction.site, barrier, active);
                         self.detector = Some(detector);
                     }
+                    self.at = at;
+                    return Ok(true);
                 }
                 Op::Halt => break,
             }
         }
         self.forget_lost();
-        Ok(())
+        Ok(false)
     }
 
     #[inline]

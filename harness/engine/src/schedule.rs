@@ -10,8 +10,8 @@ pub struct Schedule {
     pub seed: u64,
     /// How many of its swaps are made, of workgroups first.
     pub swaps: usize,
-    /// True if each invocation runs to its end before the next one begins. Where a barrier has them wait for each
-    /// other they can't: then they run side by side, as they do otherwise.
+    /// True if each invocation runs to its end, or to the next barrier, before the next one runs. Otherwise they go
+    /// from operation to operation side by side.
     pub serial: bool,
 }
 

@@ -16,7 +16,7 @@ impl OrderOf {
             let (groups, invocations) = counts(pass);
             Schedule::whole(seed, groups, invocations).swaps
         });
-        // In two of them each invocation runs by itself: the others keep statements side by side.
+        // In two of them each invocation runs by itself from barrier to barrier: the others keep statements side by side.
         let serial = matches!(seed, 1 | 2);
         Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default(), serial })
     }
@@ -34,7 +34,7 @@ impl OrderOf {
     /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
         if self.0.swaps == 0 {
-            return "invocations run to their ends one after the other".to_owned();
+            return "invocations run to the next barrier, or to their ends, one after the other".to_owned();
         }
         let of_pass = |pass: &crate::dispatch::Pass| {
             let (groups, invocations) = counts(pass);
