@@ -415,9 +415,8 @@ fn compute_passes_are_looked_through() {
                 if id.x >= size.width || id.y >= size.height { return; }\n\
                 let i = id.y * size.width + id.x;\n";
     let of = |body: &str| look(&format!("{head}{body}\n}}"));
-    for right in
-        ["data[i] = 0.5 * data[i];", "data[order[i]] = 1.0;", "data[i] = data[i] + tile[k];"]
-    {
+    let own = "tile[k] = data[i]; data[i] = tile[k] + 1.0;";
+    for right in ["data[i] = 0.5 * data[i];", "data[order[i]] = 1.0;", own] {
         let hazards = of(right);
         let sure: Vec<&Hazard> = hazards.found.iter().filter(|hazard| !hazard.guessed).collect();
         assert!(sure.is_empty(), "{right}: {sure:#?}");
@@ -429,6 +428,7 @@ fn compute_passes_are_looked_through() {
         ("data[0] = 1.0;", Kind::EqualWrites, "data[0] = 1.0"),
         ("data[i] = sqrt(-1.0 - abs(data[i]));", Kind::Nan, "sqrt(-1.0 - abs(data[i]))"),
         ("tile[k] = data[i]; data[i] = tile[63u - k];", Kind::Race, "tile[k] = data[i]"),
+        ("data[i] = data[i] + tile[k];", Kind::Unwritten, "tile[k]"),
         ("if k < 3u { workgroupBarrier(); } data[i] = 1.0;", Kind::Barrier, "workgroupBarrier"),
         (
             "data[i] = f32(order[i] / (order[i] - order[i]));",

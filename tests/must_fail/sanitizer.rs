@@ -124,14 +124,71 @@ fn barriers_that_some_invocations_miss() {
     let (kind, _, [one, other]) = first(&reduce("workgroupBarrier();", ""), 1);
     assert_eq!(kind, ViolationKind::Barrier);
     assert_eq!(one, "2 local (0) of workgroup (0) reaches it");
-    assert_eq!(other, "2 local (32) of workgroup (0) doesn't");
+    assert_eq!(other, "2 local (32) of workgroup (0) goes another way here");
     assert!(races(&reduce("", "workgroupBarrier();"), 1).is_empty());
     let rounds =
         "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
     let (kind, _, [one, other]) = first(rounds, 1);
     assert_eq!(kind, ViolationKind::Barrier);
     assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
-    assert_eq!(other, "1 local (0) of workgroup (0) doesn't");
+    assert_eq!(other, "1 local (0) of workgroup (0) goes another way here");
+    // The line of what parted them, however far it is from the barrier.
+    for (parts, line) in [
+        ("if i > 3u { return; }", 2),
+        ("if i > 3u {\ndata[id.x] = 1u;\n} else {\nreturn; }", 5),
+        ("switch i {\ncase 7u: { return; }\ndefault: {} }", 3),
+        ("for (var k = 0u; k < 3u; k++) {\nif k == i { return; } }", 3),
+    ] {
+        let (kind, _, [_, other]) =
+            first(&format!("\n{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;"), 1);
+        assert_eq!(kind, ViolationKind::Barrier);
+        assert!(
+            other.starts_with(&format!("{line} ")) && other.ends_with("goes another way here"),
+            "{parts}: {other}"
+        );
+    }
+}
+
+/// Workgroup memory that is read too early is a hazard, in each workgroup anew, and fails no test.
+#[test]
+fn workgroup_memory_that_is_read_before_it_is_written() {
+    let text = "var<workgroup> tile: array<vec2f, 8>;
+        var<workgroup> count: atomic<u32>;
+        @group(0) @binding(0) var<storage, read_write> data: array<f32>;
+        @compute @workgroup_size(8) fn early(@builtin(global_invocation_id) id: vec3u,
+            @builtin(local_invocation_index) i: u32) {
+            if i < 7u { tile[i].y = data[id.x]; }
+            workgroupBarrier();
+            data[id.x] = tile[i].y;
+        }
+        @compute @workgroup_size(8) fn counts(@builtin(global_invocation_id) id: vec3u) {
+            data[id.x] = f32(atomicAdd(&count, 1u));
+        }
+        @compute @workgroup_size(8) fn right(@builtin(global_invocation_id) id: vec3u,
+            @builtin(local_invocation_index) i: u32) {
+            tile[i] = vec2f(data[id.x]);
+            if i == 0u { atomicStore(&count, 0u); }
+            workgroupBarrier();
+            atomicAdd(&count, 1u);
+            data[id.x] = 2.0 * tile[7u - i].y;
+        }";
+    let package = Package::from_source("tiles", text);
+    let found = |entry: &str| {
+        let passes = package.compute().with("data", Storage::new([1.0_f32; 16]));
+        let passes = passes.dispatch(entry, [2, 1, 1]);
+        let (found, _) = karat::unstable::compute::violations(&passes).expect("valid");
+        passes.after("data").unrecorded().satisfies("is anything", |_: &[f32]| true);
+        found
+    };
+    let early = found("early");
+    let [(one, message)] = &early[..] else { panic!("{early:?}") };
+    assert_eq!((one.kind, &*one.element, one.count), (ViolationKind::Unwritten, "tile[7].y", 2));
+    assert_eq!(one.accesses[0].place, "<tiles>:8:26");
+    assert_eq!(one.accesses[0].invocation, "local (7, 0, 0) of workgroup (0, 0, 0)");
+    assert!(message.contains("no invocation has written yet"), "{message}");
+    let counts = found("counts");
+    assert_eq!((counts[0].0.kind, &*counts[0].0.element), (ViolationKind::Unwritten, "count"));
+    assert_eq!(found("right").len(), 0);
 }
 
 /// A blur that reads the buffer which it writes.

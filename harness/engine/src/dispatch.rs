@@ -219,7 +219,7 @@ impl Program {
                 }
             }
             if let Some(detector) = machines[0].detector.take() {
-                observed = Observed { stopped, ..detector.end() };
+                observed = Observed { stopped, ..detector.end(code) };
             }
             let textures = code.textures.iter().zip(memory.textures);
             let textures = textures

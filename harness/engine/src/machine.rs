@@ -350,8 +350,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::Break(_)
                 | Op::Continue(_)
                 | Op::Return(_) => {
+                    let before = self.detector.is_some().then(|| self.active().to_vec());
                     if self.control(instruction.op, registers) {
                         at = instruction.target as usize;
+                    }
+                    if let Some(before) = before {
+                        self.note_parting(&before);
                     }
                 }
                 Op::Mark(mark) => {
@@ -385,6 +389,15 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         self.forget_lost();
         Ok(false)
+    }
+
+    /// Tells the detector which of the lanes that were active before aren't any more.
+    fn note_parting(&mut self, before: &[A::Bool]) {
+        let Some(mut detector) = self.detector.take() else { return };
+        let lanes = before.iter().zip(self.active()).enumerate();
+        let gone = lanes.filter(|(_, (before, now))| A::possible(**before) && !A::possible(**now));
+        detector.part(self.site, gone.map(|(lane, _)| lane));
+        self.detector = Some(detector);
     }
 
     #[inline]

@@ -95,6 +95,22 @@ pub struct Divergence {
     pub missing: usize,
     /// How many of the workgroup didn't.
     pub count: usize,
+    /// The condition, or the jump, where that one went another way; `None` if it never came to a part of the code that
+    /// leads to the barrier.
+    pub parted: Option<Site>,
+}
+
+/// Reads of an element of workgroup memory that no invocation of the workgroup has written: zero, by WGSL.
+#[derive(Clone, Debug)]
+pub struct Unwritten {
+    /// The first of these reads.
+    pub access: Access,
+    /// The variable's name in the module.
+    pub variable: String,
+    /// The byte at which the first element begins in its variable.
+    pub byte: u32,
+    /// How many reads by the same line are of such an element.
+    pub count: u64,
 }
 
 /// Indices of an operation that leave their array.
@@ -121,6 +137,10 @@ pub struct Observed {
     pub divergences: Vec<Divergence>,
     /// Operations whose indices leave their arrays or textures, each once.
     pub outside: Vec<Outside>,
+    /// Reads of workgroup memory before it is written, each line once.
+    pub unwritten: Vec<Unwritten>,
+    /// Of storage buffers that the program may write, by group and binding: which of their words it wrote.
+    pub written: BTreeMap<(u32, u32), Touched>,
     /// Why the dispatch ended before all of it had run.
     pub stopped: Option<Stop>,
     /// Invocations that ran.
@@ -165,6 +185,25 @@ const EMPTY: Cell = Cell {
     earlier_read: NONE_YET,
 };
 
+/// A set of the bytes at which elements of a variable begin.
+#[derive(Clone, Debug, Default)]
+pub struct Touched(Vec<u64>);
+
+impl Touched {
+    /// True if the element that begins at this byte is in the set.
+    #[must_use]
+    pub fn contains(&self, byte: usize) -> bool {
+        self.0.get(byte / 64).is_some_and(|bits| bits >> (byte % 64) & 1 == 1)
+    }
+
+    fn add(&mut self, byte: usize) {
+        if self.0.len() <= byte / 64 {
+            self.0.resize(byte / 64 + 1, 0);
+        }
+        self.0[byte / 64] |= 1 << (byte % 64);
+    }
+}
+
 /// The elements of a variable.
 #[derive(Debug, Default)]
 struct Shadow {
@@ -175,6 +214,8 @@ struct Shadow {
     /// Elements by the byte of a word at which they begin: 16-bit floats begin at the third one, too, and booleans at
     /// each.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
+    /// Elements that were written: in workgroup memory by this workgroup.
+    touched: Touched,
 }
 
 /// A variable, whether its race is one of equal writes, both sites, and whether one workgroup has it.
@@ -198,6 +239,9 @@ pub(crate) struct Detector {
     races: BTreeMap<Key, (Race, HashSet<(usize, usize)>)>,
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
+    unwritten: BTreeMap<u32, Unwritten>,
+    /// For each lane, the site at which it became inactive last.
+    parted: Vec<Option<u32>>,
 }
 
 /// An access that the machine makes.
@@ -231,6 +275,8 @@ impl Detector {
             races: BTreeMap::new(),
             divergences: BTreeMap::new(),
             outside: BTreeMap::new(),
+            unwritten: BTreeMap::new(),
+            parted: vec![None; width],
         }
     }
 
@@ -239,7 +285,9 @@ impl Detector {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
         self.epochs = [0; 3];
+        self.parted.fill(None);
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
+            shadow.touched.0.fill(0);
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
         }
     }
@@ -250,9 +298,10 @@ impl Detector {
         self.starts[group as usize] + lane as usize
     }
 
-    /// True if accesses of a buffer can race.
+    /// True if accesses of a buffer can race, or reads of it come before a write.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
-        self.buffers[slot as usize].written
+        let Shadow { written, own, .. } = self.buffers[slot as usize];
+        written || own
     }
 
     /// True if accesses of a texture can race.
@@ -276,11 +325,45 @@ impl Detector {
                 reached: first + here,
                 missing: first + lane,
                 count: missing().count(),
+                parted: self.parted[lane].map(|site| code.sites[site as usize].clone()),
             });
         }
         let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
         for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
             *epoch += u32::from(barrier.contains(space));
+        }
+    }
+
+    /// Control goes on without lanes that were active before.
+    pub(crate) fn part(&mut self, site: u32, lanes: impl Iterator<Item = usize>) {
+        for lane in lanes {
+            self.parted[lane] = Some(site);
+        }
+    }
+
+    /// An element of a buffer is read, written or both, by an atomic or not.
+    pub(crate) fn touch(
+        &mut self,
+        code: &Code,
+        slot: u32,
+        accessed: Accessed,
+        (reads, writes): (bool, bool),
+    ) {
+        let Accessed { lane, site, place: Place::Byte(byte), word, .. } = accessed else { return };
+        let invocation = self.invocation(self.first) + lane;
+        let shadow = &mut self.buffers[slot as usize];
+        if reads && shadow.own && !shadow.touched.contains(byte as usize) {
+            let site_of = || code.sites[site as usize].clone();
+            let new = || Unwritten {
+                access: Access { site: site_of(), invocation, writes: false, word },
+                variable: code.buffers[slot as usize].name.clone(),
+                byte,
+                count: 0,
+            };
+            self.unwritten.entry(site).or_insert_with(new).count += 1;
+        }
+        if writes {
+            shadow.touched.add(byte as usize);
         }
     }
 
@@ -407,7 +490,15 @@ impl Detector {
     }
 
     /// Ends the run and returns the findings.
-    pub(crate) fn end(self) -> Observed {
+    pub(crate) fn end(self, code: &Code) -> Observed {
+        let slots = code.buffers.iter().zip(self.buffers);
+        let written = slots.filter_map(|(slot, shadow)| match slot.binding {
+            Binding::Resource { group, binding } if slot.written => {
+                Some(((group, binding), shadow.touched))
+            }
+            _ => None,
+        });
+        let written = written.collect();
         let mut races: Vec<Race> = self.races.into_values().map(|(race, _)| race).collect();
         races.sort_by_key(|race| {
             let place = race.second.site.span.to_range().map(|range| range.start);
@@ -417,6 +508,8 @@ impl Detector {
             races,
             divergences: self.divergences.into_values().collect(),
             outside: self.outside.into_values().collect(),
+            unwritten: self.unwritten.into_values().collect(),
+            written,
             stopped: None,
             invocations: self.starts.len() * self.width as usize,
             unwatched: self.unwatched,

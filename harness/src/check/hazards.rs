@@ -83,6 +83,7 @@ fn class(kind: Kind) -> Class {
         | Kind::Race
         | Kind::Barrier
         | Kind::EqualWrites
+        | Kind::Unwritten
         | Kind::Endless => Class::Other,
     }
 }

@@ -17,8 +17,24 @@ pub enum ViolationKind {
     EqualWrites,
     /// One reaches a barrier without the other one.
     Barrier,
+    /// Workgroup memory is read before an invocation writes it: zero by WGSL, but hosts may turn that off.
+    Unwritten,
     /// An index leaves its array, and the element is written, or the words that passes leave depend on it.
     Outside,
+}
+
+impl ViolationKind {
+    /// True if WGSL leaves open the result, so that a test fails. Workgroup memory that is read before it is written is
+    /// zero: a hazard, and no failure.
+    ///
+    /// ```
+    /// # use karat::compute::ViolationKind;
+    /// assert!(ViolationKind::Barrier.fails() && !ViolationKind::Unwritten.fails());
+    /// ```
+    #[must_use]
+    pub fn fails(self) -> bool {
+        self != Self::Unwritten
+    }
 }
 
 /// The action of an invocation on an element, or at a barrier.

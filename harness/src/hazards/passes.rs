@@ -116,6 +116,7 @@ fn kind_of(kind: ViolationKind) -> Kind {
         ViolationKind::ReadWrite | ViolationKind::WriteWrite => Kind::Race,
         ViolationKind::EqualWrites => Kind::EqualWrites,
         ViolationKind::Barrier => Kind::Barrier,
+        ViolationKind::Unwritten => Kind::Unwritten,
         ViolationKind::Outside => Kind::OutOfRange,
     }
 }

@@ -40,6 +40,8 @@ pub enum Kind {
     LostDigits,
     /// Nothing orders two writes of the same value.
     EqualWrites,
+    /// Workgroup memory is read before it is written.
+    Unwritten,
     /// WGSL allows any result.
     Unbounded,
     /// A loop was stopped.
@@ -56,6 +58,7 @@ impl Kind {
             Self::Race => "race",
             Self::Barrier => "barrier that some miss",
             Self::EqualWrites => "race of equal writes",
+            Self::Unwritten => "read before it is written",
             Self::ByZero => "by zero",
             Self::Infinite => "infinite",
             Self::Saturated => "saturated",
@@ -77,6 +80,9 @@ impl Kind {
             }
             Self::Barrier => "WGSL wants each invocation of a workgroup to reach it (15.2)",
             Self::EqualWrites => "nothing orders two writes of the same value",
+            Self::Unwritten => {
+                "workgroup memory is zero there, unless the engine turns that off, as Bevy and wgpu can"
+            }
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::Saturated => {

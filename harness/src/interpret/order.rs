@@ -34,7 +34,8 @@ impl OrderOf {
     /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
         if self.0.swaps == 0 {
-            return "invocations run to the next barrier, or to their ends, one after the other".to_owned();
+            return "invocations run to the next barrier, or to their ends, one after the other"
+                .to_owned();
         }
         let of_pass = |pass: &crate::dispatch::Pass| {
             let (groups, invocations) = counts(pass);

@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use karat_engine::{Access, Divergence, Observed, Options, Outside, Place, Race as Found};
+use karat_engine::{
+    Access, Divergence, Observed, Options, Outside, Place, Race as Found, Unwritten,
+};
 
 use super::dispatch::{in_order, options};
 use crate::diagnostic::{Diagnostic, Span};
@@ -10,7 +12,7 @@ use crate::dispatch::{
     DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
 };
 use crate::probe::ProbeError;
-use crate::reflect::{BindingKind, Dimension};
+use crate::reflect::{BindingKind, Dimension, Program};
 
 /// Invocations that run whole. Of more, some workgroups of one pass run.
 const WHOLE: u64 = 1 << 16;
@@ -149,17 +151,16 @@ fn sampled(name: &str, groups: usize) -> Vec<usize> {
 
 fn violations_of(pass: &Examining<'_>, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
     let races = observed.races.iter().map(|race| of_race(pass, race));
-    races.chain(observed.divergences.iter().map(|one| of_divergence(pass, one))).collect()
+    let divergences = observed.divergences.iter().map(|one| of_divergence(pass, one));
+    let unwritten = observed.unwritten.iter().map(|one| of_unwritten(pass, one));
+    races.chain(divergences).chain(unwritten).collect()
 }
 
 fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let (pass, program) = (examining.pass, &examining.pass.program);
     let words = [race.first.word, race.second.word];
     let (path, values) = match race.place {
-        Place::Byte(at) => match program.element(&race.variable, at, words) {
-            Some((path, values)) => (path, Some(values)),
-            None => (format!(", byte {at}"), None),
-        },
+        Place::Byte(at) => element(program, &race.variable, at, words),
         Place::Texel([x, y, z]) => {
             let dimensions = pass.bindings.iter().find_map(|(binding, _)| match binding.kind {
                 BindingKind::StorageTexture { dimension, arrayed, .. }
@@ -177,8 +178,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
             (texel, None)
         }
     };
-    let variable = program.author_path(&race.variable).unwrap_or(&race.variable).to_owned();
-    let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
+    let (variable, element) = named(program, &race.variable, &path);
     let kind = match (race.first.writes && race.second.writes, race.writes_equally()) {
         (_, true) => ViolationKind::EqualWrites,
         (true, _) => ViolationKind::WriteWrite,
@@ -225,6 +225,26 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
 }
 
+/// The path of an element in its variable, and its values.
+fn element<const N: usize>(
+    program: &Program,
+    variable: &str,
+    byte: u32,
+    words: [u32; N],
+) -> (String, Option<[String; N]>) {
+    match program.element(variable, byte, words) {
+        Some((path, values)) => (path, Some(values)),
+        None => (format!(", byte {byte}"), None),
+    }
+}
+
+/// A variable as its author names it, and the element at a path.
+fn named(program: &Program, variable: &str, path: &str) -> (String, String) {
+    let variable = program.author_path(variable).unwrap_or(variable).to_owned();
+    let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
+    (variable, element)
+}
+
 /// True if an access is a part of the statement of another one: no barrier can stand between.
 fn is_within(one: &Access, other: &Access) -> bool {
     let ranges = [one, other].map(|access| access.site.span.to_range());
@@ -236,10 +256,13 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     let pass = examining.pass;
     let headline = format!("`{}` has a barrier that not every invocation reaches", pass.name);
     let place = examining.span(&one.site);
-    let accesses = [
-        (place.clone(), examining.invocation(one.reached), "reaches it".to_owned()),
-        (place, examining.invocation(one.missing), "doesn't".to_owned()),
-    ];
+    let (missing, parted) = (examining.invocation(one.missing), &one.parted);
+    let parts = parted.as_ref().and_then(|site| examining.span(site));
+    let other = match &parts {
+        Some(_) => (parts, missing, "goes another way here".to_owned()),
+        None => (place.clone(), missing, "doesn't".to_owned()),
+    };
+    let accesses = [(place, examining.invocation(one.reached), "reaches it".to_owned()), other];
     let note = format!(
         "{} of the workgroup's invocations don't: a barrier stands where all of them come, in uniform control flow \
          (WGSL, 15.2)",
@@ -284,6 +307,30 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
     let (variable, element) = (String::new(), String::new());
+    let accesses = vec![access((place, invocation, does))];
+    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
+}
+
+fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagnostic) {
+    let pass = examining.pass;
+    let (path, _) = element(&pass.program, &one.variable, one.byte, [one.access.word]);
+    let (variable, element) = named(&pass.program, &one.variable, &path);
+    let headline =
+        format!("`{}` reads `{element}`, which no invocation has written yet", pass.name);
+    let (place, invocation) =
+        (examining.span(&one.access.site), examining.invocation(one.access.invocation));
+    let does = match one.count {
+        1 => "reads it".to_owned(),
+        count => format!("reads it, the first of {count} such reads by this line"),
+    };
+    let mut diagnostic = Diagnostic::new(headline.clone());
+    if let Some(span) = &place {
+        diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
+    }
+    let note = "WGSL begins workgroup memory at zero (*var Declarations*), which costs time, and engines can turn it \
+                off: write what is meant, and a `workgroupBarrier()` behind";
+    let diagnostic = diagnostic.note(note);
+    let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Unwritten);
     let accesses = vec![access((place, invocation, does))];
     (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
 }

@@ -138,11 +138,13 @@ impl<'m> Lower<'m> {
             Statement::If { condition, ref accept, ref reject } => {
                 let condition = self.flat(scope, condition)?[0];
                 self.enter_statement(scope, span);
+                let site = self.site;
                 let mut jump = self.emit(Op::If, &[], &[condition])?;
                 self.open(Frame::If);
                 self.block(scope, accept)?;
                 if !reject.is_empty() {
                     self.land();
+                    self.site = site;
                     let other = self.emit(Op::Else, &[], &[condition])?;
                     self.code.instructions[jump].target = other as u32;
                     jump = other;
@@ -185,10 +187,12 @@ impl<'m> Lower<'m> {
                 }
             }
             Statement::Break => {
+                self.enter_statement(scope, span);
                 let depth = self.depth(|frame| matches!(frame, Frame::Loop | Frame::Switch))?;
                 self.emit(Op::Break(depth), &[], &[])?;
             }
             Statement::Continue => {
+                self.enter_statement(scope, span);
                 let depth = self.depth(|frame| frame == Frame::Loop)?;
                 self.emit(Op::Continue(depth), &[], &[])?;
             }
@@ -207,6 +211,7 @@ impl<'m> Lower<'m> {
                     _ => scope.returned = value,
                 }
                 if scope.early {
+                    self.enter_statement(scope, span);
                     let depth = self.depth(|frame| frame == Frame::Call)?;
                     self.emit(Op::Return(depth), &[], &[])?;
                 }
@@ -311,6 +316,7 @@ impl<'m> Lower<'m> {
             Some(any) => self.boolean(Op::Not, &[any])?,
             None => self.constant(Scalar::Bool, 1),
         };
+        let site = self.site;
         let start = self.emit(Op::Switch, &[], &[])?;
         self.open(Frame::Switch);
         let mut before: Option<usize> = None;
@@ -318,6 +324,7 @@ impl<'m> Lower<'m> {
         for (case, condition) in cases.iter().zip(conditions) {
             self.land();
             let condition = condition.unwrap_or(default);
+            self.site = site;
             let jump = self.emit(Op::Case(falls), &[], &[condition])?;
             if let Some(before) = before {
                 self.code.instructions[before].target = jump as u32;

@@ -11,6 +11,11 @@ use crate::columns::Columns;
 use crate::races::{Accessed, Detector, Place};
 use crate::scalar::{File, Scalar};
 
+/// Whether an operation reads, and whether it writes.
+const READS: (bool, bool) = (true, false);
+const WRITES: (bool, bool) = (false, true);
+const READS_AND_WRITES: (bool, bool) = (true, true);
+
 /// The bytes of a buffer. Where it is written, floats keep what `f32` can't hold beside them.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
@@ -365,7 +370,7 @@ impl<A: Rules> Machine<'_, A> {
                 File::Bool => fill(self.bools.get_mut(registers[0])),
             }
         }
-        self.note_accesses(walk, &registers[1..], length, false, |_, at| match scalar {
+        self.note_accesses(walk, &registers[1..], length, READS, |_, at| match scalar {
             Scalar::F16 => u32::from(half::f16::from_f32(buffer.half(at)).to_bits()),
             Scalar::Bool => u32::from(buffer.bytes.get(at).is_some_and(|byte| *byte != 0)),
             _ => buffer.word(at),
@@ -375,7 +380,7 @@ impl<A: Rules> Machine<'_, A> {
     /// True if a detector wants to know who accesses what a walk finds.
     fn notes(&self, walk: &Walk) -> bool {
         let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
-        walk.plain && self.detector.as_deref().is_some_and(watches)
+        self.detector.as_deref().is_some_and(watches)
     }
 
     /// Tells the detector, if there is one, which elements the lanes access, and with which words.
@@ -384,7 +389,7 @@ impl<A: Rules> Machine<'_, A> {
         walk: &Walk,
         indices: &[u32],
         length: usize,
-        writes: bool,
+        (reads, writes): (bool, bool),
         word: impl Fn(usize, usize) -> u32,
     ) {
         if !self.notes(walk) {
@@ -404,7 +409,10 @@ impl<A: Rules> Machine<'_, A> {
             let place = Place::Byte(at as u32);
             let (site, word) = (self.site, word(lane, at));
             let accessed = Accessed { lane, site, place, index: at / 4, word };
-            detector.buffer(self.code, walk.buffer, accessed, writes);
+            detector.touch(self.code, walk.buffer, accessed, (reads, writes));
+            if walk.plain {
+                detector.buffer(self.code, walk.buffer, accessed, writes);
+            }
         }
         self.detector = Some(detector);
     }
@@ -435,7 +443,7 @@ impl<A: Rules> Machine<'_, A> {
         };
         if self.notes(walk) {
             let words: Vec<u32> = (0..self.width).map(|lane| word(self, lane)).collect();
-            self.note_accesses(walk, indices, length, true, |lane, _| words[lane]);
+            self.note_accesses(walk, indices, length, WRITES, |lane, _| words[lane]);
         }
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
@@ -480,6 +488,7 @@ impl<A: Rules> Machine<'_, A> {
         let buffer = &mut memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
         let signed = atomic.scalar.signed();
+        self.note_accesses(walk, indices, length, READS_AND_WRITES, |_, _| 0);
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
                 continue;

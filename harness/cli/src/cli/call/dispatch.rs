@@ -34,13 +34,15 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
             writeln!(out, "{HEAD}{path:<8}{HEAD:#} {} = {}", content.name, shown(&content))?;
         }
     }
-    for (_, message) in &found {
-        writeln!(out, "\n{BAD}{message}{BAD:#}")?;
+    for (one, message) in &found {
+        let style = if one.kind.fails() { BAD } else { DIM };
+        writeln!(out, "\n{style}{message}{style:#}")?;
     }
     if !watched.reason.is_empty() {
         writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
     }
-    Ok(if found.is_empty() { Ending::Good } else { Ending::Bad })
+    let fails = found.iter().any(|(one, _)| one.kind.fails());
+    Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
 /// The content of a resource; of a long array its first elements.
