@@ -634,11 +634,10 @@ mod tests {
 
     #[test]
     fn what_cannot_be_called_is_untouched_or_not_judged() {
-        let before = "fn add(x: f32) -> f32 { if x > 3.0 { discard; } return x + 1.0; }\n\
-                      @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f { if x > 1.0 { discard; } return vec4f(x); }\n\
+        let before = "fn add(x: ptr<function, atomic<u32>>) { let a = 1.0; }\n\
                       @compute @workgroup_size(1) fn nothing() { let x = 1.0; }\n";
         let untouched = changes(before, &format!("// a comment\n{before}"));
-        assert_eq!(untouched.len(), 3, "{untouched:?}");
+        assert_eq!(untouched.len(), 2, "{untouched:?}");
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
         let edited = changes(before, &before.replace("1.0", "2.0"));
         for (name, change) in &edited {
@@ -646,6 +645,23 @@ mod tests {
             let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
             assert!(reason.starts_with(why), "{reason}");
         }
+    }
+
+    #[test]
+    fn another_pixel_that_is_discarded_is_a_change() {
+        let before = "fn cut(x: f32) { if x < 0.5 { discard; } }\n\
+                      @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f { cut(x); return vec4f(x); }\n";
+        let all = changes(before, &before.replace("0.5", "0.52"));
+        assert_eq!(all.len(), 2);
+        for (name, change) in &all {
+            let Change::Changed { paths } = change else { panic!("{name}: {change:?}") };
+            assert!(paths[0].after.contains("discarded: true"), "{name}: {paths:?}");
+        }
+        // The value of a pixel that is discarded is none.
+        let dead = before.replace("return vec4f(x);", "return vec4f(select(x, 7.0, x < 0.5));");
+        let all = changes(before, &dead);
+        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
+        assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
     }
 
     #[test]

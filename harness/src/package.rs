@@ -11,6 +11,7 @@ mod compilers;
 mod conditions;
 mod depth;
 mod directives;
+mod discard;
 mod error;
 mod feature;
 mod fingerprint;

@@ -157,5 +157,14 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
         names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
     let (file, sources) = (Arc::clone(file), library.sources(root, file));
-    Linked { spliced, names, file, whole: true, called: None, calls: BTreeMap::new(), sources }
+    Linked {
+        spliced,
+        names,
+        file,
+        whole: true,
+        called: None,
+        discards: None,
+        calls: BTreeMap::new(),
+        sources,
+    }
 }

@@ -57,6 +57,8 @@ pub(crate) struct Linked {
     pub(crate) whole: bool,
     /// The entry point that it has as a function.
     pub(crate) called: Option<EntryPoint>,
+    /// A function that may discard, by its name in the text, and the one that is called in its place.
+    pub(crate) discards: Option<(String, &'static str)>,
     /// Calls of expectations in the modules that it was made of, by the numbers that they have.
     pub(crate) calls: BTreeMap<u32, Span>,
     /// What it was made of.

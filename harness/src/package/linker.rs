@@ -7,6 +7,7 @@ use std::sync::Arc;
 use blake3::{Hash, Hasher};
 
 use super::PackageError;
+use super::discard::{discards, wrapper};
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
 use super::linked::{EntryPoint, Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
@@ -194,6 +195,7 @@ impl<'a> Linker<'a> {
             file: Arc::clone(file),
             whole: plain && own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
             called: None,
+            discards: None,
             calls: self.parts.values().flat_map(|part| part.module.calls.iter().cloned()).collect(),
             sources: self.library.sources(&self.root, file),
         };
@@ -219,13 +221,24 @@ impl<'a> Linker<'a> {
         let (own, others): (Vec<&Item>, Vec<&Item>) =
             items.iter().partition(|(path, _)| *path == self.root);
         let own = own.into_iter().filter(|_| !whole);
+        // Other stages can't discard, which naga says.
+        let root = &self.parts[&self.root].module;
+        let stage = |called| root.declarations[root.declared(called).next()?].entry_point;
+        let pixels =
+            called.is_some_and(|called| stage(called).is_none_or(|stage| stage == Stage::Fragment));
+        let mut may_discard = false;
         for (path, index) in own.chain(others) {
             let module = &self.parts[path].module;
             let declaration = &module.declarations[*index];
             let tokens = declaration.tokens.clone();
             let from = module.bytes(&tokens);
-            let mut edits = self.edits(path, tokens, &names);
+            let mut edits = self.edits(path, tokens.clone(), &names);
             edits.extend(module.changes(&from));
+            if pixels {
+                let own = discards(module, tokens);
+                may_discard |= !own.is_empty();
+                edits.extend(own);
+            }
             if let Some(stage) = declaration.entry_point.filter(|stage| *stage != Stage::Other)
                 && *path == self.root
                 && called.is_some_and(|called| declaration.name.as_deref() == Some(called))
@@ -244,6 +257,15 @@ impl<'a> Linker<'a> {
             linked.names.insert(name.clone(), author);
         }
         linked.spliced.check().map_err(PackageError::Shader)?;
+        if let Some(called) = called.filter(|_| may_discard) {
+            let key = (self.root.clone(), called.to_owned());
+            let function = names.get(&key).map_or(called, String::as_str).to_owned();
+            linked.whole = false;
+            linked.discards = wrapper(linked.text(), &function).map(|(wrapper, text)| {
+                linked.spliced.append(&text);
+                (function, wrapper)
+            });
+        }
         Ok(linked)
     }
 

@@ -7,6 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::discard::INSTEAD;
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
 /// One text from pieces of the author's files.
@@ -141,6 +142,8 @@ impl Spliced {
                         let before = piece.file.text[..edit.from.start].trim_end();
                         now == told && is_place(told) && before.ends_with(belongs)
                     }
+                    // `discard` of a function that is called.
+                    Some(assigned) if author == "discard" => now == assigned && now == INSTEAD,
                     Some(name) => {
                         now == name
                             && is_name(name)

@@ -37,6 +37,8 @@ pub struct Function {
 /// How a function is called.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Form {
+    /// True if the result is a structure that says whether the pixel was discarded, and the value if it wasn't.
+    pub(crate) discards: bool,
     /// What it returns; `None`: nothing.
     pub(crate) returns: Option<Shape>,
     /// How each parameter is passed.
@@ -127,9 +129,13 @@ impl fmt::Display for Function {
             all.insert((*place).min(all.len()), format!("{name}: {ty}"));
         }
         write!(f, "{}", all.join(", "))?;
-        match &self.form.returns {
-            Some(shape) => write!(f, ") -> {shape}"),
-            None => write!(f, ")"),
+        match (&self.form.returns, self.form.discards) {
+            (Some(Shape::Struct { members, .. }), true) => match &members[..] {
+                [(_, value), _] => write!(f, ") -> {value}, or discards"),
+                _ => write!(f, "), or discards"),
+            },
+            (Some(shape), _) => write!(f, ") -> {shape}"),
+            (None, _) => write!(f, ")"),
         }
     }
 }
@@ -157,6 +163,11 @@ impl Program {
             ));
         };
         let span = self.function_span(handle);
+        let (handle, function) = match &self.linked.discards {
+            Some((own, wrapper)) if own == name => self.declared(wrapper).expect("it is linked"),
+            _ => (handle, function),
+        };
+        let discards = self.declared(name).is_some_and(|(own, _)| own != handle);
         let refuse = |what: String, note: &str| {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
@@ -170,14 +181,20 @@ impl Program {
         let linked = called.name.clone().expect(NAMED);
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
-        if fragment && self.discards(handle) {
+        // Of a program that isn't linked for it: there a wrapper returns whether it discards.
+        if fragment && info.may_kill {
             return Err(refuse(
                 "it may discard, and then there is no result".to_owned(),
                 "return what decides whether to discard",
             ));
         }
-        let mut form =
-            Form { fragment, alone: self.shared_state(info).is_some(), taken, ..Form::default() };
+        let mut form = Form {
+            fragment,
+            discards,
+            alone: self.shared_state(info).is_some(),
+            taken,
+            ..Form::default()
+        };
         if let Some(entry_point) = &self.linked.called {
             form.stage = Some(entry_point.stage);
             form.builtins.clone_from(&entry_point.builtins);
@@ -301,11 +318,6 @@ impl Program {
             }
             _ => self.shape(ty).ok(),
         }
-    }
-
-    /// Whether a function, or one that it calls, may discard.
-    fn discards(&self, handle: naga::Handle<naga::Function>) -> bool {
-        self.checked.info[handle].may_kill
     }
 
     /// The parameters of a function that needn't return anything: a test.

@@ -42,6 +42,59 @@ fn an_entry_point_is_listed_and_called() {
     assert!(traced.contains("fwidth(in.pixel.x)"), "{traced}");
 }
 
+/// A pixel that is discarded is a result, whose value nothing sees.
+#[test]
+fn a_function_that_discards_is_called() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shader = "fn cut(alpha: f32) { if alpha < 0.5 { discard; } }
+@fragment fn leaf(@location(0) alpha: f32) -> @location(0) vec4f {
+    cut(alpha);
+    return vec4f(sqrt(alpha - 0.25));
+}
+@fragment fn late(@location(0) alpha: f32) -> @location(0) vec4f {
+    cut(alpha);
+    return vec4f(sqrt(alpha - 0.75));
+}
+";
+    write(folder.path(), "m.wgsl", shader);
+    let list = karat(folder.path(), &["list"]).good();
+    for part in ["m::cut(alpha: f32), or discards", "leaf(alpha: f32) -> vec4<f32>, or discards"] {
+        assert!(list.contains(part), "`{part}` is missing in:\n{list}");
+    }
+    let call = |arguments: &[&str]| karat(folder.path(), &[&["call"], arguments].concat()).good();
+    for (alpha, result) in [
+        ("0.125", "{ value: (0, 0, 0, 0), discarded: true }"),
+        ("0.5", "{ value: (0.5, 0.5, 0.5, 0.5), discarded: false }"),
+    ] {
+        // A value that is dropped is NaN, and nothing of it is left on a driver either.
+        let called = call(&["m::leaf", alpha]);
+        assert!(called.lines().filter(|line| line.contains(result)).count() >= 2, "{called}");
+    }
+    let hazards = karat(folder.path(), &["hazards"]);
+    let shown = hazards.out.matches("NaN  sqrt(alpha - 0.75)").count();
+    assert_eq!(shown, 1, "{hazards:?}");
+    assert!(!hazards.out.contains("NaN  sqrt(alpha - 0.25)"), "only what is dropped is NaN");
+    let tests = "[[test]]
+function = \"cut\"
+over = { alpha = \"0..0.49\" }
+equals.discarded = true
+tolerance = \"1 ulp\"
+
+[[test]]
+function = \"leaf\"
+over = { alpha = \"0.4..1\" }
+equals = { value = [0, 0, 0, 0], discarded = true }
+tolerance = \"1 ulp\"
+";
+    write(folder.path(), "m.test.toml", tests);
+    let ran = karat(folder.path(), &["test"]);
+    assert!(ran.out.contains("1 passed; 1 failed"), "{ran:?}");
+    assert!(ran.out.contains("it fails where alpha is at least 0.5"), "{ran:?}");
+    // Only pixels can be discarded.
+    write(folder.path(), "m.wgsl", &shader.replace("@fragment fn late", "@vertex fn late"));
+    assert_ne!(karat(folder.path(), &["call", "m::late", "0.5"]).code, Some(0));
+}
+
 #[test]
 fn a_pass_is_dispatched_and_looked_through() {
     let folder = shaders("");

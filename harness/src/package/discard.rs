@@ -1,0 +1,90 @@
+//! Functions that may discard, so that they can be called: a pixel that is discarded is a result, too.
+//!
+//! After `discard` an invocation goes on as a helper, and its results are dropped (WGSL, *Discard Statement*). So the
+//! statement becomes an assignment, and a function beside the author's returns what was assigned.
+
+use super::lexer::lex;
+use super::splice::Edit;
+use super::syntax::Module;
+
+/// The statement.
+const DISCARD: &str = "discard";
+
+/// The assignment in its place.
+pub(super) const INSTEAD: &str = "karat_discarded = true";
+
+/// The function that is called in place of the author's.
+const WRAPPER: &str = "karat_or_discarded";
+
+/// The statements among tokens, as edits.
+pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
+    let own = tokens.filter(|token| module.text(*token) == DISCARD);
+    let edit = |token| Edit { from: module.span(token).range, name: Some(INSTEAD.to_owned()) };
+    own.map(edit).collect()
+}
+
+/// The name of the function that calls one, and the text that declares it. It returns the value, and `discarded`.
+/// `None` if the text hasn't the function.
+pub(super) fn wrapper(text: &str, function: &str) -> Option<(&'static str, String)> {
+    let tokens = lex(text);
+    let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
+    let bytes =
+        |from: usize, to: usize| &text[tokens[from].range().start..tokens[to].range().start];
+    let name = (1..tokens.len()).find(|at| of(*at) == function && of(at - 1) == "fn")?;
+    let (mut close, mut depth) = (name + 1, 0);
+    while close < tokens.len() {
+        depth += match of(close) {
+            "(" => 1,
+            ")" => -1,
+            _ => 0,
+        };
+        if depth == 0 {
+            break;
+        }
+        close += 1;
+    }
+    let body = (close..tokens.len()).find(|at| of(*at) == "{")?;
+    let parameters = bytes(name + 2, close);
+    // No type has a colon.
+    let names: Vec<&str> = (name + 2..close).filter(|at| of(at + 1) == ":").map(of).collect();
+    let call = format!("{function}({})", names.join(", "));
+    let returns = (of(close + 1) == "-").then(|| bytes(close + 3, body).trim());
+    let (member, run, dropped, value) = match returns {
+        Some(ty) => (
+            format!("value: {ty}, "),
+            format!("let karat_value = {call};"),
+            format!("{ty}(), "),
+            "karat_value, ",
+        ),
+        None => (String::new(), format!("{call};"), String::new(), ""),
+    };
+    let text = format!(
+        "\nvar<private> karat_discarded: bool;\n\
+         struct karat_Pixel {{ {member}discarded: bool }}\n\
+         fn {WRAPPER}({parameters}) -> karat_Pixel {{\n    \
+         karat_discarded = false;\n    \
+         {run}\n    \
+         if karat_discarded {{ return karat_Pixel({dropped}true); }}\n    \
+         return karat_Pixel({value}false);\n}}\n"
+    );
+    Some((WRAPPER, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrapper_takes_what_the_function_takes() {
+        let text = "fn f ( a: array<vec2<f32>, 4>,\n  b : ptr<function, f32>, ) -> vec4<f32> {\n  return vec4f(); }";
+        let (name, wrapped) = wrapper(text, "f").expect("it is there");
+        assert!(wrapped.contains(&format!(
+            "fn {name}(a: array<vec2<f32>, 4>,\n  b : ptr<function, f32>, ) ->"
+        )));
+        assert!(wrapped.contains("let karat_value = f(a, b);"), "{wrapped}");
+        assert!(wrapped.contains("karat_Pixel(vec4<f32>(), true)"), "{wrapped}");
+        let (_, wrapped) = wrapper("fn g() { }", "g").expect("it is there");
+        assert!(wrapped.contains("    g();\n") && wrapped.contains("{ discarded: bool }"));
+        assert!(wrapper(text, "g").is_none());
+    }
+}
