@@ -119,6 +119,8 @@ pub(crate) enum Op {
     Return(u32),
     /// A named value is complete: its registers, of the three files in order, are in the pool.
     Mark(u32),
+    /// Result; operands. Which are in [`Code::subgroups`].
+    Subgroup(u32),
     /// The address spaces that it orders.
     Barrier(naga::Barrier),
     Halt,
@@ -237,6 +239,9 @@ pub(crate) struct Code {
     pub(crate) walks: Vec<Walk>,
     pub(crate) tables: Vec<(Vec<Constant>, bool)>,
     pub(crate) images: Vec<ImageOp>,
+    pub(crate) subgroups: Vec<SubgroupOp>,
+    /// The first operation of a subgroup.
+    pub(crate) subgroup: Option<Span>,
     pub(crate) buffers: Vec<BufferSlot>,
     pub(crate) textures: Vec<HandleSlot>,
     pub(crate) samplers: Vec<HandleSlot>,
@@ -298,6 +303,48 @@ pub(crate) enum ImageKind {
     Layers,
     Samples,
     Store(naga::StorageFormat),
+}
+
+/// An operation on a scalar over the lanes of a subgroup.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SubgroupOp {
+    pub(crate) kind: SubgroupKind,
+    pub(crate) scalar: Scalar,
+}
+
+/// The kind of a subgroup operation. Operands: a value, and an index where it has one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SubgroupKind {
+    /// One of the four words of a ballot; a condition.
+    Ballot(u32),
+    Collective(naga::SubgroupOperation, naga::CollectiveOperation),
+    Gather(From),
+}
+
+/// The lane that another one takes a value from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum From {
+    /// The first active one.
+    First,
+    /// That of the index.
+    Lane,
+    /// As far above as the index says, or below.
+    Above,
+    Below,
+    Xor,
+    /// Of the four lanes of a quad that of the index.
+    OfQuad,
+    /// The one whose number differs by these bits.
+    Swap(u32),
+}
+
+impl SubgroupKind {
+    fn has_index(self) -> bool {
+        match self {
+            Self::Gather(from) => !matches!(from, From::First | From::Swap(_)),
+            Self::Ballot(_) | Self::Collective(..) => false,
+        }
+    }
 }
 
 /// Where a sample has its level of detail from.
@@ -377,6 +424,16 @@ impl Code {
             Op::Image(image) | Op::ImageStore(image) => {
                 let image = &self.images[image as usize];
                 Shape { outs: image.outs, ins: image.ins }
+            }
+            Op::Subgroup(operation) => {
+                let SubgroupOp { kind, scalar } = self.subgroups[operation as usize];
+                let value = if matches!(kind, SubgroupKind::Ballot(_)) {
+                    File::Bool
+                } else {
+                    scalar.file()
+                };
+                let ins = with(one(value), File::Int, u32::from(kind.has_index()));
+                Shape { outs: one(scalar.file()), ins }
             }
             Op::If | Op::Else | Op::Case(_) | Op::BreakIf => Shape { outs: [0; 3], ins: bool },
             Op::Mark(mark) => Shape { outs: [0; 3], ins: self.marks[mark as usize] },

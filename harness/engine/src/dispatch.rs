@@ -14,6 +14,7 @@ use crate::races::{Detector, Observed};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
+use crate::schedule::SUBGROUP;
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -69,6 +70,10 @@ impl Entry {
                     | BuiltIn::WorkGroupId
                     | BuiltIn::NumWorkGroups
                     | BuiltIn::WorkGroupSize
+                    | BuiltIn::SubgroupSize
+                    | BuiltIn::SubgroupInvocationId
+                    | BuiltIn::SubgroupId
+                    | BuiltIn::NumSubgroups
             ) {
                 return Err(refuse(&format!("the builtin input {builtin:?}")));
             }
@@ -120,6 +125,22 @@ impl Program {
         self.entry.as_ref().map(|entry| entry.size)
     }
 
+    /// True of an entry point whose results may depend on the size of subgroups.
+    #[must_use]
+    pub fn has_subgroups(&self) -> bool {
+        let builtin = |(builtin, _): &(BuiltIn, usize)| {
+            matches!(
+                builtin,
+                BuiltIn::SubgroupSize
+                    | BuiltIn::SubgroupInvocationId
+                    | BuiltIn::SubgroupId
+                    | BuiltIn::NumSubgroups
+            )
+        };
+        self.code().subgroup.is_some()
+            || self.entry.as_ref().is_some_and(|entry| entry.inputs.iter().any(builtin))
+    }
+
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
@@ -147,14 +168,23 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
+            let subgroup = options.schedule.map_or(SUBGROUP, |schedule| schedule.subgroup).max(1);
+            // The invocations of a subgroup stay together.
+            let of = if self.has_subgroups() { subgroup as usize } else { 1 };
             let (every, order) = match options.schedule {
-                Some(schedule) => schedule.orders(all, invocations),
-                None => ((0..all).collect(), (0..invocations).collect()),
+                Some(schedule) => schedule.orders(all, invocations.div_ceil(of)),
+                None => ((0..all).collect(), (0..invocations.div_ceil(of)).collect()),
             };
+            let together = |number: usize| number * of..(number * of + of).min(invocations);
+            let mut order: Vec<usize> = order.into_iter().flat_map(together).collect();
+            // The last subgroup, which isn't whole, stays the last.
+            if !invocations.is_multiple_of(of) {
+                order.sort_unstable();
+            }
             let groups = watch.flatten().unwrap_or(&every);
             // The invocations of one machine go from operation to operation side by side.
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
-            let lanes = if serial { 1 } else { invocations };
+            let lanes = if serial { of } else { invocations };
             let new = |_| Machine::<A>::new(code, options, lanes);
             let mut machines: Vec<Machine<'_, A>> = order.chunks(lanes).map(new).collect();
             machines[0].detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
@@ -190,6 +220,10 @@ impl Program {
                                 BuiltIn::LocalInvocationIndex => index,
                                 BuiltIn::WorkGroupId => id[k],
                                 BuiltIn::NumWorkGroups => workgroups[k],
+                                BuiltIn::SubgroupSize => subgroup,
+                                BuiltIn::SubgroupInvocationId => index % subgroup,
+                                BuiltIn::SubgroupId => index / subgroup,
+                                BuiltIn::NumSubgroups => (x * y * z).div_ceil(subgroup),
                                 _ => entry.size[k],
                             }
                         };

@@ -10,6 +10,7 @@ mod image;
 mod math;
 mod memory;
 mod operator;
+mod subgroup;
 
 use std::collections::HashMap;
 use std::rc::Rc;

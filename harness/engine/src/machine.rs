@@ -5,6 +5,7 @@ mod images;
 mod lanes;
 mod masks;
 mod memory;
+mod subgroups;
 mod worlds;
 
 use naga::Span;
@@ -311,6 +312,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
                     self.atomic(walk, registers, memory);
+                    self.report::<SEEN>(observer, instruction, case);
+                }
+                Op::Subgroup(operation) => {
+                    self.subgroup(operation, registers);
+                    self.estrange(instruction, registers);
                     self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::ImageStore(image) => {

@@ -84,7 +84,8 @@ impl Race {
     }
 }
 
-/// A barrier that some invocations of a workgroup didn't reach together.
+/// A barrier that some invocations of a workgroup didn't reach together, or a subgroup operation that some of a
+/// subgroup didn't.
 #[derive(Clone, Debug)]
 pub struct Divergence {
     /// The barrier.
@@ -93,7 +94,7 @@ pub struct Divergence {
     pub reached: usize,
     /// The first that didn't.
     pub missing: usize,
-    /// How many of the workgroup didn't.
+    /// How many didn't.
     pub count: usize,
     /// The condition, or the jump, where that one went another way; `None` if it never came to a part of the code that
     /// leads to the barrier.
@@ -317,20 +318,32 @@ impl Detector {
         barrier: Barrier,
         active: impl Iterator<Item = bool> + Clone,
     ) {
+        self.meet(code, site, 0, active);
+        let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
+        for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
+            *epoch += u32::from(barrier.contains(space));
+        }
+    }
+
+    /// Invocations that should all meet an operation: the first of these lanes, and which of them do.
+    pub(crate) fn meet(
+        &mut self,
+        code: &Code,
+        site: u32,
+        first: usize,
+        active: impl Iterator<Item = bool> + Clone,
+    ) {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
         if let (Some((lane, _)), Some(here)) = (missing().next(), active.clone().position(|a| a)) {
-            let first = self.invocation(self.first);
+            let parted = self.parted[first + lane];
+            let first = self.invocation(self.first) + first;
             self.divergences.entry(site).or_insert_with(|| Divergence {
                 site: code.sites[site as usize].clone(),
                 reached: first + here,
                 missing: first + lane,
                 count: missing().count(),
-                parted: self.parted[lane].map(|site| code.sites[site as usize].clone()),
+                parted: parted.map(|site| code.sites[site as usize].clone()),
             });
-        }
-        let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
-        for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
-            *epoch += u32::from(barrier.contains(space));
         }
     }
 

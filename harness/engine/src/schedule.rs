@@ -13,7 +13,12 @@ pub struct Schedule {
     /// True if each invocation runs to its end, or to the next barrier, before the next one runs. Otherwise they go
     /// from operation to operation side by side.
     pub serial: bool,
+    /// Invocations of a subgroup: from 4 to 128 (WebGPU, *subgroupMinSize*).
+    pub subgroup: u32,
 }
+
+/// Invocations of a subgroup where no schedule says another number: most GPUs have 32.
+pub(crate) const SUBGROUP: u32 = 32;
 
 /// Two that change places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +33,7 @@ impl Schedule {
     /// All swaps of an order of so many workgroups and invocations.
     #[must_use]
     pub fn whole(seed: u64, groups: usize, invocations: usize) -> Self {
-        let all = Self { seed, swaps: usize::MAX, serial: false };
+        let all = Self { seed, swaps: usize::MAX, serial: false, subgroup: SUBGROUP };
         Self { swaps: all.all(groups).count() + all.all(invocations).count(), ..all }
     }
 
@@ -100,7 +105,7 @@ mod tests {
         assert_eq!(reverse.orders(1, 4), (vec![0], vec![3, 2, 1, 0]));
         assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(1, 2)));
         assert_eq!(
-            Schedule { seed: 0, swaps: 1, serial: false }.last(4, 4),
+            Schedule { seed: 0, swaps: 1, serial: false, subgroup: SUBGROUP }.last(4, 4),
             Some(Swap::Workgroups(0, 3))
         );
         assert_ne!(Schedule::whole(1, 1, 8).orders(1, 8), Schedule::whole(2, 1, 8).orders(1, 8));

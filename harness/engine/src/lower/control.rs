@@ -265,8 +265,22 @@ impl<'m> Lower<'m> {
             }
             Statement::SubgroupBallot { .. }
             | Statement::SubgroupGather { .. }
-            | Statement::SubgroupCollectiveOperation { .. } => {
-                return Err(self.refuse("subgroup operations"));
+            | Statement::SubgroupCollectiveOperation { .. }
+                if !self.shared =>
+            {
+                return Err(self.refuse("a subgroup operation, for which cases would meet"));
+            }
+            Statement::SubgroupBallot { result, predicate } => {
+                self.enter_statement(scope, span);
+                self.ballot(scope, predicate, result)?;
+            }
+            Statement::SubgroupGather { mode, argument, result } => {
+                self.enter_statement(scope, span);
+                self.gather_of(scope, mode, argument, result)?;
+            }
+            Statement::SubgroupCollectiveOperation { op, collective_op, argument, result } => {
+                self.enter_statement(scope, span);
+                self.collective(scope, (op, collective_op), argument, result)?;
             }
             Statement::CooperativeStore { .. } => return Err(self.refuse("cooperative matrices")),
         }

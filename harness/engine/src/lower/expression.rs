@@ -210,15 +210,14 @@ impl<'m> Lower<'m> {
             }
             Expression::CallResult(_)
             | Expression::AtomicResult { .. }
+            | Expression::SubgroupBallotResult
+            | Expression::SubgroupOperationResult { .. }
             | Expression::WorkGroupUniformLoadResult { .. } => {
                 Err(self.refuse("a result before its statement"))
             }
             Expression::RayQueryVertexPositions { .. }
             | Expression::RayQueryProceedResult
             | Expression::RayQueryGetIntersection { .. } => Err(self.refuse("ray queries")),
-            Expression::SubgroupBallotResult | Expression::SubgroupOperationResult { .. } => {
-                Err(self.refuse("subgroup operations"))
-            }
             Expression::CooperativeLoad { .. } | Expression::CooperativeMultiplyAdd { .. } => {
                 Err(self.refuse("cooperative matrices"))
             }

@@ -11,5 +11,6 @@ mod observed;
 mod races;
 mod random;
 mod reassociation;
+mod subgroups;
 mod table;
 mod textures;
