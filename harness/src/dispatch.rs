@@ -297,6 +297,11 @@ impl Passes {
         Self { passes: vec![Pass { name, program, entry_point, workgroups, bindings }], resources }
     }
 
+    /// True if results may depend on the size of subgroups.
+    pub(crate) fn has_subgroups(&self) -> bool {
+        self.passes.iter().any(|pass| pass.program.has_subgroups())
+    }
+
     /// The entry points, in the order in which they are dispatched.
     pub fn entry_points(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|pass| pass.name.as_str())

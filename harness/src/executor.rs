@@ -95,6 +95,11 @@ pub trait Executor: Debug + Sync {
         true
     }
 
+    /// The least and the largest number of invocations of a subgroup; `None` if it has none, or doesn't say.
+    fn subgroups(&self) -> Option<[u32; 2]> {
+        None
+    }
+
     /// Runs a job. What follows is made of jobs, unless an executor has a shorter way.
     ///
     /// # Errors
@@ -188,7 +193,15 @@ impl Executor for Device {
     }
 
     fn can(&self, ability: Ability) -> bool {
-        ability != Ability::F16 || self.has_f16()
+        match ability {
+            Ability::F16 => self.has_f16(),
+            Ability::Subgroups => Self::subgroups(self).is_some(),
+            _ => true,
+        }
+    }
+
+    fn subgroups(&self) -> Option<[u32; 2]> {
+        Self::subgroups(self)
     }
 
     fn run(&self, job: &Job) -> Result<Reply, PathError> {

@@ -189,6 +189,9 @@ pub struct PathRecord {
     /// `None` for what is judged case by case, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configurations: Option<u64>,
+    /// The least and the largest number of invocations of a subgroup, if passes depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subgroups: Option<[u32; 2]>,
 }
 
 impl PathRecord {
@@ -207,6 +210,7 @@ impl PathRecord {
             plot: None,
             histogram: None,
             configurations: None,
+            subgroups: None,
         }
     }
 }

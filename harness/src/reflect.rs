@@ -29,6 +29,7 @@ mod pipelines;
 mod resource;
 mod rounds;
 mod signature;
+mod subgroups;
 mod validation;
 
 use std::ops::Range;
@@ -280,10 +281,13 @@ impl Program {
         });
         let immediates = has(|kind| kind == K::Immediate);
         let f16 = self.linked.enables("f16");
-        [(Ability::F16, f16), (Ability::Textures, textures), (Ability::Immediates, immediates)]
-            .into_iter()
-            .filter_map(|(ability, needed)| needed.then_some(ability))
-            .collect()
+        let all = [
+            (Ability::F16, f16),
+            (Ability::Textures, textures),
+            (Ability::Immediates, immediates),
+            (Ability::Subgroups, self.has_subgroups()),
+        ];
+        all.into_iter().filter_map(|(ability, needed)| needed.then_some(ability)).collect()
     }
 
     /// The call of an expectation that was told this number.

@@ -401,3 +401,53 @@ fn an_append_whose_order_matters() {
     let other = after("groups", 8, "found").up_to_order().try_agrees_with([1_u32; 8], Abs(0.0));
     assert!(matches!(other, Err(ComputeError::Differs(_))));
 }
+
+/// A device has subgroups of its own size, and a shader that counts on 32 is right by chance.
+#[test]
+fn a_reduction_that_assumes_subgroups_of_32() {
+    let text = "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;
+        var<workgroup> parts: array<u32, 64>;
+        @compute @workgroup_size(64) fn by_size(@builtin(local_invocation_index) i: u32,
+            @builtin(subgroup_id) group: u32, @builtin(subgroup_invocation_id) own: u32,
+            @builtin(num_subgroups) groups: u32) {
+            let sum = subgroupAdd(i + 1u);
+            if own == 0u { parts[group] = sum; }
+            workgroupBarrier();
+            if i != 0u { return; }
+            for (var k = 0u; k < groups; k++) { sums[0] += parts[k]; }
+        }
+        @compute @workgroup_size(64) fn by_32(@builtin(local_invocation_index) i: u32) {
+            let sum = subgroupAdd(i + 1u);
+            if i % 32u == 0u { parts[i / 32u] = sum; }
+            workgroupBarrier();
+            if i == 0u { sums[0] = parts[0] + parts[1]; }
+        }
+        @compute @workgroup_size(64) fn tail(@builtin(local_invocation_index) i: u32) {
+            if i >= 40u { return; }
+            let sum = subgroupAdd(1u);
+            if i == 0u { sums[0] = sum; }
+        }
+        @compute @workgroup_size(64) fn next(@builtin(local_invocation_index) i: u32) {
+            let all = subgroupShuffleDown(i, 1u);
+            if i == 31u { sums[0] = all; }
+        }";
+    let package = Package::from_source("subgroups", text);
+    let sum = |entry: &str, expected: u32| {
+        let passes = package.compute().with("sums", Storage::new([0_u32]));
+        let after = passes.dispatch(entry, [1, 1, 1]).after("sums").unrecorded();
+        after.try_agrees_with([expected], Abs(0.0))
+    };
+    sum("by_size", 2080).expect("it asks for the size");
+    let Err(ComputeError::Order(order)) = sum("by_32", 2080) else { panic!("it wasn't seen") };
+    assert_eq!((&*order.swap, order.subgroup), ("subgroups have 4 invocations", Some(4)));
+    assert!(order.to_string().contains("ask `subgroup_size`"), "{order}");
+    for (entry, kind, part) in [
+        ("tail", ViolationKind::Barrier, "a subgroup operation that not every invocation"),
+        ("next", ViolationKind::Outside, "isn't in its subgroup"),
+    ] {
+        let wrong = sum(entry, 32);
+        let Err(ComputeError::Violations(found)) = wrong else { panic!("{entry}: {wrong:?}") };
+        assert_eq!(found.all[0].kind, kind);
+        assert!(found.to_string().contains(part), "{found}");
+    }
+}

@@ -14,7 +14,7 @@ use crate::races::{Detector, Observed};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
-use crate::schedule::SUBGROUP;
+use crate::schedule::Schedule;
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -168,7 +168,8 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            let subgroup = options.schedule.map_or(SUBGROUP, |schedule| schedule.subgroup).max(1);
+            let subgroup =
+                options.schedule.map_or(Schedule::SUBGROUP, |schedule| schedule.subgroup).max(1);
             // The invocations of a subgroup stay together.
             let of = if self.has_subgroups() { subgroup as usize } else { 1 };
             let (every, order) = match options.schedule {

@@ -548,7 +548,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         if let Some(detector) = self.detector.as_mut().filter(|_| !defined) {
             let writes = matches!(instruction.op, Op::Write(..) | Op::Atomic(_) | Op::Scatter(..));
             for lane in &self.strayed {
-                detector.leaves(self.code, self.site, *lane, writes);
+                let subgroup = matches!(instruction.op, Op::Subgroup(_));
+                detector.leaves(self.code, self.site, *lane, (writes, subgroup));
             }
         }
         self.strayed.clear();

@@ -96,6 +96,8 @@ pub struct Divergence {
     pub missing: usize,
     /// How many didn't.
     pub count: usize,
+    /// True of a subgroup operation.
+    pub subgroup: bool,
     /// The condition, or the jump, where that one went another way; `None` if it never came to a part of the code that
     /// leads to the barrier.
     pub parted: Option<Site>,
@@ -125,6 +127,8 @@ pub struct Outside {
     pub count: u64,
     /// True of a write or an atomic.
     pub writes: bool,
+    /// True of an invocation that isn't in the subgroup, or not active there.
+    pub subgroup: bool,
     /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
     pub number: u32,
 }
@@ -318,19 +322,20 @@ impl Detector {
         barrier: Barrier,
         active: impl Iterator<Item = bool> + Clone,
     ) {
-        self.meet(code, site, 0, active);
+        self.meet(code, site, (0, false), active);
         let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
         for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
             *epoch += u32::from(barrier.contains(space));
         }
     }
 
-    /// Invocations that should all meet an operation: the first of these lanes, and which of them do.
+    /// Invocations that should all meet an operation: the first of these lanes, whether they are a subgroup, and which
+    /// of them do.
     pub(crate) fn meet(
         &mut self,
         code: &Code,
         site: u32,
-        first: usize,
+        (first, subgroup): (usize, bool),
         active: impl Iterator<Item = bool> + Clone,
     ) {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
@@ -342,6 +347,7 @@ impl Detector {
                 reached: first + here,
                 missing: first + lane,
                 count: missing().count(),
+                subgroup,
                 parted: parted.map(|site| code.sites[site as usize].clone()),
             });
         }
@@ -381,13 +387,20 @@ impl Detector {
     }
 
     /// The index of a lane leaves its array.
-    pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, writes: bool) {
+    pub(crate) fn leaves(
+        &mut self,
+        code: &Code,
+        site: u32,
+        lane: usize,
+        (writes, subgroup): (bool, bool),
+    ) {
         let invocation = self.invocation(self.first) + lane;
         let new = || Outside {
             site: code.sites[site as usize].clone(),
             invocation,
             count: 0,
             writes,
+            subgroup,
             number: site,
         };
         let outside = self.outside.entry(site).or_insert_with(new);

@@ -17,9 +17,6 @@ pub struct Schedule {
     pub subgroup: u32,
 }
 
-/// Invocations of a subgroup where no schedule says another number: most GPUs have 32.
-pub(crate) const SUBGROUP: u32 = 32;
-
 /// Two that change places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Swap {
@@ -30,10 +27,13 @@ pub enum Swap {
 }
 
 impl Schedule {
+    /// Invocations of a subgroup where no schedule says another number: most GPUs have 32.
+    pub const SUBGROUP: u32 = 32;
+
     /// All swaps of an order of so many workgroups and invocations.
     #[must_use]
     pub fn whole(seed: u64, groups: usize, invocations: usize) -> Self {
-        let all = Self { seed, swaps: usize::MAX, serial: false, subgroup: SUBGROUP };
+        let all = Self { seed, swaps: usize::MAX, serial: false, subgroup: Self::SUBGROUP };
         Self { swaps: all.all(groups).count() + all.all(invocations).count(), ..all }
     }
 
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(reverse.orders(1, 4), (vec![0], vec![3, 2, 1, 0]));
         assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(1, 2)));
         assert_eq!(
-            Schedule { seed: 0, swaps: 1, serial: false, subgroup: SUBGROUP }.last(4, 4),
+            Schedule { seed: 0, swaps: 1, serial: false, subgroup: Schedule::SUBGROUP }.last(4, 4),
             Some(Swap::Workgroups(0, 3))
         );
         assert_ne!(Schedule::whole(1, 1, 8).orders(1, 8), Schedule::whole(2, 1, 8).orders(1, 8));

@@ -228,6 +228,7 @@ impl After<'_> {
         }
         self.expect_no_violations(&passes, report)?;
         self.expect_no_order(assertion, &passes, (number, &element), report)?;
+        let has_subgroups = passes.has_subgroups();
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();
             let own = compute.tolerance_on.on(path, adapter);
@@ -255,6 +256,7 @@ impl After<'_> {
                     Some(own) => format!("{}; on {path} {own}", assertion.text()),
                     None => assertion.text(),
                 },
+                subgroups: executor.subgroups().filter(|_| has_subgroups),
                 ..PathRecord::of(adapter.clone())
             };
             let replayed = Replayed { case: 0, steps: &[], input: None };

@@ -53,6 +53,8 @@ pub struct OrderDependence {
     pub location: String,
     /// The difference between the orders: `local (3, 0, 0) and (5, 0, 0) change places in each workgroup of .. `.
     pub swap: String,
+    /// Invocations of a subgroup in that order; `None` if the passes don't depend on it.
+    pub subgroup: Option<u32>,
     /// The first element that is wrong then.
     pub element: Option<Element>,
 }
@@ -64,7 +66,8 @@ impl OrderDependence {
 
     fn headline(&self) -> String {
         let Self { entry_points, variable, .. } = self;
-        format!("`{variable}` after `{entry_points}` depends on the order of invocations")
+        let size = if self.subgroup.is_some() { ", or on the size of subgroups" } else { "" };
+        format!("`{variable}` after `{entry_points}` depends on the order of invocations{size}")
     }
 }
 
@@ -79,6 +82,12 @@ impl fmt::Display for OrderDependence {
             writeln!(f, "  then: {place}")?;
             writeln!(f, "      actual = {actual}")?;
             writeln!(f, "    expected = {expected}")?;
+        }
+        if self.subgroup.is_some() {
+            writeln!(
+                f,
+                "  = a subgroup has from 4 to 128 invocations, by the device: ask `subgroup_size`, and not a number"
+            )?;
         }
         writeln!(
             f,
@@ -168,6 +177,7 @@ impl After<'_> {
                 assertion: assertion.holds(),
                 location: passes.span().map_or_else(String::new, |span| span.to_string()),
                 swap: order.last(passes),
+                subgroup: passes.has_subgroups().then_some(order.subgroup()),
                 element: judged(Some(order))?.shown.into_iter().next(),
             })));
         }

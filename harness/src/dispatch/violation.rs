@@ -15,7 +15,7 @@ pub enum ViolationKind {
     WriteWrite,
     /// Both write an element, and write the same.
     EqualWrites,
-    /// One reaches a barrier without the other one.
+    /// One reaches a barrier without the other one, or a subgroup operation.
     Barrier,
     /// Workgroup memory is read before an invocation writes it: zero by WGSL, but hosts may turn that off.
     Unwritten,

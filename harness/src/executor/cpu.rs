@@ -37,6 +37,10 @@ impl Executor for Cpu {
         ability != Ability::Frames
     }
 
+    fn subgroups(&self) -> Option<[u32; 2]> {
+        Some([karat_engine::Schedule::SUBGROUP; 2])
+    }
+
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         Ok(super::raised(self, job))
     }

@@ -27,7 +27,8 @@ pub fn serve(
     mut replies: impl Write,
 ) -> std::io::Result<()> {
     let Adapter { name, driver, software, .. } = executor.adapter();
-    let all = [Ability::F16, Ability::Textures, Ability::Immediates, Ability::Frames];
+    let all =
+        [Ability::F16, Ability::Textures, Ability::Immediates, Ability::Subgroups, Ability::Frames];
     let can = all.into_iter().filter(|ability| executor.can(*ability)).collect();
     let greeting = Greeting { jobs: JOBS, name, driver, software, can };
     writeln!(replies, "{}", serde_json::to_string(&greeting)?)?;

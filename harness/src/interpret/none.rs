@@ -126,6 +126,10 @@ impl OrderOf {
         0
     }
 
+    pub(crate) fn subgroup(self) -> u32 {
+        0
+    }
+
     pub(crate) fn first(self, _: usize) -> Self {
         self
     }

@@ -5,6 +5,9 @@ use karat_engine::{Schedule, Swap};
 use super::dispatch::{dispatched, options};
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 
+/// Invocations of a subgroup, by the seed of an order: those that GPUs have.
+const SUBGROUPS: [u32; 5] = [4, 8, 16, 32, 64];
+
 /// An order of the invocations of passes: the same shuffle in each pass, as far as that has as many.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OrderOf(Schedule);
@@ -13,17 +16,23 @@ impl OrderOf {
     /// All swaps of an order: 0 is the reverse one.
     pub(crate) fn whole(passes: &Passes, seed: u64) -> Self {
         let of_pass = passes.passes.iter().map(|pass| {
-            let (groups, invocations) = counts(pass);
-            Schedule::whole(seed, groups, invocations).swaps
+            let (groups, together) = counts(pass, SUBGROUPS[seed as usize % SUBGROUPS.len()]);
+            Schedule::whole(seed, groups, together).swaps
         });
         // In two of them each invocation runs by itself from barrier to barrier: the others keep statements side by side.
         let serial = matches!(seed, 1 | 2);
-        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default(), serial })
+        let subgroup = SUBGROUPS[seed as usize % SUBGROUPS.len()];
+        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default(), serial, subgroup })
     }
 
     /// The swaps that it is made of.
     pub(crate) fn swaps(self) -> usize {
         self.0.swaps
+    }
+
+    /// Invocations of a subgroup.
+    pub(crate) fn subgroup(self) -> u32 {
+        self.0.subgroup
     }
 
     /// The same with the first so many swaps.
@@ -33,35 +42,44 @@ impl OrderOf {
 
     /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
+        let sizes = || format!("subgroups have {} invocations", self.0.subgroup);
+        let sizes = passes.has_subgroups().then(sizes);
         if self.0.swaps == 0 {
-            return "invocations run to the next barrier, or to their ends, one after the other"
-                .to_owned();
+            let serial =
+                "invocations run to the next barrier, or to their ends, one after the other";
+            let serial = self.0.serial.then(|| serial.to_owned());
+            let both: Vec<String> = sizes.into_iter().chain(serial).collect();
+            return both.join(", and ");
         }
         let of_pass = |pass: &crate::dispatch::Pass| {
-            let (groups, invocations) = counts(pass);
-            Some(match self.0.last(groups, invocations)? {
+            let (groups, together) = counts(pass, self.0.subgroup);
+            Some(match self.0.last(groups, together)? {
                 Swap::Workgroups(one, two) => {
                     let [one, two] = [one, two].map(|group| pass.workgroup(group));
                     format!("workgroups {one} and {two} of `{}` change places", pass.name)
                 }
                 Swap::Invocations(one, two) => {
-                    let [one, two] = [one, two].map(|own| pass.local(own));
-                    format!(
-                        "local {one} and {two} change places in each workgroup of `{}`",
-                        pass.name
-                    )
+                    let who = if pass.program.has_subgroups() {
+                        format!("subgroups {one} and {two}")
+                    } else {
+                        let [one, two] = [one, two].map(|own| pass.local(own));
+                        format!("local {one} and {two}")
+                    };
+                    format!("{who} change places in each workgroup of `{}`", pass.name)
                 }
             })
         };
-        let all: Vec<String> = passes.passes.iter().filter_map(of_pass).collect();
+        let all: Vec<String> = passes.passes.iter().filter_map(of_pass).chain(sizes).collect();
         if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
     }
 }
 
-/// Workgroups of a pass, and the invocations of each.
-fn counts(pass: &crate::dispatch::Pass) -> (usize, usize) {
+/// Workgroups of a pass, and the invocations of each, or the subgroups if it has any.
+fn counts(pass: &crate::dispatch::Pass, subgroup: u32) -> (usize, usize) {
     let groups = pass.workgroups.iter().map(|count| *count as usize).product();
-    (groups, pass.workgroup_size().iter().map(|count| *count as usize).product())
+    let invocations: usize = pass.workgroup_size().iter().map(|count| *count as usize).product();
+    let together = if pass.program.has_subgroups() { subgroup as usize } else { 1 };
+    (groups, invocations.div_ceil(together))
 }
 
 /// The words that passes leave in an order of their invocations; `None`: by their numbers.

@@ -254,7 +254,12 @@ fn is_within(one: &Access, other: &Access) -> bool {
 
 fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Diagnostic) {
     let pass = examining.pass;
-    let headline = format!("`{}` has a barrier that not every invocation reaches", pass.name);
+    let (operation, among) = match one.subgroup {
+        true => ("a subgroup operation", "subgroup"),
+        false => ("a barrier", "workgroup"),
+    };
+    let headline =
+        format!("`{}` has {operation} that not every invocation of a {among} reaches", pass.name);
     let place = examining.span(&one.site);
     let (missing, parted) = (examining.invocation(one.missing), &one.parted);
     let parts = parted.as_ref().and_then(|site| examining.span(site));
@@ -264,7 +269,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     };
     let accesses = [(place, examining.invocation(one.reached), "reaches it".to_owned()), other];
     let note = format!(
-        "{} of the workgroup's invocations don't: a barrier stands where all of them come, in uniform control flow \
+        "{} of the {among}'s invocations don't: {operation} stands where all of them come, in uniform control flow \
          (WGSL, 15.2)",
         one.count
     );
@@ -286,24 +291,36 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
 
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
     let pass = examining.pass;
-    let headline = match one.writes {
-        true => format!("`{}` writes outside of an array", pass.name),
-        false => format!(
-            "`{}` reads outside of an array, and the words that the passes leave depend on it",
-            pass.name
-        ),
+    let reads = "and the words that the passes leave depend on it";
+    let headline = match (one.writes, one.subgroup) {
+        (true, _) => format!("`{}` writes outside of an array", pass.name),
+        (false, false) => format!("`{}` reads outside of an array, {reads}", pass.name),
+        (false, true) => {
+            format!("`{}` takes the value of an invocation that isn't there, {reads}", pass.name)
+        }
     };
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
+    let beyond = match one.subgroup {
+        true => "asks one that isn't in its subgroup, or not active",
+        false => "has an index beyond it",
+    };
     let does = match one.count {
-        1 => "has an index beyond it".to_owned(),
-        count => format!("has an index beyond it, the first of {count}"),
+        1 => beyond.to_owned(),
+        count => format!("{beyond}, the first of {count}"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or \
-                nowhere (6.4.4): compare the index with `arrayLength` or a count, and return";
+    let note = match one.subgroup {
+        true => {
+            "WGSL allows any value (*Subgroup Built-in Functions*): compare with `subgroup_size`, and `select`"
+        }
+        false => {
+            "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or nowhere \
+             (6.4.4): compare the index with `arrayLength` or a count, and return"
+        }
+    };
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
     let (variable, element) = (String::new(), String::new());
@@ -418,12 +435,12 @@ mod tests {
     fn what_the_engine_refuses_has_a_reason() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
             @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
-                data[i] = subgroupAdd(i);
+                data[i] = u32(f64(i));
             }";
         let examined = examined(text, &[("sum", 1)], 64);
         assert!(examined.violations.is_empty());
         let Watched { invocations, reason, .. } = examined.watched;
         assert_eq!(invocations, 0);
-        assert!(reason.contains("the engine doesn't execute subgroup operations"), "{reason}");
+        assert!(reason.contains("the engine doesn't execute"), "{reason}");
     }
 }

@@ -34,6 +34,8 @@ pub(crate) struct Device {
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
     /// `None`: threads needn't take turns.
     turns: Option<ReentrantMutex<()>>,
+    /// The least and the largest number of invocations of a subgroup.
+    subgroups: Option<[u32; 2]>,
 }
 
 /// A compute pipeline.
@@ -137,6 +139,9 @@ impl Device {
             // What fixtures may be.
             | wgpu::Features::IMMEDIATES
             | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
+            // What compute passes may use.
+            | wgpu::Features::SUBGROUP
+            | wgpu::Features::SUBGROUP_BARRIER
             // What frames are drawn into.
             | wgpu::Features::RG11B10UFLOAT_RENDERABLE
             | wgpu::Features::DEPTH32FLOAT_STENCIL8
@@ -162,6 +167,9 @@ impl Device {
             if multisampled { full } else { wgpu::TextureFormat::Rgba16Float };
         let color_format = if renderable { full } else { wgpu::TextureFormat::Rgba16Float };
         let info = adapter.get_info();
+        let sizes = [info.subgroup_min_size, info.subgroup_max_size];
+        let has_subgroups = device.features().contains(wgpu::Features::SUBGROUP);
+        let subgroups = Some(sizes).filter(|_| has_subgroups);
         let (path_name, driver) = (path.to_string(), driver_of(&info));
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let adapter = Adapter { path: path_name, name: info.name, driver, software };
@@ -176,6 +184,7 @@ impl Device {
             queue,
             color_format,
             multisampled_format,
+            subgroups,
             pipelines,
             turns,
         })
@@ -226,6 +235,11 @@ impl Device {
                  whatever values there are then"
             ))
             .note("ask for fewer rounds, or run on a driver without such a limit")
+    }
+
+    /// The least and the largest number of invocations of a subgroup; `None` without them.
+    pub(crate) fn subgroups(&self) -> Option<[u32; 2]> {
+        self.subgroups
     }
 
     pub(crate) fn has_f16(&self) -> bool {

@@ -19,6 +19,8 @@ pub enum Ability {
     Textures,
     /// `var<immediate>`.
     Immediates,
+    /// Operations of subgroups: `subgroupAdd`.
+    Subgroups,
     /// Vertex and fragment functions: frames are drawn.
     Frames,
 }
@@ -29,6 +31,7 @@ impl fmt::Display for Ability {
             Self::F16 => "f16",
             Self::Textures => "textures",
             Self::Immediates => "immediates",
+            Self::Subgroups => "subgroups",
             Self::Frames => "vertex and fragment functions",
         })
     }

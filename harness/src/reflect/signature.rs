@@ -206,6 +206,12 @@ impl Program {
                 "split it in two functions",
             ));
         }
+        if self.reaches_subgroups(path) {
+            return Err(refuse(
+                "it has operations of subgroups, and a call is one invocation".to_owned(),
+                "test a compute pass that calls it",
+            ));
+        }
         let mut parameters = Vec::new();
         for (argument, own) in called.arguments.iter().zip(own) {
             let name = own.name.clone().expect(NAMED);

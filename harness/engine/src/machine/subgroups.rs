@@ -10,7 +10,7 @@ use crate::scalar::{File, Scalar};
 impl<A: Rules> Machine<'_, A> {
     /// Lanes of a subgroup.
     fn subgroup_size(&self) -> usize {
-        self.options.schedule.map_or(crate::schedule::SUBGROUP, |schedule| schedule.subgroup)
+        self.options.schedule.map_or(crate::Schedule::SUBGROUP, |schedule| schedule.subgroup)
             as usize
     }
 
@@ -46,7 +46,7 @@ impl<A: Rules> Machine<'_, A> {
         for (number, lanes) in active.chunks(self.subgroup_size()).enumerate() {
             if lanes.contains(&true) {
                 let first = number * self.subgroup_size();
-                detector.meet(self.code, self.site, first, lanes.iter().copied());
+                detector.meet(self.code, self.site, (first, true), lanes.iter().copied());
             }
         }
         self.detector = Some(detector);

@@ -1,0 +1,56 @@
+//! Programs whose invocations see each other through subgroups.
+
+use naga::{Binding, BuiltIn, Expression, Function, Handle, TypeInner};
+
+use super::Program;
+
+impl Program {
+    /// True if it has operations of subgroups, or a builtin value whose meaning depends on their size.
+    pub(crate) fn has_subgroups(&self) -> bool {
+        let module = self.module();
+        let is_own = |binding: &Option<Binding>| {
+            matches!(
+                binding,
+                Some(Binding::BuiltIn(
+                    BuiltIn::SubgroupSize
+                        | BuiltIn::SubgroupInvocationId
+                        | BuiltIn::SubgroupId
+                        | BuiltIn::NumSubgroups
+                ))
+            )
+        };
+        let given = |ty: Handle<naga::Type>| match &module.types[ty].inner {
+            TypeInner::Struct { members, .. } => members.iter().any(|one| is_own(&one.binding)),
+            _ => false,
+        };
+        let entries = module.entry_points.iter().map(|entry| &entry.function);
+        let is_given = |one: &naga::FunctionArgument| is_own(&one.binding) || given(one.ty);
+        entries.clone().any(|entry| entry.arguments.iter().any(is_given))
+            || module.functions.iter().map(|(_, one)| one).chain(entries).any(operates)
+    }
+
+    /// True if a function, or one that it calls, has an operation of subgroups.
+    pub(super) fn reaches_subgroups(&self, path: &str) -> bool {
+        let mut wanted = vec![path.to_owned()];
+        let mut seen = std::collections::BTreeSet::new();
+        while let Some(path) = wanted.pop() {
+            let own = self.declared(self.name_of(&path));
+            if own.is_some_and(|(_, function)| operates(function)) {
+                return true;
+            }
+            wanted.extend(self.calls(&path).into_iter().filter(|called| !seen.contains(called)));
+            seen.insert(path);
+        }
+        false
+    }
+}
+
+fn operates(function: &Function) -> bool {
+    let is_result = |expression: &Expression| {
+        matches!(
+            expression,
+            Expression::SubgroupBallotResult | Expression::SubgroupOperationResult { .. }
+        )
+    };
+    function.expressions.iter().any(|(_, expression)| is_result(expression))
+}
