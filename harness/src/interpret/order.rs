@@ -90,3 +90,69 @@ pub(crate) fn in_order_of(
     let schedule = order.map(|order| order.0);
     dispatched(passes, &|_| karat_engine::Options { schedule, ..options() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dispatch::Wanted;
+    use crate::fixture::{Buffer, Fixtures};
+    use crate::package::Package;
+    use crate::path::Path;
+    use crate::reflect::Overrides;
+
+    /// Each operation in the engine, by the size that a driver has, leaves the driver's words.
+    #[test]
+    fn subgroups_are_those_of_a_driver_of_their_size() {
+        let vulkan = crate::executor::of(Path::VULKAN).expect("a driver of Vulkan is here");
+        let [size, most] = vulkan.subgroups().expect("it has subgroups");
+        assert_eq!(size, most, "each pipeline has one size");
+        for operation in [
+            "subgroupAdd(x)",
+            "subgroupMul(x | 1u)",
+            "subgroupMin(x)",
+            "subgroupMax(x)",
+            "subgroupAnd(x | 4u)",
+            "subgroupOr(x)",
+            "subgroupXor(x)",
+            "u32(subgroupAll(x < 12u))",
+            "u32(subgroupAny(x == 12u))",
+            "subgroupExclusiveAdd(x)",
+            "subgroupInclusiveAdd(x)",
+            "subgroupExclusiveMul(x | 1u)",
+            "subgroupInclusiveMul(x | 1u)",
+            "subgroupBroadcast(x, 2u)",
+            "subgroupBroadcastFirst(x)",
+            "subgroupShuffle(x, size - 1u - own)",
+            "subgroupShuffleXor(x, 3u)",
+            "select(0u, subgroupShuffleUp(x, 1u), own > 0u)",
+            "select(0u, subgroupShuffleDown(x, 1u), own + 1u < size)",
+            "quadBroadcast(x, 1u)",
+            "quadSwapX(x)",
+            "quadSwapY(x)",
+            "quadSwapDiagonal(x)",
+            "subgroupBallot(x < 6u).x",
+            "u32(subgroupMax(vec2f(f32(x), -f32(x))).x)",
+            "bitcast<u32>(subgroupMin(-i32(x)))",
+            "own + 100u * group + 10000u * groups",
+        ] {
+            let text = format!(
+                "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
+                 @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,
+                     @builtin(subgroup_size) size: u32, @builtin(subgroup_id) group: u32,
+                     @builtin(subgroup_invocation_id) own: u32, @builtin(num_subgroups) groups: u32) {{
+                     let x = (i * 7u + 3u) % 13u;
+                     out[i] = {operation};
+                 }}"
+            );
+            let package = Package::from_source("m", text);
+            let wanted = [Wanted { name: "main".to_owned(), workgroups: [1, 1, 1] }];
+            let fixtures: Fixtures = vec![("out".to_owned(), Buffer::zeros(256).into())];
+            let passes = Passes::new(&package, &wanted, (&fixtures, &[]), &Overrides::new());
+            let passes = passes.expect("they fit");
+            let drivers = crate::executor::dispatch(vulkan, &passes).expect("the driver runs it");
+            let order = Schedule { seed: 0, swaps: 0, serial: false, subgroup: size };
+            let own = in_order_of(&passes, Some(OrderOf(order))).expect("the engine runs it");
+            assert_eq!(own, drivers, "{operation}");
+        }
+    }
+}

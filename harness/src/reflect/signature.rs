@@ -206,7 +206,7 @@ impl Program {
                 "split it in two functions",
             ));
         }
-        if self.reaches_subgroups(path) {
+        if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
                 "it has operations of subgroups, and a call is one invocation".to_owned(),
                 "test a compute pass that calls it",
