@@ -109,7 +109,7 @@ pub use lower::{Overrides, Settings};
 pub use observer::{Fault, Faulty, Lanes, Observer};
 pub use options::Options;
 pub use program::Program;
-pub use races::{Access, Divergence, Observed, Outside, Place, Race, Touched, Unwritten};
+pub use races::{Access, Bounds, Divergence, Observed, Outside, Place, Race, Touched, Unwritten};
 pub use refusal::{Refusal, Stop};
 pub use resources::Resources;
 pub use results::{Lane, LaneOf, Results};

@@ -12,11 +12,11 @@ use naga::Span;
 
 use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
-use crate::code::{Code, ImageKind, Instruction, Op, Site};
+use crate::code::{Code, Count, ImageKind, Instruction, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Fault, Faulty, Lanes, Observer};
 use crate::options::Options;
-use crate::races::Detector;
+use crate::races::{Bounds, Detector};
 use crate::rules::{Edges, FloatRule, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
@@ -544,15 +544,33 @@ impl<'p, A: Rules> Machine<'p, A> {
                 observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
             }
         }
-        let defined = self.defines_outside(instruction.op);
-        if let Some(detector) = self.detector.as_mut().filter(|_| !defined) {
+        if self.detector.is_some() && !self.defines_outside(instruction.op) {
+            let lanes = self.active().iter().filter(|mask| A::possible(**mask)).count();
             let writes = matches!(instruction.op, Op::Write(..) | Op::Atomic(_) | Op::Scatter(..));
+            let bounds = self.bounds(instruction.op);
+            let Some(detector) = &mut self.detector else { return };
+            detector.run(self.site, lanes);
             for lane in &self.strayed {
-                let subgroup = matches!(instruction.op, Op::Subgroup(_));
-                detector.leaves(self.code, self.site, *lane, (writes, subgroup));
+                detector.leaves(self.code, self.site, *lane, (writes, bounds));
             }
         }
         self.strayed.clear();
+    }
+
+    /// The kind of what the index of an operation may leave.
+    fn bounds(&self, op: Op) -> Bounds {
+        let is_runtime = |walk: u32| {
+            let steps = &self.code.walks[walk as usize].steps;
+            steps.iter().any(|step| matches!(step.count, Count::Runtime { .. }))
+        };
+        match op {
+            Op::Subgroup(_) => Bounds::Subgroup,
+            Op::Image(_) => Bounds::Texture,
+            Op::Load(_, walk) | Op::Write(_, walk) | Op::Atomic(walk) if is_runtime(walk) => {
+                Bounds::Runtime
+            }
+            _ => Bounds::Fixed,
+        }
     }
 
     /// True of operations on textures of which WGSL says what an index outside does: a store there writes nothing, and

@@ -116,6 +116,19 @@ pub struct Unwritten {
     pub count: u64,
 }
 
+/// The kind of what an index leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounds {
+    /// An array whose length the program says.
+    Fixed,
+    /// An array as long as its buffer.
+    Runtime,
+    /// A texture.
+    Texture,
+    /// A subgroup: there is no such invocation, or it isn't active.
+    Subgroup,
+}
+
 /// Indices of an operation that leave their array.
 #[derive(Clone, Debug)]
 pub struct Outside {
@@ -127,8 +140,10 @@ pub struct Outside {
     pub count: u64,
     /// True of a write or an atomic.
     pub writes: bool,
-    /// True of an invocation that isn't in the subgroup, or not active there.
-    pub subgroup: bool,
+    /// The kind of what it leaves.
+    pub bounds: Bounds,
+    /// How often the operation ran.
+    pub of: u64,
     /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
     pub number: u32,
 }
@@ -245,6 +260,8 @@ pub(crate) struct Detector {
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
+    /// How often the operations of each site that have an index ran.
+    ran: Vec<u64>,
     /// For each lane, the site at which it became inactive last.
     parted: Vec<Option<u32>>,
 }
@@ -281,8 +298,14 @@ impl Detector {
             divergences: BTreeMap::new(),
             outside: BTreeMap::new(),
             unwritten: BTreeMap::new(),
+            ran: vec![0; code.sites.len()],
             parted: vec![None; width],
         }
+    }
+
+    /// So many lanes run an operation that has an index.
+    pub(crate) fn run(&mut self, site: u32, lanes: usize) {
+        self.ran[site as usize] += lanes as u64;
     }
 
     /// A workgroup begins, whose first invocation is this one.
@@ -392,7 +415,7 @@ impl Detector {
         code: &Code,
         site: u32,
         lane: usize,
-        (writes, subgroup): (bool, bool),
+        (writes, bounds): (bool, Bounds),
     ) {
         let invocation = self.invocation(self.first) + lane;
         let new = || Outside {
@@ -400,7 +423,8 @@ impl Detector {
             invocation,
             count: 0,
             writes,
-            subgroup,
+            bounds,
+            of: 0,
             number: site,
         };
         let outside = self.outside.entry(site).or_insert_with(new);
@@ -525,6 +549,9 @@ impl Detector {
             _ => None,
         });
         let written = written.collect();
+        let outside = self.outside.into_values();
+        let outside = outside.map(|one| Outside { of: self.ran[one.number as usize], ..one });
+        let outside = outside.collect();
         let mut races: Vec<Race> = self.races.into_values().map(|(race, _)| race).collect();
         races.sort_by_key(|race| {
             let place = race.second.site.span.to_range().map(|range| range.start);
@@ -533,7 +560,7 @@ impl Detector {
         Observed {
             races,
             divergences: self.divergences.into_values().collect(),
-            outside: self.outside.into_values().collect(),
+            outside,
             unwritten: self.unwritten.into_values().collect(),
             written,
             stopped: None,

@@ -83,6 +83,9 @@ pub struct Violation {
     pub element: String,
     /// How many elements have it; of a barrier, how many invocations don't reach it; of an index, how often it is so.
     pub count: u64,
+    /// True of an index that leaves what a host sizes, and so often that another size may be meant.
+    #[serde(skip)]
+    pub(crate) by_size: bool,
     /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
     /// index the first that leaves.
     pub accesses: Vec<ViolationAccess>,

@@ -1,6 +1,6 @@
 //! Hazards of compute passes, which the engine dispatches over made-up resources.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
 use crate::diagnostic::Diagnostic;
@@ -35,6 +35,16 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             None => hazards(&passes, FEW_ROUNDS).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
+        // An index that leaves its array in zeros, too, comes from no content that is made up.
+        let mut surely = BTreeSet::new();
+        if variant < Extents::SIZED && examined.violations.iter().any(|(one, _)| is_index(one)) {
+            let zeros = (variant + Extents::ZEROS, &Vec::new());
+            if let Ok((passes, _)) = Passes::arbitrary(package, name, None, ranges, zeros) {
+                let all = examine_made_up(&passes).violations;
+                let all = all.into_iter().filter(|(one, _)| is_index(one));
+                surely.extend(all.map(|(one, at)| place_of(&one, &at).0));
+            }
+        }
         let members = made.members.iter().take(MEMBERS).cloned();
         let described = |invocation: String| {
             let invocation = (INVOCATION.to_owned(), invocation);
@@ -86,8 +96,11 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         });
         for hazard in violations.chain(inside_found).chain(endless) {
             let likely = match hazard.kind {
-                // No name tells how large a texture is beside another one.
-                Kind::OutOfRange => variant < Extents::SIZED && !hazard.text.starts_with("texture"),
+                // No name tells how large a texture is beside another one, or how many words an element has.
+                Kind::OutOfRange => {
+                    let by_size = hazard.violation.as_ref().is_none_or(|one| one.by_size);
+                    surely.contains(&hazard.location) && !by_size
+                }
                 Kind::Endless => variant < Extents::SIZED,
                 _ => variant < Extents::LIKELY,
             };
@@ -109,6 +122,10 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();
     Ok(seen)
+}
+
+fn is_index(violation: &Violation) -> bool {
+    violation.kind == ViolationKind::Outside
 }
 
 fn kind_of(kind: ViolationKind) -> Kind {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use karat_engine::{
-    Access, Divergence, Observed, Options, Outside, Place, Race as Found, Unwritten,
+    Access, Bounds, Divergence, Observed, Options, Outside, Place, Race as Found, Unwritten,
 };
 
 use super::dispatch::{in_order, options};
@@ -220,9 +220,12 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
-    let (entry_point, count) = (pass.name.clone(), race.elements);
+    let (entry_point, count, by_size) = (pass.name.clone(), race.elements, false);
     let accesses = accesses.map(access).into();
-    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (
+        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        diagnostic,
+    )
 }
 
 /// The path of an element in its variable, and its values.
@@ -284,6 +287,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
         variable,
         element,
         count,
+        by_size: false,
         accesses,
     };
     (violation, diagnostic)
@@ -292,7 +296,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
     let pass = examining.pass;
     let reads = "and the words that the passes leave depend on it";
-    let headline = match (one.writes, one.subgroup) {
+    let headline = match (one.writes, one.bounds == Bounds::Subgroup) {
         (true, _) => format!("`{}` writes outside of an array", pass.name),
         (false, false) => format!("`{}` reads outside of an array, {reads}", pass.name),
         (false, true) => {
@@ -300,9 +304,9 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         }
     };
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
-    let beyond = match one.subgroup {
-        true => "asks one that isn't in its subgroup, or not active",
-        false => "has an index beyond it",
+    let beyond = match one.bounds {
+        Bounds::Subgroup => "asks one that isn't in its subgroup, or not active",
+        _ => "has an index beyond it",
     };
     let does = match one.count {
         1 => beyond.to_owned(),
@@ -312,20 +316,29 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = match one.subgroup {
-        true => {
+    let note = match one.bounds {
+        Bounds::Subgroup => {
             "WGSL allows any value (*Subgroup Built-in Functions*): compare with `subgroup_size`, and `select`"
         }
-        false => {
+        _ => {
             "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or nowhere \
              (6.4.4): compare the index with `arrayLength` or a count, and return"
         }
     };
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
+    // A row of a size that is made up has an index too many at its end, or each second one has.
+    let by_size = match one.bounds {
+        Bounds::Fixed | Bounds::Subgroup => false,
+        Bounds::Runtime => 2 * one.count >= one.of,
+        Bounds::Texture => true,
+    };
     let (variable, element) = (String::new(), String::new());
     let accesses = vec![access((place, invocation, does))];
-    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (
+        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        diagnostic,
+    )
 }
 
 fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagnostic) {
@@ -348,8 +361,12 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
                 off: write what is meant, and a `workgroupBarrier()` behind";
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Unwritten);
+    let by_size = false;
     let accesses = vec![access((place, invocation, does))];
-    (Violation { headline, entry_point, kind, variable, element, count, accesses }, diagnostic)
+    (
+        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        diagnostic,
+    )
 }
 
 /// Where, who, and what it does.

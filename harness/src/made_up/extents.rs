@@ -18,12 +18,15 @@ pub(crate) enum Numbered {
     Backwards,
     /// 0 and 1, as cells and flags are.
     Bits,
+    /// All of them 0, and floats, too: an index that is wrong all the same comes from no content.
+    Zero,
 }
 
 impl Numbered {
     /// The number of an element among so many.
     pub(super) fn of(self, element: u32, count: u32) -> u32 {
         match self {
+            Self::Zero => 0,
             Self::Forwards => element,
             Self::Backwards => count - 1 - element,
             // Bits of the golden ratio's multiples: none of the short periods that a stencil would hide in.
@@ -53,6 +56,10 @@ impl Extents {
     #[cfg(feature = "engine")]
     pub(crate) const SIZED: usize = 2;
 
+    /// Added to a variant, it stands for the same sizes with arrays of zeros.
+    #[cfg(feature = "engine")]
+    pub(crate) const ZEROS: usize = 16;
+
     /// In the first so many indices and counts are such as a host may well give.
     #[cfg(feature = "engine")]
     pub(crate) const LIKELY: usize = 5;
@@ -70,10 +77,10 @@ impl Extents {
         if total < LEAST {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
-        if variant == 1 {
+        if variant % Self::ZEROS == 1 {
             elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
         }
-        let (numbered, unknown) = match variant {
+        let (numbered, unknown) = match variant % Self::ZEROS {
             0 => (Some(Numbered::Forwards), Some(1)),
             1 => (Some(Numbered::Backwards), Some(1)),
             2 => (Some(Numbered::Backwards), Some(2)),
@@ -82,6 +89,7 @@ impl Extents {
             5 => (Some(Numbered::Forwards), Some(0)),
             _ => (None, None),
         };
+        let numbered = if variant < Self::ZEROS { numbered } else { Some(Numbered::Zero) };
         Self { elements, workgroups, numbered, unknown }
     }
 

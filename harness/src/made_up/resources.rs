@@ -182,6 +182,11 @@ impl Resources {
                             parts.iter().for_each(|one| self.drawn.note(one));
                         }
                         for (at, index) in (0..).zip(each) {
+                            if ranges.numbered() == Some(Numbered::Zero) {
+                                let zeros = parts.iter().flat_map(|one| one.scalars.iter());
+                                lanes.extend(zeros.map(|_| 0));
+                                continue;
+                            }
                             if let Some(how) = ranges.numbered().filter(|_| in_order) {
                                 lanes.extend(parts.iter().map(|_| how.of(at, *length)));
                                 continue;
@@ -198,6 +203,10 @@ impl Resources {
             other => {
                 let start = lanes.len();
                 for one in described(path, other, ranges)? {
+                    if self.depth > 0 && ranges.numbered() == Some(Numbered::Zero) {
+                        lanes.extend(one.scalars.iter().map(|_| 0));
+                        continue;
+                    }
                     if let Some(at) = self.element.filter(|_| ranges.numbers_elements(&one)) {
                         lanes.push(at);
                         continue;
