@@ -155,7 +155,7 @@ pub(crate) struct Pass {
 }
 
 impl Pass {
-    /// Invocations of all workgroups. A size that is an override counts as 1.
+    /// Invocations of all workgroups. A size that is computed of overrides counts as 1.
     pub(crate) fn invocations(&self) -> u64 {
         self.invocations_of(self.workgroup_size())
     }

@@ -83,7 +83,7 @@ pub struct Violation {
     pub element: String,
     /// How many elements have it; of a barrier, how many invocations don't reach it; of an index, how often it is so.
     pub count: u64,
-    /// True of an index that leaves what a host sizes, and so often that another size may be meant.
+    /// True if sizes that a host gives may well prevent it: made-up ones tell little of it.
     #[serde(skip)]
     pub(crate) by_size: bool,
     /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an

@@ -95,15 +95,14 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             }
         });
         for hazard in violations.chain(inside_found).chain(endless) {
+            // No name tells how large a texture is beside another one, or how many words an element has.
+            let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
             let likely = match hazard.kind {
-                // No name tells how large a texture is beside another one, or how many words an element has.
-                Kind::OutOfRange => {
-                    let by_size = hazard.violation.as_ref().is_none_or(|one| one.by_size);
-                    surely.contains(&hazard.location) && !by_size
-                }
+                Kind::OutOfRange => surely.contains(&hazard.location),
                 Kind::Endless => variant < Extents::SIZED,
                 _ => variant < Extents::LIKELY,
             };
+            let likely = likely && !by_size;
             let to = if likely { &mut found } else { &mut rare };
             to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
         }

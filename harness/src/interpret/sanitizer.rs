@@ -50,7 +50,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
         let size = lowered.workgroup_size().expect("a pass is an entry point");
-        // naga's IR doesn't know a size that is an override.
+        // naga's IR doesn't know a size that is computed of overrides.
         watched.of += pass.invocations_of(size).saturating_sub(pass.invocations());
         let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
@@ -220,7 +220,9 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
-    let (entry_point, count, by_size) = (pass.name.clone(), race.elements, false);
+    // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
+    let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup;
+    let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
     (
         Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
@@ -327,10 +329,11 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     };
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
-    // A row of a size that is made up has an index too many at its end, or each second one has.
+    // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
+    // is likely made for a larger array.
     let by_size = match one.bounds {
         Bounds::Fixed | Bounds::Subgroup => false,
-        Bounds::Runtime => 2 * one.count >= one.of,
+        Bounds::Runtime => 3 * one.count >= one.of,
         Bounds::Texture => true,
     };
     let (variable, element) = (String::new(), String::new());

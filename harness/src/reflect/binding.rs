@@ -96,7 +96,8 @@ impl Program {
         let index = entries
             .position(|entry| entry.name == name && entry.stage == naga::ShaderStage::Compute)?;
         let info = self.checked.info.get_entry_point(index);
-        let size = self.checked.module.entry_points[index].workgroup_size;
+        let size = self.workgroup_size(&self.checked.module.entry_points[index]);
+        let size = size.map(|count| u32::try_from(count).unwrap_or(u32::MAX));
         Some((self.bindings(info), size))
     }
 

@@ -219,7 +219,7 @@ impl Program {
     }
 
     /// The size of a workgroup, with the values that overrides have of their own; 1 for one that is computed.
-    fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
+    pub(super) fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
         let module = &self.checked.module;
         let number = |expression: &Expression| match expression {
             Expression::Literal(Literal::U32(value)) => Some(u64::from(*value)),
