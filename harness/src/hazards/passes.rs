@@ -35,14 +35,13 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             None => hazards(&passes, FEW_ROUNDS).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
-        // An index that leaves its array in zeros, too, comes from no content that is made up.
+        // What happens in zeros, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
-        if variant < Extents::SIZED && examined.violations.iter().any(|(one, _)| is_index(one)) {
+        if variant < Extents::LIKELY && !examined.violations.is_empty() {
             let zeros = (variant + Extents::ZEROS, &Vec::new());
             if let Ok((passes, _)) = Passes::arbitrary(package, name, None, ranges, zeros) {
-                let all = examine_made_up(&passes).violations;
-                let all = all.into_iter().filter(|(one, _)| is_index(one));
-                surely.extend(all.map(|(one, at)| place_of(&one, &at).0));
+                let all = examine_made_up(&passes).violations.into_iter();
+                surely.extend(all.map(|(one, at)| (place_of(&one, &at).0, kind_of(one.kind))));
             }
         }
         let members = made.members.iter().take(MEMBERS).cloned();
@@ -97,12 +96,13 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         for hazard in violations.chain(inside_found).chain(endless) {
             // No name tells how large a texture is beside another one, or how many words an element has.
             let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
+            let of_content = hazard.violation.is_some()
+                && !surely.contains(&(hazard.location.clone(), hazard.kind));
             let likely = match hazard.kind {
-                Kind::OutOfRange => surely.contains(&hazard.location),
-                Kind::Endless => variant < Extents::SIZED,
+                Kind::OutOfRange | Kind::Endless => variant < Extents::SIZED,
                 _ => variant < Extents::LIKELY,
             };
-            let likely = likely && !by_size;
+            let likely = likely && !by_size && !of_content;
             let to = if likely { &mut found } else { &mut rare };
             to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
         }
@@ -121,10 +121,6 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();
     Ok(seen)
-}
-
-fn is_index(violation: &Violation) -> bool {
-    violation.kind == ViolationKind::Outside
 }
 
 fn kind_of(kind: ViolationKind) -> Kind {
