@@ -37,7 +37,7 @@ pub(crate) use alone::Alone;
 pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, in_order_of};
 use quads::Quads;
-pub(crate) use sanitizer::{FEW_ROUNDS, examine, examine_made_up};
+pub(crate) use sanitizer::{examine, examine_made_up};
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]

@@ -241,7 +241,7 @@ impl Program {
                         match machine.resume::<SEEN>(case, &mut memory, observer) {
                             Ok(waits) => next.extend(waits.then_some(number)),
                             Err(spent) => {
-                                let stop = spent.stop(case + spent.lane, options.fuel);
+                                let stop = spent.stop(case + spent.lane, options);
                                 if watch.is_none() {
                                     return Err(stop);
                                 }

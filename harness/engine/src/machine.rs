@@ -28,16 +28,24 @@ use worlds::Worlds;
 pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
-    /// Whether it was the deadline that ended it.
-    pub(crate) late: bool,
+    pub(crate) by: Limit,
+}
+
+/// A limit of loops.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Limit {
+    Fuel,
+    Work,
+    Deadline,
 }
 
 impl Spent {
-    pub(crate) fn stop(self, case: usize, rounds: u64) -> crate::Stop {
+    pub(crate) fn stop(self, case: usize, options: &Options) -> crate::Stop {
         let span = self.span;
-        match self.late {
-            true => crate::Stop::Late { span, case },
-            false => crate::Stop::Fuel { span, case, rounds },
+        match self.by {
+            Limit::Deadline => crate::Stop::Late { span, case },
+            Limit::Fuel => crate::Stop::Fuel { span, case, rounds: options.fuel },
+            Limit::Work => crate::Stop::Work { span, rounds: options.work },
         }
     }
 }
@@ -55,6 +63,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     worlds: Worlds<'p, A>,
     /// Loop rounds that each lane has left.
     fuel: Vec<u64>,
+    /// Rounds that all of them have left.
+    work: u64,
     /// Rounds of loops, for looking at the clock.
     rounds: u64,
     /// Rounds for which each lane's exit has been undecided.
@@ -85,6 +95,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             masks: Masks::new(if A::UNDECIDED { 0 } else { width }),
             worlds: Worlds::new(code, if A::UNDECIDED { width } else { 0 }),
             fuel: vec![0; width],
+            work: options.work,
             rounds: 0,
             undecided: vec![0; width],
             lost: vec![None; width],

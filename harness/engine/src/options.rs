@@ -12,6 +12,8 @@ pub struct Options {
     /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
     /// can afford and some seconds at most until a loop without end is found.
     pub fuel: u64,
+    /// Rounds of all loops of all cases together that a dispatch may run; all that there are by default.
+    pub work: u64,
     /// When a run ends that is still in a loop; `None`: never.
     pub deadline: Option<Instant>,
     /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
@@ -40,6 +42,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             fuel: 1 << 20,
+            work: u64::MAX,
             deadline: None,
             undecided: 256,
             flush: false,

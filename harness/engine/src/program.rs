@@ -194,7 +194,7 @@ impl Program {
                 Err(spent) => {
                     failed.fetch_min(chunk, Ordering::Relaxed);
                     let case = first + spent.lane;
-                    Err(spent.stop(case, options.fuel))
+                    Err(spent.stop(case, options))
                 }
             }
         };

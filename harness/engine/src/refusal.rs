@@ -40,6 +40,14 @@ pub enum Stop {
         /// A case that was in it.
         case: usize,
     },
+    /// The loops of all cases together ran for more rounds than the options allow.
+    #[error("its loops go round more than {rounds} times together")]
+    Work {
+        /// A loop that was running.
+        span: Span,
+        /// What was allowed.
+        rounds: u64,
+    },
     /// The words aren't whole rows.
     #[error("{found} words aren't {cases} rows of {width}")]
     Rows {

@@ -66,6 +66,10 @@ impl Request {
                 }
                 (None, None) => {}
             }
+            if seen_old.too_long || seen_new.too_long {
+                compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
+                continue;
+            }
             if variant < Extents::LIKELY {
                 for one in brought(&seen_old, &seen_new).filter(counts) {
                     let known = |known: &Violation| {

@@ -137,7 +137,7 @@ impl After<'_> {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(one.wrong(format!("names a variable that no pass has{near}")));
         }
-        let Examined { violations, mut watched, endless: _ } = interpret::examine(passes);
+        let Examined { violations, mut watched, .. } = interpret::examine(passes);
         watched.accepted =
             accepted.iter().map(|one| (one.variable.clone(), one.reason.clone())).collect();
         let whole = watched.reason.is_empty();

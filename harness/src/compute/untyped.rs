@@ -140,7 +140,7 @@ pub fn violations(
 /// If Karat's engine can't run them.
 #[cfg(feature = "engine")]
 pub fn hazards(compute: &Compute<'_>) -> Result<Vec<(String, String)>, ComputeError> {
-    let all = crate::interpret::passes::hazards(&compute.passes()?, crate::settings::fuel())?;
+    let all = crate::interpret::passes::hazards(&compute.passes()?)?;
     let one = |hazard: crate::interpret::passes::FoundInPass| {
         let found = hazard.found;
         let what = format!("{} at `{}` of {}", found.kind.name(), found.text, hazard.invocation);

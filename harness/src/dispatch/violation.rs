@@ -100,6 +100,9 @@ pub(crate) struct Examined {
     /// A loop that was stopped.
     #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs loops"))]
     pub(crate) endless: Option<Diagnostic>,
+    /// True if all loops together went round more often than is tried over made-up resources.
+    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs loops"))]
+    pub(crate) too_long: bool,
 }
 
 /// How much of passes was looked through by the sanitizer.

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Passes, Violation, ViolationKind};
+use crate::interpret::examine_made_up;
 use crate::interpret::hazards::Kind;
-use crate::interpret::passes::{FoundInPass, hazards};
-use crate::interpret::{FEW_ROUNDS, examine_made_up};
+use crate::interpret::passes::{FoundInPass, hazards_made_up};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
 
@@ -32,7 +32,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
         let reason = Some(watched.reason).filter(|reason| !reason.is_empty());
         let inside = match &reason {
-            None => hazards(&passes, FEW_ROUNDS).map_err(|error| first_line(&error.to_string())),
+            None => hazards_made_up(&passes).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
         // What happens in zeros, too, comes from no content that is made up.
@@ -100,6 +100,10 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 && !surely.contains(&(hazard.location.clone(), hazard.kind));
             let likely = match hazard.kind {
                 Kind::OutOfRange | Kind::Endless => variant < Extents::SIZED,
+                // Of numbers that repeat two are the same, and so are the elements that they index.
+                Kind::Race | Kind::EqualWrites => {
+                    variant < Extents::LIKELY && variant != Extents::REPEATED
+                }
                 _ => variant < Extents::LIKELY,
             };
             let likely = likely && !by_size && !of_content;
@@ -113,7 +117,8 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             }
             seen.cut += of;
         }
-        if !made.varies {
+        // Other contents take as long.
+        if !made.varies || examined.too_long && variant + 1 >= Extents::SIZED {
             break;
         }
     }

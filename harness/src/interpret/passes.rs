@@ -7,6 +7,7 @@ use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 
 use super::dispatch::{in_order, options};
 use super::hazards::{Found, Kind, kind_of};
+use super::sanitizer::made_up_options;
 use super::{author_of, dispatch};
 use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::value::Scalar;
@@ -60,13 +61,21 @@ pub(crate) struct FoundInPass {
 
 /// The faults inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
 /// The sanitizer tells of indices that leave their arrays.
-pub(crate) fn hazards(passes: &Passes, fuel: u64) -> Result<Vec<FoundInPass>, DispatchError> {
+pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
+    hazards_with(passes, &options())
+}
+
+/// [`hazards`] of passes over made-up resources.
+pub(crate) fn hazards_made_up(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
+    hazards_with(passes, &made_up_options())
+}
+
+fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, DispatchError> {
     let finite = leaves_finite(passes)?;
     let mut all = Vec::new();
     in_order(passes, &mut |pass: &Pass, lowered, resources| {
         let faults = Faults::default();
-        let options = Options { fuel, ..options() };
-        lowered.dispatch::<F32>(pass.workgroups, resources, &options, &faults)?;
+        lowered.dispatch::<F32>(pass.workgroups, resources, options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let faults = faults.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         for ((address, kind), fault) in faults {

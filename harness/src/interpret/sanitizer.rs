@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use karat_engine::{
-    Access, Bounds, Divergence, Observed, Options, Outside, Place, Race as Found, Unwritten,
+    Access, Bounds, Divergence, Observed, Options, Outside, Place, Race as Found, Stop, Unwritten,
 };
 
 use super::dispatch::{in_order, options};
@@ -20,12 +20,15 @@ const WHOLE: u64 = 1 << 16;
 /// Workgroups that run of a pass that is too large: the first, the last, and others by the name of the pass.
 const SOME: usize = 64;
 
-/// Rounds of loops that made-up sizes may cause: what they count to is some hundreds.
-pub(crate) const FEW_ROUNDS: u64 = 1 << 14;
+/// How passes over made-up resources run, whose loops may count to anything: what they should count to is some hundreds,
+/// and a million of rounds of all invocations together takes seconds.
+pub(super) fn made_up_options() -> Options {
+    Options { fuel: 1 << 14, work: 1 << 20, ..options() }
+}
 
-/// [`examine`] of passes over made-up resources, whose loops may count to anything.
+/// [`examine`] of passes over made-up resources.
 pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
-    examine_with(passes, &Options { fuel: FEW_ROUNDS, ..options() })
+    examine_with(passes, &made_up_options())
 }
 
 /// Runs passes in the engine and returns its findings. The result says which passes it couldn't execute.
@@ -44,7 +47,7 @@ fn examine_with(passes: &Passes, options: &Options) -> Examined {
 }
 
 fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
-    let Examined { violations, watched, endless } = examined;
+    let Examined { violations, watched, endless, too_long } = examined;
     let (mut outside, mut number) = (Vec::new(), 0);
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
@@ -69,6 +72,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
         }
         if let Some(stop) = &observed.stopped {
+            *too_long |= matches!(stop, Stop::Work { .. });
             let stopped = super::stopped(&pass.program, &pass.name, stop);
             watched.reason = first_line(&stopped.to_string());
             if let ProbeError::Rounds { diagnostic, .. } = stopped {

@@ -56,6 +56,10 @@ impl Extents {
     #[cfg(feature = "engine")]
     pub(crate) const SIZED: usize = 2;
 
+    /// The one of them in which numbers of elements repeat.
+    #[cfg(feature = "engine")]
+    pub(crate) const REPEATED: usize = 3;
+
     /// Added to a variant, it stands for the same sizes with arrays of zeros.
     #[cfg(feature = "engine")]
     pub(crate) const ZEROS: usize = 16;
@@ -84,7 +88,7 @@ impl Extents {
             0 => (Some(Numbered::Forwards), Some(1)),
             1 => (Some(Numbered::Backwards), Some(1)),
             2 => (Some(Numbered::Backwards), Some(2)),
-            3 => (Some(Numbered::Bits), Some(3)),
+            Self::REPEATED => (Some(Numbered::Bits), Some(3)),
             4 => (Some(Numbered::Forwards), Some(4)),
             5 => (Some(Numbered::Forwards), Some(0)),
             _ => (None, None),

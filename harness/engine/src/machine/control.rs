@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::worlds::Files;
-use super::{Machine, Spent};
+use super::{Limit, Machine, Spent};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Instruction, Op};
 
@@ -105,24 +105,29 @@ impl<A: Rules> Machine<'_, A> {
     pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
         let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
-        let mut spent = false;
+        let (mut spent, mut all) = (false, 0);
         for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
             let cost = u64::from(A::possible(mask));
             spent |= *fuel < cost;
+            all += cost;
             // One more than the last round, so that who spent it is known from who just has none.
             *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
         if spent {
             let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
-            return Err(Spent { span, lane, late: false });
+            return Err(Spent { span, lane, by: Limit::Fuel });
         }
+        let Some(left) = self.work.checked_sub(all) else {
+            return Err(Spent { span, lane: 0, by: Limit::Work });
+        };
+        self.work = left;
         // Looking at the clock costs more than a round.
         self.rounds += 1;
         if self.rounds.is_multiple_of(ROUNDS)
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
         {
             let lane = mask.iter().position(|active| A::possible(*active)).unwrap_or(0);
-            return Err(Spent { span, lane, late: true });
+            return Err(Spent { span, lane, by: Limit::Deadline });
         }
         if A::UNDECIDED {
             for lane in 0..self.width {
