@@ -6,17 +6,59 @@
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
-use std::fmt::{Display, Write as _};
+use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, UVec4, Vec3, Vec4};
 use karat::check::{Agreement, Failure};
+use karat::compute::{ComputeAgreement, ComputeError};
 use karat::domain::UnitRgb;
+use karat::fixture::{Buffer, Texture};
 use karat::prelude::*;
 
-type Check = fn(&Package) -> Result<Agreement, Failure>;
+karat::shareable! {
+    /// What vello allocates for a path.
+    pub struct TilePath mirrors TilePathMirror {
+        /// Tiles, from the first to one beyond the last.
+        bbox: UVec4,
+        /// The first of its tiles.
+        tiles: u32,
+    }
+}
+
+type Check = fn(&Package) -> Verdict;
+
+/// The verdict of a check.
+enum Verdict {
+    Passes(String),
+    Fails(String),
+    /// Something else went wrong.
+    Errs(String),
+}
+
+impl From<Result<Agreement, Failure>> for Verdict {
+    fn from(result: Result<Agreement, Failure>) -> Self {
+        match result {
+            Ok(agreement) => Self::Passes(agreement.to_string()),
+            Err(failure) if is_found(&failure) => Self::Fails(failure.to_string()),
+            Err(failure) => Self::Errs(failure.to_string()),
+        }
+    }
+}
+
+impl From<Result<ComputeAgreement, ComputeError>> for Verdict {
+    fn from(result: Result<ComputeAgreement, ComputeError>) -> Self {
+        match result {
+            Ok(agreement) => Self::Passes(agreement.to_string()),
+            Err(error @ (ComputeError::Differs(_) | ComputeError::Violations(_))) => {
+                Self::Fails(error.to_string())
+            }
+            Err(error) => Self::Errs(error.to_string()),
+        }
+    }
+}
 
 /// A fault of a crate's shader.
 struct Found {
@@ -33,14 +75,14 @@ struct Found {
     mended: Option<Check>,
 }
 
-const FOUND: [Found; 6] = [
+const FOUND: [Found; 8] = [
     Found {
         name: "hue-of-grey",
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
         says: "The hue of every grey is NaN: red, green and blue are equal, so their difference is divided by 0. \
                A line below guards the saturation alone. Bevy's tone mapping turns hues with this function.",
-        check: hue_of_grey,
+        check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
             "(swizzle.x - swizzle.y) / max(c, 1e-20) + swizzle.z",
@@ -53,7 +95,7 @@ const FOUND: [Found; 6] = [
         function: "color_operations::hsl_to_linear_rgb",
         says: "A hue of 1, a whole turn, is the red of 0. No branch takes it, so the most saturated colour of that hue \
                comes out black. `hsv_to_linear_rgb` does the same.",
-        check: full_turn_of_hue,
+        check: |package| full_turn_of_hue(package).into(),
         change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
         mended: None,
     },
@@ -63,7 +105,7 @@ const FOUND: [Found; 6] = [
         function: "color_operations::hwb_to_linear_rgb",
         says: "Where whiteness and blackness are more than 1 together, CSS Color 4 (section 8) scales both, and the \
                colour is a grey. Here the saturation is negative, and red comes out cyan.",
-        check: white_and_black,
+        check: |package| white_and_black(package).into(),
         change: [
             "    let whiteness = hwb.y;\n    let blackness = hwb.z;\n",
             "    let whiteness = hwb.y / max(1.0, hwb.y + hwb.z);\n    \
@@ -77,7 +119,7 @@ const FOUND: [Found; 6] = [
         function: "maths::fast_atan2",
         says: "The angle of (0, 0) is NaN, where atan2 has 0. Bevy's atmosphere asks for the azimuth of each ray \
                of view with this function, and that of a ray straight up is (0, 0).",
-        check: angle_of_nothing,
+        check: |package| angle_of_nothing(package).into(),
         change: ["var t3 = t1 / t0;", "var t3 = select(0.0, t1 / t0, t0 > 0.0);"],
         mended: None,
     },
@@ -87,7 +129,7 @@ const FOUND: [Found; 6] = [
         function: "tonemapping::tonemapping_reinhard_luminance",
         says: "A black pixel becomes NaN: its luminance is divided by its luminance. This is the tone mapping of \
                `Tonemapping::ReinhardLuminance`.",
-        check: tone_of_black,
+        check: |package| tone_of_black(package).into(),
         change: [
             "return c_in * (l_out / l_in);",
             "return c_in * select(0.0, l_out / l_in, l_in > 0.0);",
@@ -102,7 +144,7 @@ const FOUND: [Found; 6] = [
                of their squares. Close to a circle it is NaN or wrong, too, as the comment above warns: a guard \
                `if a == b` isn't enough. Where the axes differ by less than a tenth, the change takes another way: \
                four times it goes to the nearest point of the circle of curvature.",
-        check: round_ellipse,
+        check: |package| round_ellipse(package).into(),
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
             "    if abs(a - b) < 0.1 * max(a, b) {\n        \
@@ -119,9 +161,83 @@ const FOUND: [Found; 6] = [
              }\n    \
              let l = ab.y * ab.y - ab.x * ab.x;\n",
         ],
-        mended: Some(nearly_round_ellipse),
+        mended: Some(|package| nearly_round_ellipse(package).into()),
+    },
+    Found {
+        name: "last-bin",
+        krate: "bevy_post_process@0.20.1",
+        function: "auto_exposure::auto_exposure::compute_histogram",
+        says: "A workgroup has 256 invocations, and a histogram has 64 bins. Each invocation adds a bin, so 192 of them \
+               are beyond the arrays, where WGSL allows any element (6.4.4). Mesa leaves such writes out, which hides it. \
+               Where a driver clamps the index, as it may, the bin of the brightest pixels counts 193 times, and auto \
+               exposure takes the frame for too bright.",
+        check: |package| last_bin(package).into(),
+        change: [
+            "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
+             atomicAdd(&histogram[local_invocation_index], histogram_value);\n",
+            "    if local_invocation_index < 64u {\n        \
+             var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n        \
+             atomicAdd(&histogram[local_invocation_index], histogram_value);\n    \
+             }\n",
+        ],
+        mended: None,
+    },
+    Found {
+        name: "storage-barrier",
+        krate: "vello_shaders@0.11.0",
+        function: "tile_alloc::main",
+        says: "The counts of tiles lie in workgroup memory, and only a `storageBarrier` stands between the last write \
+               and the read of the neighbour's: it orders storage alone (WGSL, 17.11.1). The comment above says that it \
+               stands for a workgroup barrier that a driver compiled wrongly. Drivers whose barriers order both address \
+               spaces hide it.",
+        check: |package| storage_barrier(package).into(),
+        change: [
+            "    if local_id.x == WG_SIZE - 1u {\n        let count",
+            "    workgroupBarrier();\n    if local_id.x == WG_SIZE - 1u {\n        let count",
+        ],
+        mended: None,
     },
 ];
+
+fn last_bin(package: &Package) -> Result<ComputeAgreement, ComputeError> {
+    // found: last-bin
+    // From the darkest pixels, 2^-8, 16 stops up.
+    let settings = Buffer::from_pod(&[-8.0_f32, 1.0 / 16.0, 16.0, 0.0, 1.0, 1.0, 1.0, 1.0]);
+    let bright = |x, _| Vec4::splat(if x < 8 { 0.5 } else { 1e3 });
+    package
+        .compute()
+        .with("settings", settings)
+        .with("tex_color", Texture::from_fn(16, 16, bright))
+        .with("tex_mask", Texture::constant(Vec4::ONE))
+        .with("histogram", Buffer::zeros(64 * 4))
+        .dispatch("auto_exposure::auto_exposure::compute_histogram", [1, 1, 1])
+        .after("histogram")
+        .unrecorded()
+        // A pixel of full weight counts 16 times.
+        .try_satisfies("counts each pixel", |bins: &[u32]| bins.iter().sum::<u32>() == 16 * 16 * 16)
+    // end
+}
+
+fn storage_barrier(package: &Package) -> Result<ComputeAgreement, ComputeError> {
+    // found: storage-barrier
+    let mut config = [0_u32; 24];
+    config[5] = 256; // n_drawobj
+    package
+        .compute()
+        .with("config", Buffer::from_pod(&config))
+        .with("scene", Storage::new([0_u32; 256])) // nothing is drawn
+        .with("draw_bboxes", Storage::new([Vec4::ZERO; 256]))
+        .with("bump", Buffer::zeros(8 * 4))
+        .with("paths", Buffer::from_pod(&[1_u32; 256 * 8]))
+        .with("tiles", Buffer::zeros(8))
+        .dispatch("tile_alloc::main", [1, 1, 1])
+        .after("paths")
+        .unrecorded()
+        .try_satisfies("is empty", |paths: &[TilePath]| {
+            paths.iter().all(|path| (path.bbox, path.tiles) == (UVec4::ZERO, 0))
+        })
+    // end
+}
 
 fn hue_of_grey(package: &Package) -> Result<Agreement, Failure> {
     // found: hue-of-grey
@@ -270,17 +386,15 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match check(&package) {
-        Ok(agreement) => {
-            say(&agreement);
-            ExitCode::SUCCESS
-        }
+    let (code, text) = match check(&package) {
+        Verdict::Passes(text) => (0, text),
         // Only a case that fails is a finding.
-        Err(failure) => {
-            say(&failure);
-            ExitCode::from(if is_found(&failure) { 1 } else { 2 })
-        }
-    }
+        Verdict::Fails(text) => (1, text),
+        Verdict::Errs(text) => (2, text),
+    };
+    // Who runs this process reads it.
+    let _ = writeln!(std::io::stdout(), "{text}");
+    ExitCode::from(code)
 }
 
 /// True if a case fails on some path.
@@ -290,11 +404,6 @@ fn is_found(failure: &Failure) -> bool {
         Failure::Paths(paths) => paths.failures.iter().any(is_found),
         _ => false,
     }
-}
-
-fn say(verdict: &dyn Display) {
-    // Who runs this process reads it.
-    let _ = writeln!(std::io::stdout(), "{verdict}");
 }
 
 fn all(folder: &Path) -> Result<(), String> {
@@ -315,7 +424,16 @@ fn all(folder: &Path) -> Result<(), String> {
     }
     index += "\nThe same command runs two compute passes of vello_shaders 0.11, its prefix sum over path tags, as they \
               are against a reference in Rust, and sees that two planted faults are found: \
-              `harness/examples/passes.rs`.\n";
+              `harness/examples/passes.rs`.\n\n\
+              ## Passes that `karat hazards` looked through\n\n\
+              With no test, over made-up resources: vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, \
+              allocation of uniforms, light probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), \
+              bevy_solari 0.20 as far as it opens, wgpu_sort 0.1 with the constants of its Rust, and seven passes of \
+              WebGPU's samples. It shows one race, the storage barrier above. Its indices out of range are the last \
+              bin, and passes that trust their host with the size: boids and particles without a bound, whose last \
+              workgroup goes beyond the array, and the histograms of wgpu_sort, which its host rounds up. In \
+              bevy_pbr `allocate_global_scan` reads workgroup memory before it is written, which is zero only if the \
+              engine leaves its initialisation on.\n";
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
