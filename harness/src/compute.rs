@@ -603,6 +603,61 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
+    /// Wants each element to be written by some invocation: the last ones are missed by a dispatch that rounds down, or
+    /// by a guard that is one too strict. Karat's engine notes the writes.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(4) fn fill(@builtin(global_invocation_id) id: vec3u) {
+    ///                 if id.x < arrayLength(&data) { data[id.x] = 0u; }
+    ///             }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = |groups| {
+    ///     package.compute().with("data", Storage::new([0_u32; 6])).dispatch("fill", [groups, 1, 1])
+    /// };
+    /// passes(2).after("data").is_written();
+    /// let wrong = passes(1).after("data").unrecorded().try_is_written();
+    /// assert!(wrong.unwrap_err().to_string().contains("[4]"));
+    /// ```
+    ///
+    /// # Panics
+    /// If an element isn't written, or the passes can't be dispatched.
+    #[track_caller]
+    pub fn is_written(self) -> ComputeAgreement {
+        or_panic(self.try_is_written())
+    }
+
+    /// [`is_written`](Self::is_written) without the panic.
+    ///
+    /// # Errors
+    /// If an element isn't written, or the passes can't be dispatched.
+    #[track_caller]
+    pub fn try_is_written(self) -> Result<ComputeAgreement, ComputeError> {
+        let passes = self.compute.passes()?;
+        let (number, shape) = passes.written(&self.variable)?;
+        let shape = match shape {
+            Shape::Array { element, .. } => *element,
+            whole => whole,
+        };
+        let lanes = crate::interpret::written(&passes, number)?;
+        let width = shape.lanes().len().max(1);
+        let missed = lanes.chunks(width).filter(|element| element.contains(&false)).count();
+        let first = lanes.iter().position(|written| !written);
+        let element = first.map(|at| judge::Element {
+            place: format!("[{}]{}", at / width, shape.lane_names()[at % width]),
+            actual: "not written".to_owned(),
+            expected: "written".to_owned(),
+            error: "different".to_owned(),
+        });
+        let broken = judge::Broken { failures: missed, first: element };
+        let breaks = |_: &[u32]| (missed > 0).then(|| broken.clone());
+        let text = "each element is written".to_owned();
+        let statement =
+            judge::Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
+        self.judge(judge::Assertion::Holds(statement), Location::caller())
+    }
+
     /// The elements on one path.
     ///
     /// ```

@@ -12,6 +12,7 @@ mod quads;
 mod sanitizer;
 mod supply;
 pub(crate) mod trace;
+mod written;
 
 use std::borrow::Cow;
 use std::ops;
@@ -35,9 +36,10 @@ use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
 pub(crate) use dispatch::{dispatch, dispatch_rounding};
-pub(crate) use order::{OrderOf, in_order_of};
+pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 use quads::Quads;
 pub(crate) use sanitizer::{examine, examine_made_up};
+pub(crate) use written::written;
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]

@@ -451,3 +451,44 @@ fn a_reduction_that_assumes_subgroups_of_32() {
         assert!(found.to_string().contains(part), "{found}");
     }
 }
+
+/// A dispatch that rounds down leaves the tail as it was, which equal values hide.
+#[test]
+fn a_tail_that_no_invocation_writes() {
+    let text = "enable f16;
+        struct Item { weight: f16, at: vec3f, id: u32 }
+        @group(0) @binding(0) var<storage, read_write> items: array<Item>;
+        @group(0) @binding(1) var<storage, read_write> counts: array<atomic<u32>>;
+        @compute @workgroup_size(4) fn fill(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&items) { items[id.x] = Item(0.0h, vec3f(), 0u); }
+        }
+        @compute @workgroup_size(4) fn places(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&items) { items[id.x].at = vec3f(); items[id.x].weight = 0.0h; }
+        }
+        @compute @workgroup_size(4) fn count(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&counts) { atomicAdd(&counts[id.x], 0u); }
+        }";
+    let package = Package::from_source("tail", text);
+    let written = |entries: &[(&str, u32)], variable: &str| {
+        let fixture = karat::fixture::Buffer::zeros(if variable == "items" { 7 * 32 } else { 28 });
+        let mut passes = package.compute().with(variable, fixture);
+        for (entry, groups) in entries {
+            passes = passes.dispatch(entry, [*groups, 1, 1]);
+        }
+        let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+        passes.on(cpu).after(variable).unrecorded().try_is_written()
+    };
+    written(&[("fill", 2)], "items").expect("all are");
+    written(&[("count", 2)], "counts").expect("an atomic writes");
+    for (entries, variable, first, elements) in [
+        (&[("fill", 1)][..], "items", "[4].weight", 3),
+        (&[("places", 2)], "items", "[0].id", 7),
+        (&[("fill", 1), ("places", 2)], "items", "[4].id", 3),
+        (&[("count", 1)], "counts", "[4]", 3),
+    ] {
+        let wrong = written(entries, variable);
+        let Err(ComputeError::Differs(found)) = &wrong else { panic!("{entries:?}: {wrong:?}") };
+        assert_eq!(found.paths[0].failures, elements, "{entries:?}");
+        assert_eq!(found.paths[0].shown[0].place, first);
+    }
+}

@@ -38,7 +38,7 @@ impl Executor for Cpu {
     }
 
     fn subgroups(&self) -> Option<[u32; 2]> {
-        Some([karat_engine::Schedule::SUBGROUP; 2])
+        Some([crate::interpret::SUBGROUP; 2])
     }
 
     fn run(&self, job: &Job) -> Result<Reply, PathError> {

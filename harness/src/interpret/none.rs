@@ -146,3 +146,11 @@ pub(crate) fn in_order_of(
 ) -> Result<crate::dispatch::Afterwards, crate::dispatch::DispatchError> {
     Err(missing().into())
 }
+
+/// Nothing notes writes.
+pub(crate) fn written(
+    _: &crate::dispatch::Passes,
+    _: usize,
+) -> Result<Vec<bool>, crate::dispatch::DispatchError> {
+    Err(missing().into())
+}

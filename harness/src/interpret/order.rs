@@ -5,6 +5,9 @@ use karat_engine::{Schedule, Swap};
 use super::dispatch::{dispatched, options};
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 
+/// Invocations of a subgroup where no order says another number.
+pub(crate) const SUBGROUP: u32 = Schedule::SUBGROUP;
+
 /// Invocations of a subgroup, by the seed of an order: those that GPUs have.
 const SUBGROUPS: [u32; 5] = [4, 8, 16, 32, 64];
 

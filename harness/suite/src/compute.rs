@@ -97,6 +97,7 @@ struct Expected {
     sum_of: Option<String>,
     permutation_of: Option<String>,
     unchanged: Option<bool>,
+    written: Option<bool>,
     in_range: Option<Pair<f64>>,
     finite: Option<bool>,
     up_to_order: Option<bool>,
@@ -116,6 +117,7 @@ pub(crate) enum What {
     SumOf(String),
     PermutationOf(String),
     Unchanged,
+    Written,
     InRange([f64; 2]),
     Finite,
     NoHazards,
@@ -150,6 +152,7 @@ impl What {
             Self::SumOf(_) => "sum_of",
             Self::PermutationOf(_) => "permutation_of",
             Self::Unchanged => "unchanged",
+            Self::Written => "written",
             Self::InRange(_) => "in_range",
             Self::Finite => "finite",
             Self::NoHazards => "no_hazards",
@@ -206,6 +209,9 @@ impl Expected {
         if switched("unchanged", self.unchanged)? {
             all.push(What::Unchanged);
         }
+        if switched("written", self.written)? {
+            all.push(What::Written);
+        }
         all.extend(self.in_range.as_ref().map(|range| What::InRange(range.0)));
         if switched("finite", self.finite)? {
             all.push(What::Finite);
@@ -213,7 +219,7 @@ impl Expected {
         if all.is_empty() {
             return Err(format!(
                 "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
-                 permutation_of, unchanged, in_range or finite"
+                 permutation_of, unchanged, written, in_range or finite"
             ));
         }
         if switched("up_to_order", self.up_to_order)? && !all.iter().any(What::is_listed) {
@@ -542,6 +548,7 @@ impl Assertion {
                 let breaks = |lanes: &[u32]| first_other(&element, &was.lanes, lanes);
                 concluded(untyped::satisfies(&after, "it is what it was before", true, &breaks))
             }
+            What::Written => concluded(after.try_is_written()),
             What::InRange([least, most]) => {
                 if !(least <= most) {
                     return Err(format!("in_range = [{least}, {most}] has no value").into());

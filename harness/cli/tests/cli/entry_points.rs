@@ -136,6 +136,7 @@ with = { input = { size = 8, range = \"0..99\", seed = 4 }, keys = { size = 8 } 
 [compute.after.keys]
 permutation_of = \"input\"
 in_range = [0, 99]
+written = true
 [[compute]]
 entry = \"mirror\"
 workgroups = [1, 1]
@@ -171,7 +172,7 @@ in_range = [0, 9]
     let folder = shaders(declared);
     write(folder.path(), "keys.csv", "value\n1\n2\n3\n4\n5\n6\n7\n8\n");
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
-    assert!(ran.contains("12 checks"), "{ran}");
+    assert!(ran.contains("13 checks"), "{ran}");
     assert!(ran.contains("its elements are those of `input`, in any order"), "{ran}");
     assert!(ran.contains("1 accepted race"), "{ran}");
 }
@@ -196,6 +197,12 @@ fn wrong_passes_fail_with_the_element() {
             input,
             "[compute.after.keys]\nsorted = \"descending\"\nequals = 1",
             ["first: [0]", "expected = 1"],
+        ),
+        (
+            "wait",
+            "{ keys = [9, 9] }\naccept_race = { keys = \"meant\" }",
+            "[compute.after.keys]\nwritten = true",
+            ["1 of 2 elements differ", "actual = not written"],
         ),
         (
             "reverse",
