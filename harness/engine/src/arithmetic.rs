@@ -175,9 +175,8 @@ pub(crate) mod sealed {
             u32::from(Self::possible(x))
         }
 
-        /// What a filter makes of texels: the sum of `weights` times `values`, which each lie in
-        /// `hull`.
-        fn filtered(texels: &[(f64, f32)], hull: (f32, f32)) -> Self::Float;
+        /// A weighted sum of texels, which each lie in `hull`: the value that a filter gives.
+        fn filtered(sum: f64, hull: (f32, f32)) -> Self::Float;
         /// A channel of a normalised format, which was an integer.
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
@@ -322,9 +321,9 @@ impl Rules for F32 {
     fn float_word(x: f32) -> u32 {
         x.to_bits()
     }
-    fn filtered(texels: &[(f64, f32)], _: (f32, f32)) -> f32 {
+    fn filtered(sum: f64, _: (f32, f32)) -> f32 {
         // Weights of a 2D filter are products of two f32; GPUs have fewer bits.
-        texels.iter().map(|&(weight, value)| weight * f64::from(value)).sum::<f64>() as f32
+        sum as f32
     }
     fn coordinate(x: f32) -> f64 {
         f64::from(x)
@@ -364,8 +363,8 @@ impl Rules for F64 {
     fn float_word(x: f64) -> u32 {
         (x as f32).to_bits()
     }
-    fn filtered(texels: &[(f64, f32)], _: (f32, f32)) -> f64 {
-        texels.iter().map(|&(weight, value)| weight * f64::from(value)).sum()
+    fn filtered(sum: f64, _: (f32, f32)) -> f64 {
+        sum
     }
     fn coordinate(x: f64) -> f64 {
         x
@@ -510,7 +509,7 @@ impl Rules for Intervals {
     fn int_word(x: Range) -> u32 {
         x.lo() as u32
     }
-    fn filtered(_: &[(f64, f32)], hull: (f32, f32)) -> Interval {
+    fn filtered(_: f64, hull: (f32, f32)) -> Interval {
         /// At most 16 texels (eight of each of two levels) are weighted by products of four numbers and
         /// added: that is 20 roundings of less than 2^-23 of the largest texel each.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18

@@ -7,7 +7,7 @@ mod sample;
 use thiserror::Error;
 
 pub(crate) use format::stored;
-pub(crate) use sample::{Footprint, Level, Place};
+pub(crate) use sample::{Level, Place};
 
 /// How coordinates find texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -205,6 +205,7 @@ impl Texture {
         }
     }
 
+    #[inline]
     fn index(&self, level: u32, at: [u32; 3], sample: u32) -> usize {
         let [w, h, _] = self.level_size(level).map(|n| n as usize);
         let [x, y, z] = at.map(|n| n as usize);
@@ -212,6 +213,7 @@ impl Texture {
     }
 
     /// A texel's channels as words.
+    #[inline]
     pub(crate) fn texel(&self, level: u32, at: [u32; 3], sample: u32) -> [u32; 4] {
         let index = self.index(level, at, sample);
         match self.levels.get(level as usize) {

@@ -4,7 +4,7 @@ use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Detail, ImageKind, ImageOp};
 use crate::races::{Accessed, Place};
-use crate::texture::{self, Dimension, Footprint, Level, Sampler, Texture};
+use crate::texture::{self, Comparison, Dimension, Level, Sampler, Texture};
 
 /// The registers of an operation on a texture, by what they hold.
 struct Operands<'a> {
@@ -173,7 +173,7 @@ impl<A: Rules> Machine<'_, A> {
             for (channel, &out) in operands.outs.iter().enumerate() {
                 if op.outs[0] > 0 {
                     let x = texture.channel::<A>(words[channel]);
-                    let x = if one { x } else { A::filtered(&[(1.0, 0.0)], texture.hull(channel)) };
+                    let x = if one { x } else { A::filtered(0.0, texture.hull(channel)) };
                     self.floats.get_mut(out)[lane] = x;
                 } else {
                     let x = A::int(words[channel], signed);
@@ -193,9 +193,6 @@ impl<A: Rules> Machine<'_, A> {
     ) {
         let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return };
         let coordinates = op.coordinates as usize;
-        // Room for one sample after the other.
-        let (mut footprint, mut texels, mut values) =
-            (Footprint::default(), Vec::new(), Vec::new());
         for lane in 0..self.width {
             // Loops have few active lanes in their last rounds, and a sample is dear.
             if !A::possible(self.active()[lane]) {
@@ -241,42 +238,80 @@ impl<A: Rules> Machine<'_, A> {
                     .floats
                     .iter()
                     .any(|&r| A::coordinate(self.floats.get(r)[lane]).is_nan());
-            let mut value = |texels: &[(f64, [u32; 4])], channel: usize| -> A::Float {
-                if unbounded {
-                    return A::float(f32::NAN);
-                }
-                filtered::<A>(texture, sampler, texels, channel, reference, &mut values)
-            };
             if let Some(channel) = gather {
-                let footprints = texture.gathered(sampler, place);
-                if op.outs[0] > 0 {
-                    let values = footprints.map(|footprint| {
-                        fetch(texture, &footprint, &mut texels);
-                        value(&texels, channel as usize)
-                    });
-                    for (&out, value) in operands.outs.iter().zip(values) {
-                        self.floats.get_mut(out)[lane] = value;
-                    }
-                } else {
-                    for (&out, footprint) in operands.outs.iter().zip(footprints) {
-                        let word = footprint.texels.first().map_or(0, |&(_, level, at)| {
-                            texture.texel(level, at, 0)[channel as usize]
-                        });
-                        self.ints.get_mut(out)[lane] = A::int(word, op.signed_texels);
+                let channel = channel as usize;
+                for (k, footprint) in texture.gathered(sampler, place).into_iter().enumerate() {
+                    if op.outs[0] > 0 {
+                        let mut mean = Mean::of((sampler, reference));
+                        for &(weight, at) in &footprint {
+                            mean.add(weight, texture.texel(0, at, 0));
+                        }
+                        let x = mean.channel::<A>(texture, channel, unbounded);
+                        self.floats.get_mut(operands.outs[k])[lane] = x;
+                    } else {
+                        let word = footprint
+                            .first()
+                            .map_or(0, |&(_, at)| texture.texel(0, at, 0)[channel]);
+                        self.ints.get_mut(operands.outs[k])[lane] = A::int(word, op.signed_texels);
                     }
                 }
                 continue;
             }
+            let mut mean = Mean::of((sampler, reference));
             // Intervals hold all texels, whichever they are.
             if !A::NOTES {
-                texture.footprint(sampler, place, level, &mut footprint);
+                texture.each_texel(sampler, place, level, |weight, level, at| {
+                    mean.add(weight, texture.texel(level, at, 0));
+                });
             }
-            fetch(texture, &footprint, &mut texels);
             for (channel, &out) in operands.outs.iter().enumerate() {
-                let x = value(&texels, channel);
+                let x = mean.channel::<A>(texture, channel, unbounded);
                 self.floats.get_mut(out)[lane] = x;
             }
         }
+    }
+}
+
+/// The weighted mean of texels, or of whether a reference compares with them.
+struct Mean {
+    compare: Option<(Comparison, f64)>,
+    sum: [f64; 4],
+    count: u32,
+    /// The first texel: alone it is exact, infinities included.
+    first: [u32; 4],
+}
+
+impl Mean {
+    fn of((sampler, reference): (&Sampler, Option<f64>)) -> Self {
+        let compare = sampler.compare.zip(reference);
+        Self { compare, sum: [0.0; 4], count: 0, first: [0; 4] }
+    }
+
+    #[inline]
+    fn add(&mut self, weight: f64, words: [u32; 4]) {
+        if self.count == 0 {
+            self.first = words;
+        }
+        self.count += 1;
+        for (sum, word) in self.sum.iter_mut().zip(words) {
+            let texel = f64::from(f32::from_bits(word));
+            *sum += weight
+                * match self.compare {
+                    Some((compare, reference)) => f64::from(compare.holds(reference, texel)),
+                    None => texel,
+                };
+        }
+    }
+
+    fn channel<A: Rules>(&self, texture: &Texture, channel: usize, unbounded: bool) -> A::Float {
+        if unbounded {
+            return A::float(f32::NAN);
+        }
+        if self.count == 1 && self.compare.is_none() && !A::NOTES {
+            return A::float(f32::from_bits(self.first[channel]));
+        }
+        let hull = if self.compare.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
+        A::filtered(self.sum[channel], hull)
     }
 }
 
@@ -284,40 +319,4 @@ struct Index {
     at: u32,
     one: bool,
     clamped: bool,
-}
-
-/// The words of the texels of a footprint, with their weights.
-fn fetch(texture: &Texture, footprint: &Footprint, texels: &mut Vec<(f64, [u32; 4])>) {
-    texels.clear();
-    let words = |&(weight, level, at): &_| (weight, texture.texel(level, at, 0));
-    texels.extend(footprint.texels.iter().map(words));
-}
-
-fn filtered<A: Rules>(
-    texture: &Texture,
-    sampler: &Sampler,
-    texels: &[(f64, [u32; 4])],
-    channel: usize,
-    reference: Option<f64>,
-    values: &mut Vec<(f64, f32)>,
-) -> A::Float {
-    let weighted = texels.iter().map(|(weight, words)| {
-        let (weight, texel) = (*weight, f32::from_bits(words[channel]));
-        match (reference, sampler.compare) {
-            (Some(reference), Some(compare)) => {
-                (weight, f32::from(u8::from(compare.holds(reference, f64::from(texel)))))
-            }
-            _ => (weight, texel),
-        }
-    });
-    let hull = if reference.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
-    if let ([(_, words)], None) = (texels, reference)
-        && !A::NOTES
-    {
-        // One texel is exact, infinities included.
-        return A::float(f32::from_bits(words[channel]));
-    }
-    values.clear();
-    values.extend(weighted);
-    A::filtered(values, hull)
 }

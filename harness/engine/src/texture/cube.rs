@@ -1,5 +1,7 @@
 //! Faces of cubes, and texels beyond their edges.
 
+use std::sync::LazyLock;
+
 /// The face that a direction points to, and where on it: from 0 to 1, from the top left.
 /// WebGPU's table of faces is Vulkan's, "Cube Map Face Selection".
 pub(super) fn face(direction: [f64; 3]) -> (usize, f64, f64) {
@@ -31,8 +33,49 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     }
 }
 
+/// What lies beyond an edge of a face.
+#[derive(Clone, Copy, Default)]
+struct Edge {
+    face: usize,
+    /// True if the edge is a column there, and no row.
+    column: bool,
+    /// True if it is the last one.
+    last: bool,
+    /// True if the texels along it come in the opposite order.
+    reversed: bool,
+}
+
+/// For each face its left, right, upper and lower edge.
+static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
+    let edge = |face: usize, edge: usize| {
+        // Of a face of four texels the second along each edge.
+        let (x, y) = [(-1, 1), (4, 1), (1, -1), (1, 4)][edge];
+        let (face, x, y) = found(face, x, y, 4);
+        let column = x == 0 || x == 3;
+        let (across, along) = if column { (x, y) } else { (y, x) };
+        Edge { face, column, last: across == 3, reversed: along == 2 }
+    };
+    std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
+});
+
 /// The texel of a neighbouring face that lies beyond an edge, by at most one texel.
-pub(super) fn beyond(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
+pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
+    let last = i64::from(size) - 1;
+    let (edge, along) = match () {
+        () if x < 0 => (0, y),
+        () if x > last => (1, y),
+        () if y < 0 => (2, x),
+        () => (3, x),
+    };
+    let Edge { face, column, last: is_last, reversed } = EDGES[face][edge];
+    let along = along.clamp(0, last) as u32;
+    let along = if reversed { size - 1 - along } else { along };
+    let across = if is_last { size - 1 } else { 0 };
+    if column { (face, across, along) } else { (face, along, across) }
+}
+
+/// The same by the cube's geometry.
+fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let n = f64::from(size);
     // The centre of the texel beyond the edge lies half a texel outside of the face, where the
     // neighbour's first texels are, seen from the cube's centre a little nearer to the edge. That
@@ -61,4 +104,24 @@ pub(super) fn beyond(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u3
     let (face_there, u, v) = face(at);
     let texel = |w: f64| ((w * n).floor().max(0.0) as u32).min(size - 1);
     (face_there, texel(u), texel(v))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_those_of_the_geometry() {
+        for size in 1..8 {
+            let last = i64::from(size) - 1;
+            for face in 0..6 {
+                for along in 0..=last {
+                    for (x, y) in [(-1, along), (last + 1, along), (along, -1), (along, last + 1)] {
+                        let wanted = found(face, x, y, size);
+                        assert_eq!(beyond(face, x, y, size), wanted, "{face} {x} {y} of {size}");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -11,11 +11,15 @@ pub(crate) enum Level {
     Gradient([f64; 3], [f64; 3]),
 }
 
-/// Texels and weights, which sum to one.
-#[derive(Debug, Default)]
-pub(crate) struct Footprint {
-    /// Weight, level, texel.
-    pub(crate) texels: Vec<(f64, u32, [u32; 3])>,
+/// Texels and weights, which sum to one: of a corner of a cube three.
+pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
+
+/// The next whole number below, as a float and as an integer: without a call, which `f64::floor` is before SSE 4.1.
+#[inline]
+fn floor(x: f64) -> (f64, i64) {
+    let cut = x as i64;
+    let index = cut - i64::from(cut as f64 > x);
+    (index as f64, index)
 }
 
 /// Where a sample is.
@@ -51,15 +55,14 @@ impl Texture {
         }
     }
 
-    /// The texels that a sampler filters, in place of those that were there.
-    pub(crate) fn footprint(
+    /// Visits the texels that a sampler filters: weight, level, texel. Weights sum to one.
+    pub(crate) fn each_texel(
         &self,
         sampler: &Sampler,
         place: Place,
         level: Level,
-        footprint: &mut Footprint,
+        mut visit: impl FnMut(f64, u32, [u32; 3]),
     ) {
-        footprint.texels.clear();
         let detail = self.detail(level);
         // NaN has no level; the largest is as good as any.
         let detail = if detail.is_nan() { 0.0 } else { detail };
@@ -67,64 +70,93 @@ impl Texture {
         let filter = if detail <= 0.0 { sampler.mag } else { sampler.min };
         let last = f64::from(self.levels() - 1);
         let detail = detail.clamp(0.0, last);
-        match sampler.mip {
-            Filter::Nearest => {
-                let level = (detail + 0.5).floor().min(last);
-                self.level(sampler, filter, place, level as u32, 1.0, footprint);
-            }
+        let on_face = self.on_face(place);
+        // One call of what is inlined: it is long.
+        let (first, share) = match sampler.mip {
+            Filter::Nearest => (floor(detail + 0.5).0.min(last), 0.0),
             Filter::Linear => {
-                let below = detail.floor();
-                let share = detail - below;
-                self.level(sampler, filter, place, below as u32, 1.0 - share, footprint);
-                if share > 0.0 {
-                    self.level(sampler, filter, place, below as u32 + 1, share, footprint);
-                }
+                let (below, _) = floor(detail);
+                (below, detail - below)
+            }
+        };
+        for (level, weight) in [(first as u32, 1.0 - share), (first as u32 + 1, share)] {
+            if weight > 0.0 {
+                self.level((sampler, filter), (place, on_face), level, weight, &mut visit);
             }
         }
     }
 
+    #[inline]
     fn level(
         &self,
-        sampler: &Sampler,
-        filter: Filter,
-        place: Place,
+        (sampler, filter): (&Sampler, Filter),
+        (place, (face, at)): (Place, (usize, [f64; 3])),
         level: u32,
         weight: f64,
-        to: &mut Footprint,
+        visit: &mut impl FnMut(f64, u32, [u32; 3]),
     ) {
         let n = self.dimensions();
         let size = self.level_size(level);
-        let (face, at) = self.on_face(place);
         // Filters have no use for coordinates that aren't finite; NaN becomes 0.
-        let texel = |k: usize| at[k].clamp(-1e9, 1e9) * f64::from(size[k]);
-        let texel = |k: usize| if texel(k).is_nan() { 0.0 } else { texel(k) };
-        let mut find = |index: [i64; 3], weight: f64| {
-            self.find(sampler, place, face, index, size, |part, texel| {
-                to.texels.push((weight * part, level, texel));
-            });
+        let texel = |k: usize| {
+            let texel = at[k].clamp(-1e9, 1e9) * f64::from(size[k]);
+            if texel.is_nan() { 0.0 } else { texel }
         };
         if filter == Filter::Nearest {
             let index = std::array::from_fn(|k| {
-                if k < n { texel(k).floor() as i64 + i64::from(place.offset[k]) } else { 0 }
+                if k < n { floor(texel(k)).1 + i64::from(place.offset[k]) } else { 0 }
             });
-            find(index, weight);
+            self.find(sampler, place, face, index, size, |part, at| {
+                visit(weight * part, level, at)
+            });
             return;
         }
-        let low: [f64; 3] =
-            std::array::from_fn(|k| if k < n { (texel(k) - 0.5).floor() } else { 0.0 });
+        let mut low = [0; 3];
+        let mut fraction = [0.0; 3];
+        let mut inside = true;
+        for k in 0..n {
+            let centre = texel(k) - 0.5;
+            let (below, index) = floor(centre);
+            low[k] = index + i64::from(place.offset[k]);
+            fraction[k] = centre - below;
+            inside &= low[k] >= 0 && low[k] + 1 < i64::from(size[k]);
+        }
+        // Nearly all samples have no texel beyond an edge.
+        if inside && n == 2 {
+            let layer = match self.dimension {
+                Dimension::Cube => place.layer * 6 + face as u32,
+                _ => place.layer,
+            };
+            let [x, y] = [low[0] as u32, low[1] as u32];
+            let [right, down] = [fraction[0], fraction[1]];
+            let [left, up] = [weight * (1.0 - right), 1.0 - down];
+            let right = weight * right;
+            for (share, at) in [
+                (left * up, [x, y, layer]),
+                (right * up, [x + 1, y, layer]),
+                (left * down, [x, y + 1, layer]),
+                (right * down, [x + 1, y + 1, layer]),
+            ] {
+                if share != 0.0 {
+                    visit(share, level, at);
+                }
+            }
+            return;
+        }
         for corner in 0..1usize << n {
             let mut share = weight;
             let index = std::array::from_fn(|k| {
                 if k >= n {
                     return 0;
                 }
-                let fraction = texel(k) - 0.5 - low[k];
                 let high = corner >> k & 1 == 1;
-                share *= if high { fraction } else { 1.0 - fraction };
-                low[k] as i64 + i64::from(high) + i64::from(place.offset[k])
+                share *= if high { fraction[k] } else { 1.0 - fraction[k] };
+                low[k] + i64::from(high)
             });
             if share != 0.0 {
-                find(index, share);
+                self.find(sampler, place, face, index, size, |part, at| {
+                    visit(share * part, level, at);
+                });
             }
         }
     }
@@ -141,9 +173,7 @@ impl Texture {
         [(0, 1), (1, 1), (1, 0), (0, 0)].map(|(x, y)| {
             let mut footprint = Footprint::default();
             let index = [low(0) + x, low(1) + y, 0];
-            self.find(sampler, place, face, index, size, |share, at| {
-                footprint.texels.push((share, 0, at));
-            });
+            self.find(sampler, place, face, index, size, |share, at| footprint.push((share, at)));
             footprint
         })
     }
