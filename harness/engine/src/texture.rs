@@ -205,7 +205,7 @@ impl Texture {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn index(&self, level: u32, at: [u32; 3], sample: u32) -> usize {
         let [w, h, _] = self.level_size(level).map(|n| n as usize);
         let [x, y, z] = at.map(|n| n as usize);
@@ -213,7 +213,7 @@ impl Texture {
     }
 
     /// A texel's channels as words.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn texel(&self, level: u32, at: [u32; 3], sample: u32) -> [u32; 4] {
         let index = self.index(level, at, sample);
         match self.levels.get(level as usize) {

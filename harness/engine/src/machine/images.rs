@@ -287,7 +287,7 @@ impl Mean {
         Self { compare, sum: [0.0; 4], count: 0, first: [0; 4] }
     }
 
-    #[inline]
+    #[inline(always)]
     fn add(&mut self, weight: f64, words: [u32; 4]) {
         if self.count == 0 {
             self.first = words;
