@@ -202,7 +202,11 @@ impl<A: Rules> Machine<'_, A> {
                 operands.floats.get(k).map_or(0.0, |&r| A::coordinate(self.floats.get(r)[lane]))
             };
             let vector = |start: usize| {
-                std::array::from_fn(|k| if k < coordinates { float(start + k) } else { 0.0 })
+                let mut vector = [0.0; 3];
+                for (k, to) in vector.iter_mut().enumerate().take(coordinates) {
+                    *to = float(start + k);
+                }
+                vector
             };
             let mut place = texture::Place { at: vector(0), layer: 0, offset: [0; 3] };
             if clamp {
@@ -293,13 +297,12 @@ impl Mean {
             self.first = words;
         }
         self.count += 1;
-        for (sum, word) in self.sum.iter_mut().zip(words) {
-            let texel = f64::from(f32::from_bits(word));
-            *sum += weight
-                * match self.compare {
-                    Some((compare, reference)) => f64::from(compare.holds(reference, texel)),
-                    None => texel,
-                };
+        let mut texel = words.map(|word| f64::from(f32::from_bits(word)));
+        if let Some((compare, reference)) = self.compare {
+            texel = texel.map(|texel| f64::from(compare.holds(reference, texel)));
+        }
+        for (sum, texel) in self.sum.iter_mut().zip(texel) {
+            *sum += weight * texel;
         }
     }
 

@@ -4,6 +4,7 @@ use std::sync::LazyLock;
 
 /// The face that a direction points to, and where on it: from 0 to 1, from the top left.
 /// WebGPU's table of faces is Vulkan's, "Cube Map Face Selection".
+#[inline]
 pub(super) fn face(direction: [f64; 3]) -> (usize, f64, f64) {
     let [x, y, z] = direction;
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());

@@ -95,7 +95,7 @@ impl Texture {
         weight: f64,
         visit: &mut impl FnMut(f64, u32, [u32; 3]),
     ) {
-        let n = self.dimensions();
+        let n = self.dimensions().min(3);
         let size = self.level_size(level);
         // Filters have no use for coordinates that aren't finite; NaN becomes 0.
         let texel = |k: usize| {
@@ -178,6 +178,7 @@ impl Texture {
         })
     }
 
+    #[inline]
     fn on_face(&self, place: Place) -> (usize, [f64; 3]) {
         if self.dimension == Dimension::Cube {
             let (face, u, v) = cube::face(place.at);
