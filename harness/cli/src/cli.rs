@@ -167,7 +167,7 @@ enum Command {
     Check(check::Args),
     /// Write a first test that passes, for a folder of shaders, and what goes with it
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
-                            It looks at the functions, writes a `*.test.toml` for one of them, lines for \
+                            It looks at the functions and compute passes, writes a `*.test.toml` for one of them, lines for \
                             .gitignore, and with\n--github or --gitlab a workflow; then it runs the tests. \
                             What is there already stays as it is.")]
     Init(init::Args),

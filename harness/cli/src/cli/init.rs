@@ -1,5 +1,7 @@
 //! `karat init`: a first test that passes, and what goes with it.
 
+mod pass;
+
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,6 +14,7 @@ use karat::unstable::output::counted;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
 use karat::unstable::record::Recorded;
+use karat::unstable::reflect::Stage;
 use karat::unstable::tint::Tint;
 use karat::value::{Scalar, Shape};
 
@@ -62,10 +65,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     out.write_all(&invalid)?;
     ensure!(valid, "mend these modules first: a test of them can't pass");
     let items = callable(&package)?;
+    let passes = compute_entry_points(&package)?;
     ensure!(
-        !items.is_empty(),
-        "no function of `{}` can be called by a test: it has entry points only, or none that returns a \
-         value",
+        !items.is_empty() || !passes.is_empty(),
+        "no function of `{}` can be called by a test, and it has no compute entry point",
         folder.display()
     );
     // Who has tests in Rust and asks for a workflow wants that alone.
@@ -75,7 +78,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
         None
     } else {
-        first_test(&package, &folder, &items, out)?
+        first_test(&package, &folder, (&items, &passes), out)?
     };
     ignore(out)?;
     optimise(&folder, out)?;
@@ -174,7 +177,7 @@ fn this() -> anyhow::Result<Command> {
 fn first_test(
     package: &Package,
     folder: &Path,
-    items: &[FunctionItem],
+    (items, entry_points): (&[FunctionItem], &[FunctionItem]),
     out: &mut dyn Write,
 ) -> anyhow::Result<Option<PathBuf>> {
     let suite = karat_suite::Suite::open(folder)?;
@@ -188,9 +191,19 @@ fn first_test(
     for item in &own {
         found.add(package, item);
     }
-    if found.are_none() && !others.is_empty() {
-        writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
-        return Ok(None);
+    let mut pass = None;
+    for item in entry_points.iter().filter(|item| !tested.is(&item.name)).take(TRIED) {
+        if let Some(file) = try_pass(package, item, folder)? {
+            writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
+            pass = Some(file);
+            break;
+        }
+    }
+    if found.are_none() && (pass.is_some() || !others.is_empty()) {
+        if pass.is_none() {
+            writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+        }
+        return Ok(pass);
     }
     for attempt in [Attempt::Names, Attempt::Away, Attempt::Table] {
         let candidates = if attempt == Attempt::Table { &found.others } else { &found.floats };
@@ -205,7 +218,44 @@ fn first_test(
             }
         }
     }
-    anyhow::bail!(found.told(folder))
+    if pass.is_some() {
+        return Ok(pass);
+    }
+    anyhow::bail!(found.told(folder, entry_points))
+}
+
+/// Writes a test of a compute entry point beside its module. `None` if none passes.
+fn try_pass(
+    package: &Package,
+    item: &FunctionItem,
+    folder: &Path,
+) -> anyhow::Result<Option<PathBuf>> {
+    let (_, file) = beside(item, folder);
+    if file.exists() {
+        return Ok(None);
+    }
+    for text in pass::declarations(package, item) {
+        if passes(item, Attempt::Names, &file, ("", &text), folder)? {
+            return Ok(Some(file));
+        }
+    }
+    Ok(None)
+}
+
+/// The compute entry points of a package.
+fn compute_entry_points(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
+    let modules = package.modules()?;
+    let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
+    Ok(functions.flatten().filter(|item| item.entry_point == Some(Stage::Compute)).collect())
+}
+
+/// A module's file without its extension, and that of its tests.
+fn beside(item: &FunctionItem, folder: &Path) -> (PathBuf, PathBuf) {
+    let (module, _) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let mut beside = folder.to_owned();
+    beside.extend(module.split("::"));
+    let file = PathBuf::from(format!("{}.test.toml", beside.display()));
+    (beside, file)
 }
 
 /// Functions that have no test, by what a first test of them can be.
@@ -243,7 +293,7 @@ impl<'i> Functions<'i> {
     }
 
     /// Says what was found, where no test passes.
-    fn told(&self, folder: &Path) -> String {
+    fn told(&self, folder: &Path, entry_points: &[FunctionItem]) -> String {
         let named = |items: &mut dyn Iterator<Item = &FunctionItem>| {
             let names: Vec<&str> = items.map(|item| &*item.name).collect();
             let more = if names.len() > SHOWN { ", .." } else { "" };
@@ -276,6 +326,11 @@ impl<'i> Functions<'i> {
             named(&mut self.refused.iter().map(|(item, _)| *item)),
             "can't be called by a test; `karat call` says why",
         );
+        tell(
+            named(&mut entry_points.iter()),
+            "dispatched, it isn't finite, or doesn't write each element, or it has other resources than buffers of \
+             numbers: `[[compute]]` in `*.test.toml` says what they hold",
+        );
         text
     }
 }
@@ -301,13 +356,14 @@ fn try_test(
     attempt: Attempt,
     folder: &Path,
 ) -> anyhow::Result<Option<PathBuf>> {
-    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let mut beside = folder.to_owned();
-    beside.extend(module.split("::"));
-    let file = PathBuf::from(format!("{}.test.toml", beside.display()));
-    if file.exists() {
-        return Ok(None);
-    }
+    let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let (beside, file) = beside(item, folder);
+    // That of a pass may be there.
+    let before = match std::fs::read_to_string(&file) {
+        Ok(text) => text + "\n",
+        Err(none) if none.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(error).with_context(|| format!("`{}`", file.display())),
+    };
     let function = probed.function();
     if attempt == Attempt::Table {
         let table = beside.with_file_name(format!("{name}.csv"));
@@ -318,7 +374,7 @@ fn try_test(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n# What it returned when this was written, on `cpu`: \
              correct what is wrong, and add rows of your own.\ntable = \"{name}.csv\"\ntolerance = \"exact\"\n"
         );
-        let written = passes(item, attempt, &file, &text, folder)?;
+        let written = passes(item, attempt, &file, (&before, &text), folder)?;
         if !written {
             std::fs::remove_file(&table).with_context(|| format!("`{}`", table.display()))?;
         }
@@ -345,22 +401,23 @@ fn try_test(
         let text = format!(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
         );
-        if passes(item, attempt, &file, &text, folder)? {
+        if passes(item, attempt, &file, (&before, &text), folder)? {
             return Ok(Some(file));
         }
     }
     Ok(None)
 }
 
-/// Writes a test, and removes it if it doesn't pass.
+/// Writes a test behind what a file holds, and removes it if it doesn't pass.
 fn passes(
     item: &FunctionItem,
     attempt: Attempt,
     file: &Path,
-    text: &str,
+    (before, text): (&str, &str),
     folder: &Path,
 ) -> anyhow::Result<bool> {
-    std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
+    std::fs::write(file, format!("{before}{text}"))
+        .with_context(|| format!("`{}`", file.display()))?;
     let mut command = this()?;
     command.arg("suite").arg(folder).arg(&item.name);
     // A table of what `cpu` returns holds on the other paths, too.
@@ -372,7 +429,11 @@ fn passes(
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let passes = command.status().is_ok_and(|status| status.success());
     if !passes {
-        std::fs::remove_file(file).with_context(|| format!("`{}`", file.display()))?;
+        match before {
+            "" => std::fs::remove_file(file),
+            before => std::fs::write(file, before.trim_end().to_owned() + "\n"),
+        }
+        .with_context(|| format!("`{}`", file.display()))?;
     }
     Ok(passes)
 }

@@ -138,6 +138,12 @@ fn what_has_nothing_to_test_is_told() {
     let init = || karat(folder.path(), &["init"]).error();
     assert!(init().contains("has no .wgsl or .wesl file"), "{}", init());
     write(folder.path(), "a.wgsl", "@compute @workgroup_size(1) fn main() {}\n");
+    assert!(init().contains("`a::main`") && init().contains("nothing is written"), "{}", init());
+    write(
+        folder.path(),
+        "a.wgsl",
+        "@vertex fn main() -> @builtin(position) vec4f { return vec4f(); }\n",
+    );
     assert!(init().contains("no function of `.` can be called"), "{}", init());
     write(folder.path(), "a.wgsl", "fn f(x: f32) -> f32 { return sqrt(-1.0 - x * x); }\n");
     assert!(init().contains("karat hazards"), "{}", init());
@@ -155,6 +161,50 @@ fn what_has_nothing_to_test_is_told() {
     assert_eq!(left, 2, "the two modules alone");
     let none = karat(folder.path(), &["init", "nowhere"]).error();
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
+}
+
+/// A pass over buffers gets a test beside that of a function, with the assertion that holds.
+#[test]
+fn a_pass_gets_a_test_of_what_it_writes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let pass = "struct Params { count: u32, scale: f32 }
+        @group(0) @binding(0) var<uniform> params: Params;
+        @group(0) @binding(1) var<storage, read> input: array<vec2f>;
+        @group(0) @binding(2) var<storage, read_write> sums: array<f32>;
+        fn sum(v: vec2f) -> f32 { return saturate(v.x + v.y); }
+        @compute @workgroup_size(32) fn add(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < params.count { sums[id.x] = sum(input[id.x]) * params.scale; }
+        }
+        @compute @workgroup_size(32) fn leak(@builtin(global_invocation_id) id: vec3u) {
+            sums[id.x + 1u] = log(-1.0 - input[id.x].x);
+        }\n";
+    write(folder.path(), "m.wgsl", pass);
+    let ran = karat(folder.path(), &["init"]).good();
+    for part in ["a test of `m::add`", "a test of `m::sum`", "4 checks, 0 failed"] {
+        assert!(ran.contains(part), "no `{part}` in {ran}");
+    }
+    let text = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("it is written");
+    for part in ["params = { count = 64, scale = 1.0 }", "written = true\nfinite = true\n"] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
+    // A fault that is planted turns it red.
+    write(
+        folder.path(),
+        "m.wgsl",
+        &pass.replace("id.x < params.count", "id.x + 1u < params.count"),
+    );
+    let ran = karat(folder.path(), &["test", "."]);
+    assert!(ran.out.contains("1 of 64 elements differ"), "{ran:?}");
+    // Nothing is left of a test that doesn't hold.
+    let alone = tempfile::tempdir().expect("a temporary folder");
+    let leak = "@group(0) @binding(0) var<storage, read_write> sums: array<f32>;
+        @compute @workgroup_size(32) fn leak(@builtin(global_invocation_id) id: vec3u) {
+            sums[id.x + 1u] = log(-1.0 - sums[id.x]);
+        }\n";
+    write(alone.path(), "m.wgsl", leak);
+    let told = karat(alone.path(), &["init"]).error();
+    assert!(told.contains("`m::leak`"), "{told}");
+    assert_eq!(std::fs::read_dir(alone.path()).expect("there").count(), 1, "the module alone");
 }
 
 /// A function that returns integers or booleans has a table of what it returns, which holds on each path.

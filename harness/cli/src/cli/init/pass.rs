@@ -1,0 +1,113 @@
+//! A first `[[compute]]` for a compute entry point: resources that follow from what is dispatched.
+
+use karat::Package;
+use karat::unstable::package::FunctionItem;
+use karat::unstable::reflect::{BindingKind, Program, Stage};
+use karat::value::{Scalar, Shape};
+
+/// Elements of arrays without a length, at least.
+const LEAST: u32 = 64;
+
+/// Elements of an array with a length that a test spells out.
+const SPELLED: u32 = 16;
+
+/// The declarations that are tried, the most telling first. None if a resource isn't a buffer, or nothing is
+/// written.
+pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
+    declared(package, item).unwrap_or_default()
+}
+
+fn declared(package: &Package, item: &FunctionItem) -> Option<Vec<String>> {
+    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let program = Program::of_module(package, module).ok()?;
+    let bindings = program.entry_point_bindings(Stage::Compute, name)?;
+    let entry = program.module().entry_points.iter().find(|entry| entry.name == name)?;
+    if entry.workgroup_size_overrides.is_some() {
+        return None;
+    }
+    let size = entry.workgroup_size;
+    let groups = size.map(|count| if count > 1 { 2 } else { 1 });
+    let invocations: u32 = size.iter().chain(&groups).product();
+    let elements = invocations.max(LEAST);
+    let (mut with, mut written) = (Vec::new(), Vec::new());
+    for binding in &bindings {
+        if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
+            return None;
+        }
+        let shape = program.buffer_of(binding, elements as usize)?;
+        let grows = program.buffer_of(binding, elements as usize + 1)? != shape;
+        let value = match &shape {
+            Shape::Array { element, .. } if grows => sized(element, elements),
+            // A structure that ends in an array has no value that a person writes.
+            _ if grows => return None,
+            _ => value(&shape, elements)?,
+        };
+        with.push(format!("{} = {value}", binding.name()));
+        if binding.kind.is_written() {
+            written
+                .push((binding.name().to_owned(), shape.lanes().iter().any(|one| one.is_float())));
+        }
+    }
+    let [x, y, z] = groups;
+    let head = format!(
+        "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# What the resources hold before: values, \
+         files, or so many elements of a range.\nwith = {{ {} }}\n",
+        with.join(", ")
+    );
+    let floats = written.iter().any(|(_, floats)| *floats);
+    let mut all = Vec::new();
+    for assertions in [&["written", "finite"][..], &["written"], &["finite"]] {
+        if assertions.contains(&"finite") && !floats {
+            continue;
+        }
+        let mut text = head.clone();
+        for (name, floats) in &written {
+            let own = assertions.iter().filter(|one| **one != "finite" || *floats);
+            let own: String = own.map(|one| format!("{one} = true\n")).collect();
+            if !own.is_empty() {
+                text += &format!("[compute.after.{name}]\n{own}");
+            }
+        }
+        all.push(text);
+    }
+    Some(if written.is_empty() { Vec::new() } else { all })
+}
+
+/// An array without a length.
+fn sized(element: &Shape, count: u32) -> String {
+    let lanes = element.lanes();
+    let range = match lanes.first() {
+        Some(Scalar::F32 | Scalar::F16) => "0..1",
+        _ => "0..99",
+    };
+    match element {
+        Shape::Scalar(_) | Shape::Vector { .. } => {
+            format!("{{ size = {count}, range = \"{range}\" }}")
+        }
+        _ => format!("{{ size = {count} }}"),
+    }
+}
+
+/// A value of which a whole number is as large as what is dispatched.
+fn value(shape: &Shape, count: u32) -> Option<String> {
+    Some(match shape {
+        Shape::Scalar(Scalar::Bool) => "true".to_owned(),
+        Shape::Scalar(scalar) if scalar.is_float() => "1.0".to_owned(),
+        Shape::Scalar(_) => count.to_string(),
+        Shape::Vector { size, scalar } => {
+            let one = value(&Shape::Scalar(*scalar), count)?;
+            format!("[{}]", vec![one; usize::from(*size)].join(", "))
+        }
+        Shape::Array { element, length } if *length <= SPELLED => {
+            let one = value(element, count)?;
+            format!("[{}]", vec![one; *length as usize].join(", "))
+        }
+        Shape::Struct { members, .. } => {
+            let own = members
+                .iter()
+                .map(|(name, shape)| value(shape, count).map(|value| format!("{name} = {value}")));
+            format!("{{ {} }}", own.collect::<Option<Vec<_>>>()?.join(", "))
+        }
+        _ => return None,
+    })
+}
