@@ -26,32 +26,36 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
     let mut buffers = Vec::new();
     match &ready.about {
         About::Function(probed) => run_function(request, probed, &mut cells),
-        About::EntryPoint { program, name } => {
-            let passes = match program.compute_entry_point(name) {
-                Some((bindings, size)) => {
-                    let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
-                    let workgroups = made_up::INVOCATIONS.div_ceil(size);
-                    let invocations = workgroups.saturating_mul(size) as usize;
-                    let of = |data: Vec<_>| {
-                        let program = std::sync::Arc::clone(program);
-                        (Passes::over(program, name, [workgroups, 1, 1], &data), data)
-                    };
-                    Ranges::of(&request.package)
-                        .map_err(|error| error.to_string())
-                        .and_then(|ranges| made_up::data(program, &bindings, &ranges, invocations))
-                        .map(of)
+        About::EntryPoint { program, name } => match program.compute_entry_point(name) {
+            Some((bindings, size)) => {
+                let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
+                let workgroups = made_up::INVOCATIONS.div_ceil(size);
+                let invocations = workgroups.saturating_mul(size) as usize;
+                let of = |data: Vec<_>| {
+                    let program = std::sync::Arc::clone(program);
+                    (Passes::over(program, name, [workgroups, 1, 1], &data), data)
+                };
+                let passes = Ranges::of(&request.package)
+                    .map_err(|error| error.to_string())
+                    .and_then(|ranges| made_up::data(program, &bindings, &ranges, invocations))
+                    .map(of);
+                let ran = passes.as_ref().map(|(passes, _)| passes);
+                run_entry_point_on_each(request, ran, &mut cells);
+                if let (Ok((_, data)), true) = (passes, cells.iter().any(Cell::differs)) {
+                    buffers = data.into_iter().map(super::Buffer::of).collect();
                 }
-                None => {
-                    let stage = &ready.row.kind;
-                    Err(format!("a {stage} entry point isn't run, only translated and validated"))
-                }
-            };
-            let ran = passes.as_ref().map(|(passes, _)| passes);
-            run_entry_point_on_each(request, ran, &mut cells);
-            if let (Ok((_, data)), true) = (passes, cells.iter().any(Cell::differs)) {
-                buffers = data.into_iter().map(super::Buffer::of).collect();
             }
-        }
+            // The translation is that of the entry point; what runs calls it as a function.
+            None => {
+                match Probed::new(&request.package, &ready.row.name).and_then(made_up::fitted) {
+                    Ok(probed) => run_function(request, &probed, &mut cells),
+                    Err(error) => {
+                        let why = format!("a {} entry point isn't called: {error}", ready.row.kind);
+                        run_entry_point_on_each(request, Err(&why), &mut cells);
+                    }
+                }
+            }
+        },
     }
     let text = ready.text().into();
     Row { text, buffers, ..ready.row(cells) }
