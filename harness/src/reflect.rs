@@ -43,6 +43,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 pub use ability::Ability;
 #[cfg(feature = "engine")]
 pub(crate) use adapter::ADAPTER;
+pub use attributes::Input;
 pub use binding::Binding;
 pub(crate) use covering::COVERING;
 pub use dependence::Dependence;

@@ -21,7 +21,8 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle. It may say
+//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with its
+//! functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may say
 //! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
 //! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`,
 //! `module`, and in which folder its `golden` lies.
@@ -84,6 +85,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
 use crate::compute;
+use crate::draws;
 use crate::find::of_whole;
 use crate::{Kind, Test};
 
@@ -226,8 +228,11 @@ pub(crate) struct Frame {
     /// Filled in from the file's name where it isn't written.
     pub(crate) module: Option<String>,
     /// None: the fragment function alone covers the frame.
-    pub(crate) vertex: Option<String>,
-    pub(crate) fragment: String,
+    vertex: Option<String>,
+    fragment: Option<String>,
+    /// In place of these two, one after the other.
+    #[serde(default)]
+    draws: Vec<draws::Declared>,
     /// Samples a pixel.
     pub(crate) samples: Option<u32>,
     pub(crate) size: Pair<u32>,
@@ -303,6 +308,28 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
+    /// Its draws, one after the other.
+    pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
+        match (&self.vertex, &self.fragment, &*self.draws) {
+            (vertex, Some(fragment), []) => {
+                Ok(vec![draws::Declared::covering(vertex.clone(), fragment.clone())])
+            }
+            (_, None, []) => {
+                Err("it draws nothing: name a `fragment` function, or write `draws`".to_owned())
+            }
+            (None, None, all) => Ok(all.to_vec()),
+            _ => Err(
+                "each of `draws` names its functions: write no `vertex` and `fragment` beside it"
+                    .to_owned(),
+            ),
+        }
+    }
+
+    /// The tables of its meshes.
+    pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
+        self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
+    }
+
     /// Its golden.
     pub(crate) fn golden_file(&self) -> PathBuf {
         self.golden_folder().join(format!("{}.exr", self.name))

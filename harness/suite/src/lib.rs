@@ -19,6 +19,7 @@
 mod compute;
 pub mod declared;
 mod domains;
+mod draws;
 mod find;
 mod fixtures;
 mod json;

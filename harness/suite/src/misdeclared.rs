@@ -41,6 +41,11 @@ impl Misdeclared {
         move |message| Self { key: Some(key), message, place: None }
     }
 
+    /// Of a key, unless it is one's already.
+    pub(crate) fn or_of(self, key: &'static str) -> Self {
+        Self { key: self.key.or(Some(key)), ..self }
+    }
+
     /// Of a line of another file.
     pub(crate) fn at_line(file: &Path, line: usize, message: String) -> Self {
         Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }

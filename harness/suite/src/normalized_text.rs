@@ -35,7 +35,10 @@ impl Suite {
                 let module = frame.module.as_deref().unwrap_or_default();
                 let text = Program::of_module(&self.package, module).ok()?.normalized_text();
                 let golden = content(&frame.golden_file())?;
-                let files = files(frame.with.values(), &frame.folder)?;
+                let mut files = files(frame.with.values(), &frame.folder)?;
+                for mesh in frame.meshes() {
+                    files += &content(&mesh)?;
+                }
                 Some(format!("{text} {frame:?} {golden} {files}"))
             }
             Kind::Compute(assertion) => {
@@ -66,6 +69,7 @@ impl Suite {
                 Kind::Frame(frame) => {
                     let golden = frame.golden_file();
                     all.extend([golden.with_extension("toml"), golden]);
+                    all.extend(frame.meshes());
                     named(frame.with.values(), &frame.folder, &mut all);
                 }
                 Kind::Compute(assertion) => {

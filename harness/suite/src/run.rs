@@ -627,12 +627,19 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
         Err(error) => return Err(Misdeclared::of("module")(error.to_string())),
     };
     let mut bindings: Vec<Binding> = Vec::new();
-    let vertex = declared.vertex.iter().map(|name| ("vertex", Stage::Vertex, name));
+    let draws = declared.draws().map_err(Misdeclared::of("draws"))?;
     let mut unknown = None;
-    for (key, stage, name) in vertex.chain([("fragment", Stage::Fragment, &declared.fragment)]) {
-        match program.entry_point_bindings(stage, name) {
-            Some(own) => bindings.extend(own),
-            None => unknown = unknown.or(Some(key)),
+    for draw in &draws {
+        let named = [
+            ("vertex", Stage::Vertex, &draw.vertex),
+            ("fragment", Stage::Fragment, &draw.fragment),
+        ];
+        for (key, stage, name) in named {
+            let Some(name) = name else { continue };
+            match program.entry_point_bindings(stage, name) {
+                Some(own) => bindings.extend(own),
+                None => unknown = unknown.or(Some(key)),
+            }
         }
     }
     let mut frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
@@ -657,10 +664,12 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     for (name, value) in &declared.overrides {
         frame = frame.with_override(name, value.number());
     }
-    let mut frame = match &declared.vertex {
-        Some(vertex) => frame.fullscreen(vertex, &declared.fragment),
-        None => frame.fragment(&declared.fragment),
-    };
+    for draw in &draws {
+        // Of a function that isn't there drawing says what is meant.
+        let drawn = draw.draw(&program, &declared.folder, unknown.is_some());
+        let drawn = drawn.map_err(|wrong| wrong.or_of("draws"))?;
+        frame = frame.draw(drawn);
+    }
     frame = frame.declared_at(&at.to_string());
     // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
     if unknown.is_none() {

@@ -320,3 +320,84 @@ fn edits_of_entry_points_are_compared() {
     assert!(ran.out.contains("changed    m::reverse"), "{}", ran.out);
     assert!(ran.out.contains("words changed") && ran.out.contains("keys["), "{}", ran.out);
 }
+
+/// A frame of several draws: a background, a mesh from a table behind which depth hides, one that adds.
+#[test]
+fn a_frame_has_draws_with_meshes() {
+    let shader = "\
+struct Vertex { @location(0) position: vec3f, @location(1) color: vec3f, @location(2) layer: u32 }
+struct Varying { @builtin(position) at: vec4f, @location(0) color: vec3f }
+@vertex fn vs(v: Vertex) -> Varying {
+    return Varying(vec4f(v.position, 1.0), v.color * f32(1u + v.layer));
+}
+@vertex fn corner(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+    return vec4f(f32(i % 2u) * 4.0 - 1.0, f32(i / 2u) * 4.0 - 1.0, 0.25, 1.0);
+}
+@fragment fn fs(v: Varying) -> @location(0) vec4f { return vec4f(v.color, 1.0); }
+@fragment fn quarter() -> @location(0) vec4f { return vec4f(0.25); }
+@fragment fn ground() -> @location(0) vec4f { return vec4f(0.5, 0.5, 0.5, 1.0); }
+";
+    let declared = "\
+[[frame]]
+name = \"crossed\"
+size = [16, 16]
+[[frame.draws]]
+fragment = \"ground\"
+[[frame.draws]]
+vertex = \"vs\"
+fragment = \"fs\"
+mesh = \"two.csv\"
+cull = \"none\"
+[[frame.draws]]
+vertex = \"corner\"
+fragment = \"quarter\"
+vertices = 3
+blend = \"add\"
+depth_compare = \"always\"
+depth_write = false
+";
+    // The second one lies behind the first, and covers what that leaves.
+    let mesh = "position.x,position.y,position.z,color.x,color.y,color.z,layer
+-1,-1,0.5,1,0,0,0
+1,-1,0.5,1,0,0,0
+-1,1,0.5,1,0,0,0
+-1,-1,0.75,0,0,0.5,1
+3,-1,0.75,0,0,0.5,1
+-1,3,0.75,0,0,0.5,1
+";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, text) in [("m.wgsl", shader), ("m.test.toml", declared), ("two.csv", mesh)] {
+        write(folder.path(), name, text);
+    }
+    let test = || karat(folder.path(), &["test", ".", "--paths", "vulkan"]);
+    assert!(test().out.contains("frame `crossed` has no golden"));
+    let drawn = folder.path().join("golden/crossed.new.exr");
+    let image = karat::Image::read(&drawn).expect("it was drawn");
+    assert_eq!(image.pixels()[14 * 16 + 1][..3], [1.25, 0.25, 0.25], "the first mesh, in front");
+    assert_eq!(image.pixels()[16 + 14][..3], [0.25, 0.25, 1.25], "the second one, of the second layer");
+    karat(folder.path(), &["accept", "crossed", "--because", "both meshes are there"]).good();
+    test().good();
+    write(folder.path(), "two.csv", &mesh.replace("0.75", "0.25"));
+    assert!(test().out.contains("differs from its golden"), "the order in depth has changed");
+    for (from, to, part) in [
+        ("two.csv", "tow.csv", "draws: can't read"),
+        ("cull = \"none\"", "cull = \"non\"", "did you mean `none`?"),
+        ("vertices = 3", "vertices = 4", "4 vertices aren't whole triangles"),
+        ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
+        ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
+        ("fragment = \"ground\"", "", "a draw has a `fragment` function"),
+        (
+            "size = [16, 16]",
+            "size = [16, 16]\nfragment = \"fs\"",
+            "write no `vertex` and `fragment`",
+        ),
+        ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
+        ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
+        ("vertices = 3", "indices = [0, 1, 2]", "`indices` are of a `mesh`"),
+        ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
+    ] {
+        write(folder.path(), "m.test.toml", &declared.replace(from, to));
+        let ran = test();
+        assert!(ran.code != Some(0) && ran.out.contains(part), "{to}: {ran:?}");
+    }
+}

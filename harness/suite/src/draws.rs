@@ -1,0 +1,261 @@
+//! The draws of a `[[frame]]`: meshes from tables, depth, blending.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{IVec2, IVec3, IVec4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4};
+use karat::draw::{Blend, Cull, Draw, Mesh};
+use karat::fixture::Compare;
+use karat::unstable::reflect::Program;
+use karat::value::{Scalar, Shape};
+use serde::Deserialize;
+
+use crate::domains::no_such;
+use crate::misdeclared::Misdeclared;
+use crate::numbers::Wanted;
+use crate::table;
+
+/// One draw of a frame.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Declared {
+    pub(crate) vertex: Option<String>,
+    /// None: depth alone is drawn.
+    pub(crate) fragment: Option<String>,
+    /// A table of corners, relative to the file.
+    mesh: Option<PathBuf>,
+    /// Corners of triangles; none: three in a row are one.
+    indices: Option<Vec<u32>>,
+    /// Vertices without a mesh.
+    vertices: Option<u32>,
+    instances: Option<u32>,
+    cull: Option<String>,
+    depth_compare: Option<String>,
+    depth_write: Option<bool>,
+    blend: Option<String>,
+}
+
+const CULLS: [(&str, Cull); 3] =
+    [("none", Cull::None), ("front", Cull::Front), ("back", Cull::Back)];
+
+/// WebGPU's names.
+const COMPARES: [(&str, Compare); 8] = [
+    ("never", Compare::Never),
+    ("less", Compare::Less),
+    ("equal", Compare::Equal),
+    ("less-equal", Compare::LessEqual),
+    ("greater", Compare::Greater),
+    ("not-equal", Compare::NotEqual),
+    ("greater-equal", Compare::GreaterEqual),
+    ("always", Compare::Always),
+];
+
+const BLENDS: [(&str, Blend); 5] = [
+    ("replace", Blend::Replace),
+    ("add", Blend::Add),
+    ("alpha", Blend::Alpha),
+    ("premultiplied", Blend::Premultiplied),
+    ("multiply", Blend::Multiply),
+];
+
+fn named<T: Copy>(key: &str, all: &[(&str, T)], name: &str) -> Result<T, Misdeclared> {
+    let known = all.iter().map(|(known, _)| *known);
+    let found = all.iter().find(|(known, _)| *known == name);
+    Ok(found.map(|(_, value)| *value).ok_or_else(|| no_such(key, name, known))?)
+}
+
+impl Declared {
+    /// One that covers the frame.
+    pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
+        Self {
+            vertex,
+            fragment: Some(fragment),
+            mesh: None,
+            indices: None,
+            vertices: None,
+            instances: None,
+            cull: None,
+            depth_compare: None,
+            depth_write: None,
+            blend: None,
+        }
+    }
+
+    /// The file of its mesh.
+    pub(crate) fn mesh_file(&self, folder: &Path) -> Option<PathBuf> {
+        Some(folder.join(self.mesh.as_ref()?))
+    }
+
+    /// The draw. If the program `lacks` one of its functions, a mesh can't be read, and drawing says what is meant.
+    pub(crate) fn draw(
+        &self,
+        program: &Arc<Program>,
+        folder: &Path,
+        lacks: bool,
+    ) -> Result<Draw, Misdeclared> {
+        let wrong = |message: &str| Misdeclared::of("draws")(message.to_owned());
+        if lacks && self.mesh.is_some() {
+            let vertex = self.vertex.as_deref().unwrap_or_default();
+            let fragment = self.fragment.as_deref().unwrap_or(vertex);
+            return Ok(Draw::vertices(vertex, fragment, 3));
+        }
+        let mut draw = match (&self.vertex, &self.fragment, &self.mesh, self.vertices) {
+            (_, _, Some(_), Some(_)) => {
+                return Err(wrong("a draw has a `mesh` or a number of `vertices`, not both"));
+            }
+            (None, _, Some(_), _) | (None, _, _, Some(_)) => {
+                return Err(wrong("vertices are for a `vertex` function: name one"));
+            }
+            (None, None, ..) => {
+                return Err(wrong("a draw has a `fragment` function, or a `vertex` one"));
+            }
+            (None, Some(fragment), None, None) => Draw::fragment(fragment),
+            (Some(vertex), None, Some(_), None) => {
+                Draw::depth(vertex, self.read(program, vertex, folder)?)
+            }
+            (Some(_), None, ..) => {
+                return Err(wrong(
+                    "without a `fragment` function the depth of a `mesh` is drawn: name one",
+                ));
+            }
+            (Some(vertex), Some(fragment), Some(_), None) => {
+                Draw::mesh(vertex, fragment, self.read(program, vertex, folder)?)
+            }
+            (Some(vertex), Some(fragment), None, None) => Draw::fullscreen(vertex, fragment),
+            (Some(vertex), Some(fragment), None, Some(count)) => {
+                if count == 0 || count % 3 != 0 {
+                    return Err(wrong(&format!("{count} vertices aren't whole triangles")));
+                }
+                Draw::vertices(vertex, fragment, count)
+            }
+        };
+        if self.indices.is_some() && self.mesh.is_none() {
+            return Err(wrong("`indices` are of a `mesh`: name one"));
+        }
+        if let Some(instances) = self.instances {
+            draw = draw.instances(instances);
+        }
+        if let Some(cull) = &self.cull {
+            draw = draw.cull(named("cull mode", &CULLS, cull)?);
+        }
+        if let Some(compare) = &self.depth_compare {
+            draw = draw.depth_compare(named("comparison", &COMPARES, compare)?);
+        }
+        if let Some(write) = self.depth_write {
+            draw = draw.depth_write(write);
+        }
+        if let Some(blend) = &self.blend {
+            draw = draw.blend(named("blending", &BLENDS, blend)?);
+        }
+        Ok(draw)
+    }
+
+    /// The mesh, whose columns are the inputs of the vertex function.
+    fn read(
+        &self,
+        program: &Arc<Program>,
+        vertex: &str,
+        folder: &Path,
+    ) -> Result<Mesh, Misdeclared> {
+        let file = self.mesh_file(folder).expect("it is asked for");
+        let wrong = |message: String| Misdeclared::of("draws")(message);
+        let inputs = program.located_inputs(vertex);
+        let first = inputs.iter().find(|input| input.location == 0);
+        let is_position = |shape: &Shape| {
+            let lanes = shape.lanes();
+            lanes.len() >= 2 && lanes.iter().all(|lane| *lane == Scalar::F32)
+        };
+        if !first.is_some_and(|input| is_position(&input.shape)) {
+            return Err(wrong(format!(
+                "`{vertex}` reads no position at `@location(0)`, a vector of floats, and a mesh has one"
+            )));
+        }
+        let parameters: Vec<(String, Shape)> =
+            inputs.iter().map(|input| (input.name.clone(), input.shape.clone())).collect();
+        // A table of arguments: nothing is expected of them.
+        let nothing = Shape::Struct { name: String::new(), members: Vec::new() };
+        let table = table::read(&file, &parameters, &nothing, Wanted::Equal)?;
+        let count = table.rows.len();
+        let indices = match &self.indices {
+            Some(indices) => indices.clone(),
+            None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
+        };
+        if indices.is_empty() || indices.len() % 3 != 0 {
+            return Err(wrong(format!("{} corners aren't whole triangles", indices.len())));
+        }
+        if let Some(beyond) = indices.iter().find(|index| **index as usize >= count) {
+            return Err(wrong(format!(
+                "the index {beyond} is beyond the {count} rows of the mesh"
+            )));
+        }
+        // The first lane of each input among those of all.
+        let start = |number: usize| -> usize {
+            parameters[..number].iter().map(|(_, shape)| shape.lanes().len()).sum()
+        };
+        let column = |number: usize| -> Vec<Vec<u32>> {
+            let lanes = start(number)..start(number + 1);
+            table.rows.iter().map(|row| row[lanes.clone()].to_vec()).collect()
+        };
+        let place = inputs.iter().position(|input| input.location == 0).unwrap_or_default();
+        let position = |row: Vec<u32>| {
+            let lane = |k: usize| row.get(k).map_or(0.0, |word| f32::from_bits(*word));
+            Vec3::new(lane(0), lane(1), lane(2))
+        };
+        let positions = column(place).into_iter().map(position).collect();
+        let mut mesh = Mesh::new(positions, indices);
+        for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
+            mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
+                || wrong(format!("`{}` is no attribute of a mesh: {}", input.name, input.shape)),
+            )?;
+        }
+        Ok(mesh)
+    }
+}
+
+fn with_attribute(mesh: Mesh, location: u32, shape: &Shape, rows: &[Vec<u32>]) -> Option<Mesh> {
+    let lanes = shape.lanes();
+    let floats = rows.iter().map(|row| row.iter().map(|word| f32::from_bits(*word)).collect());
+    let floats: Vec<Vec<f32>> = floats.collect();
+    let signed = rows.iter().map(|row| row.iter().map(|word| word.cast_signed()).collect());
+    let signed: Vec<Vec<i32>> = signed.collect();
+    macro_rules! of {
+        ($rows:expr, $($make:expr),*) => {{
+            let rows = $rows;
+            match lanes.len() {
+                1 => mesh.attribute(location, &rows.iter().map(|row| row[0]).collect::<Vec<_>>()),
+                width => {
+                    let mut at = 1;
+                    $(
+                        at += 1;
+                        if at == width {
+                            let values: Vec<_> = rows.iter().map(|row| $make(row)).collect();
+                            return Some(mesh.attribute(location, &values));
+                        }
+                    )*
+                    return None;
+                }
+            }
+        }};
+    }
+    Some(match lanes.first()? {
+        Scalar::F32 => of!(
+            &floats,
+            |row: &Vec<f32>| Vec2::from_slice(row),
+            |row: &Vec<f32>| Vec3::from_slice(row),
+            |row: &Vec<f32>| Vec4::from_slice(row)
+        ),
+        Scalar::I32 => of!(
+            &signed,
+            |row: &Vec<i32>| IVec2::from_slice(row),
+            |row: &Vec<i32>| IVec3::from_slice(row),
+            |row: &Vec<i32>| IVec4::from_slice(row)
+        ),
+        Scalar::U32 => of!(
+            rows,
+            |row: &Vec<u32>| UVec2::from_slice(row),
+            |row: &Vec<u32>| UVec3::from_slice(row),
+            |row: &Vec<u32>| UVec4::from_slice(row)
+        ),
+        _ => return None,
+    })
+}
