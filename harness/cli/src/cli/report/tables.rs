@@ -355,6 +355,7 @@ pub(super) mod tests {
             plot: None,
             histogram: None,
             configurations: None,
+            subgroups: None,
         };
         let subject = Subject::Function {
             package: String::new(),
