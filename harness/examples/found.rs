@@ -19,7 +19,7 @@ use karat::fixture::{Buffer, Texture};
 use karat::prelude::*;
 
 karat::shareable! {
-    /// What vello allocates for a path.
+    /// The tiles that vello allocates for a path.
     pub struct TilePath mirrors TilePathMirror {
         /// Tiles, from the first to one beyond the last.
         bbox: UVec4,

@@ -652,7 +652,7 @@ impl After<'_> {
         });
         let broken = judge::Broken { failures: missed, first: element };
         let breaks = |_: &[u32]| (missed > 0).then(|| broken.clone());
-        let text = "each element is written".to_owned();
+        let text = "each element is written, in Karat's engine".to_owned();
         let statement =
             judge::Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
         self.judge(judge::Assertion::Holds(statement), Location::caller())

@@ -446,6 +446,11 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
+    // A workgroup of many is together at a million rounds before one of them has spent its own.
+    let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
+                   @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
+                   loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";
+    assert!(of_kind(&look(endless), Kind::Endless).location.contains(":3:"));
     // Contents that are drawn may repeat an index: told, as a guess.
     let hazards = of("data[order[i]] = f32(i);");
     let mut rare = hazards.rare.iter();

@@ -467,6 +467,9 @@ fn a_tail_that_no_invocation_writes() {
         }
         @compute @workgroup_size(4) fn count(@builtin(global_invocation_id) id: vec3u) {
             if id.x < arrayLength(&counts) { atomicAdd(&counts[id.x], 0u); }
+        }
+        @compute @workgroup_size(4) fn exchange(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&counts) { let x = atomicCompareExchangeWeak(&counts[id.x], 7u, 1u); }
         }";
     let package = Package::from_source("tail", text);
     let written = |entries: &[(&str, u32)], variable: &str| {
@@ -480,6 +483,9 @@ fn a_tail_that_no_invocation_writes() {
     };
     written(&[("fill", 2)], "items").expect("all are");
     written(&[("count", 2)], "counts").expect("an atomic writes");
+    let missed = written(&[("exchange", 2)], "counts");
+    let Err(ComputeError::Differs(found)) = &missed else { panic!("{missed:?}") };
+    assert_eq!(found.paths[0].failures, 7, "a comparison that fails writes nothing");
     for (entries, variable, first, elements) in [
         (&[("fill", 1)][..], "items", "[4].weight", 3),
         (&[("places", 2)], "items", "[0].id", 7),

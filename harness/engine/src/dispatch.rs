@@ -14,7 +14,6 @@ use crate::races::{Detector, Observed};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
-use crate::schedule::Schedule;
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -115,6 +114,9 @@ impl Program {
         options: &Options,
         groups: Option<&[usize]>,
     ) -> Result<Observed, Stop> {
+        if options.schedule.is_some() {
+            return Err(Stop::Misuse("races are looked for in the usual order"));
+        }
         let watch = Some(groups);
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
@@ -168,20 +170,16 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            let subgroup =
-                options.schedule.map_or(Schedule::SUBGROUP, |schedule| schedule.subgroup).max(1);
-            // The invocations of a subgroup stay together.
+            let subgroup = options.subgroup();
+            // The invocations of a subgroup stay together, and the last one, which may not be whole, stays the last.
             let of = if self.has_subgroups() { subgroup as usize } else { 1 };
             let (every, order) = match options.schedule {
-                Some(schedule) => schedule.orders(all, invocations.div_ceil(of)),
-                None => ((0..all).collect(), (0..invocations.div_ceil(of)).collect()),
+                Some(schedule) => schedule.orders(all, invocations / of),
+                None => ((0..all).collect(), (0..invocations / of).collect()),
             };
-            let together = |number: usize| number * of..(number * of + of).min(invocations);
-            let mut order: Vec<usize> = order.into_iter().flat_map(together).collect();
-            // The last subgroup, which isn't whole, stays the last.
-            if !invocations.is_multiple_of(of) {
-                order.sort_unstable();
-            }
+            let together = |number: usize| number * of..number * of + of;
+            let rest = invocations / of * of..invocations;
+            let order: Vec<usize> = order.into_iter().flat_map(together).chain(rest).collect();
             let groups = watch.flatten().unwrap_or(&every);
             // The invocations of one machine go from operation to operation side by side.
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
@@ -241,7 +239,8 @@ impl Program {
                         match machine.resume::<SEEN>(case, &mut memory, observer) {
                             Ok(waits) => next.extend(waits.then_some(number)),
                             Err(spent) => {
-                                let stop = spent.stop(case + spent.lane, options);
+                                let own = order[number * lanes + spent.lane];
+                                let stop = spent.stop(first + own, options);
                                 if watch.is_none() {
                                     return Err(stop);
                                 }

@@ -328,6 +328,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Subgroup(operation) => {
                     self.subgroup(operation, registers);
                     self.estrange(instruction, registers);
+                    if code.shape(instruction.op).outs[File::Float as usize] > 0 {
+                        self.after_floats(instruction, &registers[..1], (0, 1));
+                        if SEEN {
+                            self.show(observer, instruction, case, (&registers[..1], &[]));
+                        }
+                    }
                     self.report::<SEEN>(observer, instruction, case);
                 }
                 Op::ImageStore(image) => {
@@ -568,11 +574,12 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.strayed.clear();
     }
 
-    /// The kind of what the index of an operation may leave.
+    /// The kind of array that the index of an operation is of. An array with a length within one without counts as fixed.
     fn bounds(&self, op: Op) -> Bounds {
         let is_runtime = |walk: u32| {
             let steps = &self.code.walks[walk as usize].steps;
-            steps.iter().any(|step| matches!(step.count, Count::Runtime { .. }))
+            !steps.is_empty()
+                && steps.iter().all(|step| matches!(step.count, Count::Runtime { .. }))
         };
         match op {
             Op::Subgroup(_) => Bounds::Subgroup,

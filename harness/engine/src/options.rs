@@ -38,6 +38,13 @@ pub struct Options {
     pub schedule: Option<Schedule>,
 }
 
+impl Options {
+    /// Invocations of a subgroup. A ballot has a bit for each of 128.
+    pub(crate) fn subgroup(&self) -> u32 {
+        self.schedule.map_or(Schedule::SUBGROUP, |schedule| schedule.subgroup).clamp(1, 128)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {

@@ -13,7 +13,7 @@ pub struct Schedule {
     /// True if each invocation runs to its end, or to the next barrier, before the next one runs. Otherwise they go
     /// from operation to operation side by side.
     pub serial: bool,
-    /// Invocations of a subgroup: from 4 to 128 (WebGPU, *subgroupMinSize*).
+    /// Invocations of a subgroup: WebGPU has devices of 4 to 128 (*subgroupMinSize*).
     pub subgroup: u32,
 }
 

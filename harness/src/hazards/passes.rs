@@ -35,7 +35,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             None => hazards_made_up(&passes).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
-        // What happens in zeros, too, comes from no content that is made up.
+        // A violation that zeros have, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
         if variant < Extents::LIKELY && !examined.violations.is_empty() {
             let zeros = (variant + Extents::ZEROS, &Vec::new());

@@ -73,6 +73,15 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
+            // Many invocations together may only be many: in one workgroup a loop without an end spends its own fuel.
+            let alone = match stop {
+                Stop::Work { .. } => {
+                    let whole = Options { work: u64::MAX, ..options.clone() };
+                    lowered.observe_races(pass.workgroups, resources, &whole, Some(&[0]))?.stopped
+                }
+                _ => None,
+            };
+            let stop = alone.as_ref().unwrap_or(stop);
             let stopped = super::stopped(&pass.program, &pass.name, stop);
             watched.reason = first_line(&stopped.to_string());
             if let ProbeError::Rounds { diagnostic, .. } = stopped {

@@ -48,7 +48,9 @@ pub(super) fn wrapper(text: &str, function: &str) -> Option<(&'static str, Strin
     // No type has a colon.
     let names: Vec<&str> = (name + 2..close).filter(|at| of(at + 1) == ":").map(of).collect();
     let call = format!("{function}({})", names.join(", "));
-    let returns = (of(close + 1) == "-").then(|| bytes(close + 3, body).trim());
+    // A comment may stand before the body.
+    let ty = || &text[tokens[close + 3].range().start..tokens[body - 1].range().end];
+    let returns = (of(close + 1) == "-").then(ty);
     let (member, run, dropped, value) = match returns {
         Some(ty) => (
             format!("value: {ty}, "),
@@ -83,6 +85,8 @@ mod tests {
         )));
         assert!(wrapped.contains("let karat_value = f(a, b);"), "{wrapped}");
         assert!(wrapped.contains("karat_Pixel(vec4<f32>(), true)"), "{wrapped}");
+        let (_, wrapped) = wrapper("fn h() -> f32 // half\n{ }", "h").expect("it is there");
+        assert!(wrapped.contains("{ value: f32, discarded: bool }"), "{wrapped}");
         let (_, wrapped) = wrapper("fn g() { }", "g").expect("it is there");
         assert!(wrapped.contains("    g();\n") && wrapped.contains("{ discarded: bool }"));
         assert!(wrapper(text, "g").is_none());

@@ -261,10 +261,9 @@ impl<'a> Linker<'a> {
             let key = (self.root.clone(), called.to_owned());
             let function = names.get(&key).map_or(called, String::as_str).to_owned();
             linked.whole = false;
-            linked.discards = wrapper(linked.text(), &function).map(|(wrapper, text)| {
-                linked.spliced.append(&text);
-                (function, wrapper)
-            });
+            let (wrapper, text) = wrapper(linked.text(), &function).expect("it is linked");
+            linked.spliced.append(&text);
+            linked.discards = Some((function, wrapper));
         }
         Ok(linked)
     }

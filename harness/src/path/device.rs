@@ -139,7 +139,7 @@ impl Device {
             // What fixtures may be.
             | wgpu::Features::IMMEDIATES
             | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
-            // What compute passes may use.
+            // Compute passes may use these.
             | wgpu::Features::SUBGROUP
             | wgpu::Features::SUBGROUP_BARRIER
             // What frames are drawn into.

@@ -22,7 +22,7 @@ impl Program {
     /// The linked text with variables in place of a function's textures and samplers; `None` if it takes
     /// none, or something else that can't be passed.
     pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
-        let name = self.name_of(path);
+        let name = self.called_name(self.name_of(path));
         let (_, function) = self.declared(name)?;
         function.arguments.iter().find(|argument| self.is_handle(argument.ty))?;
         let module = &self.checked.module;

@@ -148,7 +148,7 @@ impl Program {
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
-        let Some((handle, function)) = self.declared(name) else {
+        let Some((handle, _)) = self.declared(name) else {
             if let Some(span) = self.entry_point_span(name) {
                 let message =
                     format!("`{path}` is an entry point of a stage that Karat doesn't run");
@@ -163,11 +163,9 @@ impl Program {
             ));
         };
         let span = self.function_span(handle);
-        let (handle, function) = match &self.linked.discards {
-            Some((own, wrapper)) if own == name => self.declared(wrapper).expect("it is linked"),
-            _ => (handle, function),
-        };
-        let discards = self.declared(name).is_some_and(|(own, _)| own != handle);
+        let called = self.called_name(name);
+        let discards = called != name;
+        let (handle, function) = self.declared(called).expect("it is linked");
         let refuse = |what: String, note: &str| {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
@@ -198,6 +196,12 @@ impl Program {
         if let Some(entry_point) = &self.linked.called {
             form.stage = Some(entry_point.stage);
             form.builtins.clone_from(&entry_point.builtins);
+        }
+        if discards && form.alone {
+            return Err(refuse(
+                "it may discard, and writes what other pixels see".to_owned(),
+                "a pixel that is discarded writes nothing: split it in two functions",
+            ));
         }
         if fragment && form.alone {
             return Err(refuse(
@@ -264,6 +268,14 @@ impl Program {
         }
         function.join(written);
         Ok(function)
+    }
+
+    /// The function that is called in place of one: of one that may discard another, which says so.
+    pub(super) fn called_name<'n>(&'n self, name: &'n str) -> &'n str {
+        match &self.linked.discards {
+            Some((own, wrapper)) if own == name => wrapper,
+            _ => name,
+        }
     }
 
     /// The type of a parameter's value, and how it is passed.

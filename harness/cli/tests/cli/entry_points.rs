@@ -90,6 +90,25 @@ tolerance = \"1 ulp\"
     let ran = karat(folder.path(), &["test"]);
     assert!(ran.out.contains("1 passed; 1 failed"), "{ran:?}");
     assert!(ran.out.contains("it fails where alpha is at least 0.5"), "{ran:?}");
+    // Textures and samplers are parameters, too, and comments are no code.
+    let sampled = "fn cut(t: texture_2d<f32>, s: sampler, uv: vec2f) -> vec4f // discard;
+{ let c = textureSampleLevel(t, s, uv, 0.0); if c.a < uv.x { discard; } return c; }
+@group(0) @binding(0) var<storage, read_write> hits: array<u32>;
+fn count(a: f32) -> f32 { if a < 0.5 { discard; } hits[0] = 1u; return a; }
+";
+    write(folder.path(), "t.wgsl", sampled);
+    let (white, point) = ("t=[1, 1, 1, 0.5]", ["[0.75, 0.5]", "[0.25, 0.5]"]);
+    for (uv, discarded) in point.into_iter().zip(["discarded: true", "discarded: false"]) {
+        let called = ["t::cut", uv, "--bind", white, "--bind", "s=linear", "--path", "cpu"];
+        let called = call(&called);
+        assert!(called.contains(discarded), "{uv}: {called}");
+    }
+    let refused = karat(folder.path(), &["call", "t::count", "0.25", "--arbitrary"]);
+    let refused_ = karat(folder.path(), &["call", "t::count", "0.25", "--bind", "hits=[0]"]);
+    assert!(
+        refused.code != Some(0) && refused_.err.contains("it may discard, and writes"),
+        "{refused_:?}"
+    );
     // Only pixels can be discarded.
     write(folder.path(), "m.wgsl", &shader.replace("@fragment fn late", "@vertex fn late"));
     assert_ne!(karat(folder.path(), &["call", "m::late", "0.5"]).code, Some(0));
@@ -374,7 +393,11 @@ depth_write = false
     let drawn = folder.path().join("golden/crossed.new.exr");
     let image = karat::Image::read(&drawn).expect("it was drawn");
     assert_eq!(image.pixels()[14 * 16 + 1][..3], [1.25, 0.25, 0.25], "the first mesh, in front");
-    assert_eq!(image.pixels()[16 + 14][..3], [0.25, 0.25, 1.25], "the second one, of the second layer");
+    assert_eq!(
+        image.pixels()[16 + 14][..3],
+        [0.25, 0.25, 1.25],
+        "the second one, of the second layer"
+    );
     karat(folder.path(), &["accept", "crossed", "--because", "both meshes are there"]).good();
     test().good();
     write(folder.path(), "two.csv", &mesh.replace("0.75", "0.25"));

@@ -11,7 +11,7 @@ use crate::columns::Columns;
 use crate::races::{Accessed, Detector, Place};
 use crate::scalar::{File, Scalar};
 
-/// Whether an operation reads, and whether it writes.
+/// True if an operation reads, and if it writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
@@ -488,7 +488,9 @@ impl<A: Rules> Machine<'_, A> {
         let buffer = &mut memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
         let signed = atomic.scalar.signed();
-        self.note_accesses(walk, indices, length, READS_AND_WRITES, |_, _| 0);
+        // A comparison that fails writes nothing.
+        let noted = if compared { READS } else { READS_AND_WRITES };
+        self.note_accesses(walk, indices, length, noted, |_, _| 0);
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
                 continue;
@@ -528,6 +530,11 @@ impl<A: Rules> Machine<'_, A> {
                 }
             };
             buffer.put(at, &new.to_le_bytes());
+            if let Some(detector) = self.detector.as_mut().filter(|_| compared && exchanged) {
+                let place = Place::Byte(at as u32);
+                let accessed = Accessed { lane, site: self.site, place, index: at / 4, word: new };
+                detector.touch(self.code, walk.buffer, accessed, WRITES);
+            }
             if atomic.result {
                 self.ints.get_mut(registers[0])[lane] = A::int(old, signed);
                 if compared {

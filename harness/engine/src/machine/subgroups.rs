@@ -10,8 +10,7 @@ use crate::scalar::{File, Scalar};
 impl<A: Rules> Machine<'_, A> {
     /// Lanes of a subgroup.
     fn subgroup_size(&self) -> usize {
-        self.options.schedule.map_or(crate::Schedule::SUBGROUP, |schedule| schedule.subgroup)
-            as usize
+        self.options.subgroup() as usize
     }
 
     pub(super) fn subgroup(&mut self, operation: u32, registers: &[u32]) {
@@ -79,8 +78,14 @@ impl<A: Rules> Machine<'_, A> {
             File::Bool if registers.len() > 2 => (registers[2], Some(registers[1])),
             _ => (registers[1], registers.get(2).copied()),
         };
+        let is_float = operation.scalar.file() == File::Float;
         let words: Vec<u32> =
             here.iter().map(|lane| self.word(operation.scalar, value, *lane)).collect();
+        // A float moves as it is.
+        let floats: Vec<A::Float> = match is_float {
+            true => here.iter().map(|lane| self.floats.get(value)[*lane]).collect(),
+            false => Vec::new(),
+        };
         for (at, lane) in here.iter().enumerate() {
             let own = (lane - first) as u32;
             let by = index.map_or(0, |index| A::int_word(self.ints.get(index)[*lane]));
@@ -100,7 +105,11 @@ impl<A: Rules> Machine<'_, A> {
             if there.is_none() {
                 self.leave(*lane);
             }
-            self.set_word(operation.scalar, registers[0], *lane, words[there.unwrap_or(at)]);
+            let there = there.unwrap_or(at);
+            match is_float {
+                true => self.floats.get_mut(registers[0])[*lane] = floats[there],
+                false => self.set_word(operation.scalar, registers[0], *lane, words[there]),
+            }
         }
     }
 

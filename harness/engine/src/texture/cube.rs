@@ -34,7 +34,7 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     }
 }
 
-/// What lies beyond an edge of a face.
+/// The texels beyond an edge of a face.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
