@@ -14,6 +14,7 @@ mod dependence;
 #[cfg(feature = "engine")]
 mod element;
 mod handles;
+mod inputs;
 mod kept;
 mod layout;
 mod limits;
@@ -43,10 +44,10 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 pub use ability::Ability;
 #[cfg(feature = "engine")]
 pub(crate) use adapter::ADAPTER;
-pub use attributes::Input;
 pub use binding::Binding;
 pub(crate) use covering::COVERING;
 pub use dependence::Dependence;
+pub use inputs::Input;
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};

@@ -1,0 +1,55 @@
+//! Inputs of entry points that their host gives by location: the attributes of vertices.
+
+use naga::{Binding, Type, TypeInner};
+
+use super::{NAMED, Program};
+use crate::value::Shape;
+
+/// An input of an entry point that its host gives by location.
+///
+/// ```
+/// use karat::unstable::reflect::{Input, Program};
+/// # use karat::Package;
+///
+/// let text = "@vertex fn at(@location(0) place: vec3f) -> @builtin(position) vec4f { return vec4f(place, 1.0); }";
+/// let program = Program::of_module(&Package::from_source("m", text), "")?;
+/// let Input { location, name, shape } = &program.located_inputs("at")[0];
+/// assert_eq!((*location, &**name, &*shape.to_string()), (0, "place", "vec3<f32>"));
+/// # Ok::<(), karat::unstable::reflect::ReflectError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// `@location(0)`: 0.
+    pub location: u32,
+    /// The parameter, or the member of a structure.
+    pub name: String,
+    /// The type.
+    pub shape: Shape,
+}
+
+impl Program {
+    /// The inputs of an entry point that have a location; empty if there is no such entry point.
+    #[must_use]
+    pub fn located_inputs(&self, name: &str) -> Vec<Input> {
+        let name = self.entry_point_name(name);
+        let module = &self.checked.module;
+        let Some(entry) = module.entry_points.iter().find(|entry| entry.name == name) else {
+            return Vec::new();
+        };
+        let input = |name: &Option<String>, binding: &Option<Binding>, ty: naga::Handle<Type>| {
+            let Some(Binding::Location { location, .. }) = binding else { return None };
+            let shape = self.shape(ty).ok()?;
+            Some(Input { location: *location, name: name.clone().expect(NAMED), shape })
+        };
+        let mut all = Vec::new();
+        for argument in &entry.function.arguments {
+            match &module.types[argument.ty].inner {
+                TypeInner::Struct { members, .. } => all.extend(
+                    members.iter().filter_map(|one| input(&one.name, &one.binding, one.ty)),
+                ),
+                _ => all.extend(input(&argument.name, &argument.binding, argument.ty)),
+            }
+        }
+        all
+    }
+}
