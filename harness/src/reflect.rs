@@ -83,6 +83,7 @@ struct Checked {
     module: naga::Module,
     info: ModuleInfo,
     layouter: Layouter,
+    subgroups: bool,
 }
 
 /// By the text.
@@ -238,7 +239,8 @@ impl Program {
         layouter
             .update(module.to_ctx())
             .map_err(|error| invalid(Diagnostic::new(error.to_string())))?;
-        let checked = Arc::new(Checked { module, info, layouter });
+        let subgroups = subgroups::has_subgroups(&module);
+        let checked = Arc::new(Checked { module, info, layouter, subgroups });
         Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 

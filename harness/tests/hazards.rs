@@ -429,6 +429,11 @@ fn compute_passes_are_looked_through() {
         ("data[i] = sqrt(-1.0 - abs(data[i]));", Kind::Nan, "sqrt(-1.0 - abs(data[i]))"),
         ("tile[k] = data[i]; data[i] = tile[63u - k];", Kind::Race, "tile[k] = data[i]"),
         ("data[i] = data[i] + tile[k];", Kind::Unwritten, "tile[k]"),
+        (
+            "if order[i] > 7u { workgroupBarrier(); } data[i] = 1.0;",
+            Kind::Barrier,
+            "workgroupBarrier",
+        ),
         ("if k < 3u { workgroupBarrier(); } data[i] = 1.0;", Kind::Barrier, "workgroupBarrier"),
         (
             "data[i] = f32(order[i] / (order[i] - order[i]));",
@@ -446,6 +451,28 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
+    // Tiles whose loop goes round twice for some sizes alone, without the barrier behind it.
+    let tiles = |barrier: &str| {
+        look(&format!(
+            "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
+             @group(0) @binding(0) var<uniform> dims: Dims;\n\
+             @group(0) @binding(1) var<storage, read> a: array<f32>;\n\
+             @group(0) @binding(2) var<storage, read_write> sums: array<f32>;\n\
+             var<workgroup> tile: array<f32, 8>;\n\
+             @compute @workgroup_size(8) fn sum(@builtin(local_invocation_index) i: u32) {{\n\
+             var all = 0.0;\n\
+             for (var t = 0u; t < (dims.k + 7u) / 8u; t++) {{\n\
+             let at = t * 8u + i;\n\
+             tile[i] = select(0.0, a[min(at, arrayLength(&a) - 1u)], at < dims.k);\n\
+             workgroupBarrier();\n\
+             for (var j = 0u; j < 8u; j++) {{ all += tile[j]; }}\n\
+             {barrier}\n}}\n\
+             if i < arrayLength(&sums) {{ sums[i] = all; }}\n}}"
+        ))
+    };
+    assert!(of_kind(&tiles(""), Kind::Race).location.contains(":12:"));
+    let right = tiles("workgroupBarrier();");
+    assert!(right.found.iter().all(|one| one.kind != Kind::Race), "{right:#?}");
     // A workgroup of many is together at a million rounds before one of them has spent its own.
     let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\

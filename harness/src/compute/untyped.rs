@@ -119,7 +119,8 @@ pub fn violations(
 ) -> Result<(Vec<(Violation, String)>, Watched), ComputeError> {
     let examined = crate::interpret::examine(&compute.passes()?);
     let shown = |(violation, message): (Violation, crate::diagnostic::Diagnostic)| {
-        (violation, message.to_string())
+        let fails = violation.kind.fails();
+        (violation, if fails { message.to_string() } else { message.to_warning() })
     };
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }

@@ -86,6 +86,9 @@ pub struct Violation {
     /// True if sizes that a host gives may well prevent it: made-up ones tell little of it.
     #[serde(skip)]
     pub(crate) by_size: bool,
+    /// True of a race in the memory of a workgroup, whose size no host says.
+    #[serde(skip)]
+    pub(crate) in_workgroup: bool,
     /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
     /// index the first that leaves.
     pub accesses: Vec<ViolationAccess>,

@@ -37,7 +37,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         };
         // A violation that zeros have, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
-        if variant < Extents::LIKELY && !examined.violations.is_empty() {
+        if !examined.violations.is_empty() {
             let zeros = (variant + Extents::ZEROS, &Vec::new());
             if let Ok((passes, _)) = Passes::arbitrary(package, name, None, ranges, zeros) {
                 let all = examine_made_up(&passes).violations.into_iter();
@@ -96,13 +96,15 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         for hazard in violations.chain(inside_found).chain(endless) {
             // No name tells how large a texture is beside another one, or how many words an element has.
             let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
-            let of_content = hazard.violation.is_some()
-                && !surely.contains(&(hazard.location.clone(), hazard.kind));
+            let in_workgroup = hazard.violation.as_ref().is_some_and(|one| one.in_workgroup);
+            // Invocations that part by what they read may always part.
+            let by_index = matches!(hazard.kind, Kind::Race | Kind::EqualWrites | Kind::OutOfRange);
+            let of_content = by_index && !surely.contains(&(hazard.location.clone(), hazard.kind));
             let likely = match hazard.kind {
                 Kind::OutOfRange | Kind::Endless => variant < Extents::SIZED,
                 // Of numbers that repeat two are the same, and so are the elements that they index.
                 Kind::Race | Kind::EqualWrites => {
-                    variant < Extents::LIKELY && variant != Extents::REPEATED
+                    in_workgroup || variant < Extents::LIKELY && variant != Extents::REPEATED
                 }
                 _ => variant < Extents::LIKELY,
             };

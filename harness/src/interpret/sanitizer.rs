@@ -235,10 +235,21 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
     let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup;
+    let in_workgroup = race.binding.is_none();
     let (entry_point, count) = (pass.name.clone(), race.elements);
     let accesses = accesses.map(access).into();
     (
-        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        Violation {
+            in_workgroup,
+            headline,
+            entry_point,
+            kind,
+            variable,
+            element,
+            count,
+            by_size,
+            accesses,
+        },
         diagnostic,
     )
 }
@@ -303,6 +314,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
         element,
         count,
         by_size: false,
+        in_workgroup: false,
         accesses,
     };
     (violation, diagnostic)
@@ -342,6 +354,7 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     };
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
+    let in_workgroup = false;
     // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
     // is likely made for a larger array.
     let by_size = match one.bounds {
@@ -352,7 +365,17 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     let (variable, element) = (String::new(), String::new());
     let accesses = vec![access((place, invocation, does))];
     (
-        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        Violation {
+            in_workgroup,
+            headline,
+            entry_point,
+            kind,
+            variable,
+            element,
+            count,
+            by_size,
+            accesses,
+        },
         diagnostic,
     )
 }
@@ -377,10 +400,20 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
                 off: write what is meant, and a `workgroupBarrier()` behind";
     let diagnostic = diagnostic.note(note);
     let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Unwritten);
-    let by_size = false;
+    let (by_size, in_workgroup) = (false, false);
     let accesses = vec![access((place, invocation, does))];
     (
-        Violation { headline, entry_point, kind, variable, element, count, by_size, accesses },
+        Violation {
+            in_workgroup,
+            headline,
+            entry_point,
+            kind,
+            variable,
+            element,
+            count,
+            by_size,
+            accesses,
+        },
         diagnostic,
     )
 }

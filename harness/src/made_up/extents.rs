@@ -91,6 +91,8 @@ impl Extents {
             Self::REPEATED => (Some(Numbered::Bits), Some(3)),
             4 => (Some(Numbered::Forwards), Some(4)),
             5 => (Some(Numbered::Forwards), Some(0)),
+            // More than a tile of 8 or 16 has: a loop over tiles goes round several times.
+            6 => (Some(Numbered::Forwards), Some(33)),
             _ => (None, None),
         };
         let numbered = if variant < Self::ZEROS { numbered } else { Some(Numbered::Zero) };

@@ -4,14 +4,11 @@
 //! statement becomes an assignment, and a function beside the author's returns what was assigned.
 
 use super::lexer::lex;
-use super::splice::Edit;
+use super::splice::{DISCARDED, Edit};
 use super::syntax::Module;
 
 /// The statement.
 const DISCARD: &str = "discard";
-
-/// The assignment in its place.
-pub(super) const INSTEAD: &str = "karat_discarded = true";
 
 /// The function that is called in place of the author's.
 const WRAPPER: &str = "karat_or_discarded";
@@ -19,7 +16,7 @@ const WRAPPER: &str = "karat_or_discarded";
 /// The statements among tokens, as edits.
 pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
     let own = tokens.filter(|token| module.text(*token) == DISCARD);
-    let edit = |token| Edit { from: module.span(token).range, name: Some(INSTEAD.to_owned()) };
+    let edit = |token| Edit { from: module.span(token).range, name: Some(DISCARDED.to_owned()) };
     own.map(edit).collect()
 }
 

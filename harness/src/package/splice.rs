@@ -7,7 +7,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::discard::INSTEAD;
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
 /// One text from pieces of the author's files.
@@ -16,6 +15,9 @@ pub(crate) struct Spliced {
     text: String,
     pieces: Vec<Piece>,
 }
+
+/// The assignment in place of `discard` in a function that is called.
+pub(super) const DISCARDED: &str = "karat_discarded = true";
 
 /// A stretch of a file, copied but for its edits.
 #[derive(Clone, Debug)]
@@ -143,7 +145,7 @@ impl Spliced {
                         now == told && is_place(told) && before.ends_with(belongs)
                     }
                     // `discard` of a function that is called.
-                    Some(assigned) if author == "discard" => now == assigned && now == INSTEAD,
+                    Some(assigned) if author == "discard" => now == assigned && now == DISCARDED,
                     Some(name) => {
                         now == name
                             && is_name(name)

@@ -1,36 +1,21 @@
 //! Programs whose invocations see each other through subgroups.
 
-use naga::{Binding, BuiltIn, Expression, Function, Handle, TypeInner};
+use naga::{Binding, BuiltIn, Expression, Function, Handle, Module, TypeInner};
 
 use super::Program;
 
 impl Program {
     /// True if it has operations of subgroups, or a builtin value whose meaning depends on their size.
     pub(crate) fn has_subgroups(&self) -> bool {
-        let module = self.module();
-        let is_own = |binding: &Option<Binding>| {
-            matches!(
-                binding,
-                Some(Binding::BuiltIn(
-                    BuiltIn::SubgroupSize
-                        | BuiltIn::SubgroupInvocationId
-                        | BuiltIn::SubgroupId
-                        | BuiltIn::NumSubgroups
-                ))
-            )
-        };
-        let given = |ty: Handle<naga::Type>| match &module.types[ty].inner {
-            TypeInner::Struct { members, .. } => members.iter().any(|one| is_own(&one.binding)),
-            _ => false,
-        };
-        let entries = module.entry_points.iter().map(|entry| &entry.function);
-        let is_given = |one: &naga::FunctionArgument| is_own(&one.binding) || given(one.ty);
-        entries.clone().any(|entry| entry.arguments.iter().any(is_given))
-            || module.functions.iter().map(|(_, one)| one).chain(entries).any(operates)
+        self.checked.subgroups
     }
 
     /// True if a function, or one that it calls, has an operation of subgroups.
     pub(super) fn reaches_subgroups(&self, path: &str) -> bool {
+        // Few modules have any.
+        if !self.checked.subgroups {
+            return false;
+        }
         let mut wanted = vec![path.to_owned()];
         let mut seen = std::collections::BTreeSet::new();
         while let Some(path) = wanted.pop() {
@@ -53,4 +38,27 @@ fn operates(function: &Function) -> bool {
         )
     };
     function.expressions.iter().any(|(_, expression)| is_result(expression))
+}
+
+/// True if a module has operations of subgroups, or a builtin value whose meaning depends on their size.
+pub(super) fn has_subgroups(module: &Module) -> bool {
+    let is_own = |binding: &Option<Binding>| {
+        matches!(
+            binding,
+            Some(Binding::BuiltIn(
+                BuiltIn::SubgroupSize
+                    | BuiltIn::SubgroupInvocationId
+                    | BuiltIn::SubgroupId
+                    | BuiltIn::NumSubgroups
+            ))
+        )
+    };
+    let given = |ty: Handle<naga::Type>| match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => members.iter().any(|one| is_own(&one.binding)),
+        _ => false,
+    };
+    let entries = module.entry_points.iter().map(|entry| &entry.function);
+    let is_given = |one: &naga::FunctionArgument| is_own(&one.binding) || given(one.ty);
+    entries.clone().any(|entry| entry.arguments.iter().any(is_given))
+        || module.functions.iter().map(|(_, one)| one).chain(entries).any(operates)
 }
