@@ -428,8 +428,8 @@ fn all(folder: &Path) -> Result<(), String> {
               ## Passes that `karat hazards` looked through\n\n\
               With no test, over made-up resources: vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, \
               allocation of uniforms, light probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), \
-              bevy_solari 0.20 as far as it opens, wgpu_sort 0.1 with the constants of its Rust, and seven passes of \
-              WebGPU's samples. It shows one race, the storage barrier above. Its indices out of range are the last \
+              bevy_solari 0.20 as far as it opens, wgpu_sort 0.1 with the constants of its Rust, and the compute \
+              shaders of eight files of WebGPU's samples. It shows one race, the storage barrier above. Its indices out of range are the last \
               bin, and passes that trust their host with the size: boids and particles without a bound, whose last \
               workgroup goes beyond the array, and the histograms of wgpu_sort, which its host rounds up. In \
               bevy_pbr `allocate_global_scan` reads workgroup memory before it is written, which is zero only if the \
@@ -498,7 +498,7 @@ fn page(found: &Found) -> Result<String, String> {
     let _ = write!(
         page,
         "# {}\n\n`{}` of {crate_name} {version}, line {line} of its module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
-         What Karat says:\n\n```text\n{}\n```\n\nMended, it passes:\n\n```diff\n{}{}```\n",
+         Karat says:\n\n```text\n{}\n```\n\nMended, it passes:\n\n```diff\n{}{}```\n",
         found.name.replace('-', " "),
         found.function,
         found.says,

@@ -61,7 +61,7 @@ impl Entry {
             }
         }
         for (builtin, _) in &inputs {
-            if !matches!(
+            let given = matches!(
                 builtin,
                 BuiltIn::GlobalInvocationId
                     | BuiltIn::LocalInvocationId
@@ -69,16 +69,24 @@ impl Entry {
                     | BuiltIn::WorkGroupId
                     | BuiltIn::NumWorkGroups
                     | BuiltIn::WorkGroupSize
-                    | BuiltIn::SubgroupSize
-                    | BuiltIn::SubgroupInvocationId
-                    | BuiltIn::SubgroupId
-                    | BuiltIn::NumSubgroups
-            ) {
+            );
+            if !given && !is_of_subgroups(*builtin) {
                 return Err(refuse(&format!("the builtin input {builtin:?}")));
             }
         }
         Ok(Self { size, inputs })
     }
+}
+
+/// True of a builtin value whose meaning depends on the size of subgroups.
+fn is_of_subgroups(builtin: BuiltIn) -> bool {
+    matches!(
+        builtin,
+        BuiltIn::SubgroupSize
+            | BuiltIn::SubgroupInvocationId
+            | BuiltIn::SubgroupId
+            | BuiltIn::NumSubgroups
+    )
 }
 
 impl Program {
@@ -130,17 +138,8 @@ impl Program {
     /// True of an entry point whose results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
-        let builtin = |(builtin, _): &(BuiltIn, usize)| {
-            matches!(
-                builtin,
-                BuiltIn::SubgroupSize
-                    | BuiltIn::SubgroupInvocationId
-                    | BuiltIn::SubgroupId
-                    | BuiltIn::NumSubgroups
-            )
-        };
-        self.code().subgroup.is_some()
-            || self.entry.as_ref().is_some_and(|entry| entry.inputs.iter().any(builtin))
+        let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));
+        self.code().subgroup.is_some() || self.entry.as_ref().is_some_and(given)
     }
 
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.

@@ -45,7 +45,7 @@ pub enum Stop {
     Work {
         /// A loop that was running.
         span: Span,
-        /// What was allowed.
+        /// The rounds that the options allow.
         rounds: u64,
     },
     /// The words aren't whole rows.

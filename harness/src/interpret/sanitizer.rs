@@ -236,22 +236,31 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
     let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup;
     let in_workgroup = race.binding.is_none();
-    let (entry_point, count) = (pass.name.clone(), race.elements);
-    let accesses = accesses.map(access).into();
-    (
-        Violation {
-            in_workgroup,
-            headline,
-            entry_point,
-            kind,
-            variable,
-            element,
-            count,
-            by_size,
-            accesses,
-        },
-        diagnostic,
-    )
+    let violation = violation(pass, kind, (headline, race.elements), accesses.map(access).into());
+    (Violation { variable, element, by_size, in_workgroup, ..violation }, diagnostic)
+}
+
+/// A violation of no element.
+fn violation(
+    pass: &Pass,
+    kind: ViolationKind,
+    (headline, count): (String, u64),
+    accesses: Vec<ViolationAccess>,
+) -> Violation {
+    let (variable, element) = (String::new(), String::new());
+    let (by_size, in_workgroup) = (false, false);
+    let entry_point = pass.name.clone();
+    Violation {
+        headline,
+        entry_point,
+        kind,
+        variable,
+        element,
+        count,
+        by_size,
+        in_workgroup,
+        accesses,
+    }
 }
 
 /// The path of an element in its variable, and its values.
@@ -303,21 +312,8 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
         one.count
     );
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
-    let (entry_point, count) = (pass.name.clone(), one.count as u64);
-    let (variable, element) = (String::new(), String::new());
-    let accesses = accesses.map(access).into();
-    let violation = Violation {
-        headline,
-        entry_point,
-        kind: ViolationKind::Barrier,
-        variable,
-        element,
-        count,
-        by_size: false,
-        in_workgroup: false,
-        accesses,
-    };
-    (violation, diagnostic)
+    let told = (headline, one.count as u64);
+    (violation(pass, ViolationKind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
@@ -353,8 +349,6 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         }
     };
     let diagnostic = diagnostic.note(note);
-    let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Outside);
-    let in_workgroup = false;
     // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
     // is likely made for a larger array.
     let by_size = match one.bounds {
@@ -362,22 +356,9 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         Bounds::Runtime => 3 * one.count >= one.of,
         Bounds::Texture => true,
     };
-    let (variable, element) = (String::new(), String::new());
     let accesses = vec![access((place, invocation, does))];
-    (
-        Violation {
-            in_workgroup,
-            headline,
-            entry_point,
-            kind,
-            variable,
-            element,
-            count,
-            by_size,
-            accesses,
-        },
-        diagnostic,
-    )
+    let violation = violation(pass, ViolationKind::Outside, (headline, one.count), accesses);
+    (Violation { by_size, ..violation }, diagnostic)
 }
 
 fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagnostic) {
@@ -399,23 +380,9 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     let note = "WGSL begins workgroup memory at zero (*var Declarations*), which costs time, and engines can turn it \
                 off: write what is meant, and a `workgroupBarrier()` behind";
     let diagnostic = diagnostic.note(note);
-    let (entry_point, count, kind) = (pass.name.clone(), one.count, ViolationKind::Unwritten);
-    let (by_size, in_workgroup) = (false, false);
     let accesses = vec![access((place, invocation, does))];
-    (
-        Violation {
-            in_workgroup,
-            headline,
-            entry_point,
-            kind,
-            variable,
-            element,
-            count,
-            by_size,
-            accesses,
-        },
-        diagnostic,
-    )
+    let violation = violation(pass, ViolationKind::Unwritten, (headline, one.count), accesses);
+    (Violation { variable, element, ..violation }, diagnostic)
 }
 
 /// Where, who, and what it does.

@@ -133,6 +133,9 @@ impl Declared {
             return Err(wrong("`indices` are of a `mesh`: name one"));
         }
         if let Some(instances) = self.instances {
+            if instances == 0 {
+                return Err(wrong("0 instances draw nothing"));
+            }
             draw = draw.instances(instances);
         }
         if let Some(cull) = &self.cull {
@@ -163,11 +166,11 @@ impl Declared {
         let first = inputs.iter().find(|input| input.location == 0);
         let is_position = |shape: &Shape| {
             let lanes = shape.lanes();
-            lanes.len() >= 2 && lanes.iter().all(|lane| *lane == Scalar::F32)
+            matches!(lanes.len(), 2 | 3) && lanes.iter().all(|lane| *lane == Scalar::F32)
         };
         if !first.is_some_and(|input| is_position(&input.shape)) {
             return Err(wrong(format!(
-                "`{vertex}` reads no position at `@location(0)`, a vector of floats, and a mesh has one"
+                "`{vertex}` reads no position at `@location(0)`, a vector of two or three floats, and a mesh has one"
             )));
         }
         let parameters: Vec<(String, Shape)> =
@@ -212,50 +215,29 @@ impl Declared {
     }
 }
 
+/// The mesh with the values of an input for each vertex; `None`: an attribute has another type.
 fn with_attribute(mesh: Mesh, location: u32, shape: &Shape, rows: &[Vec<u32>]) -> Option<Mesh> {
     let lanes = shape.lanes();
-    let floats = rows.iter().map(|row| row.iter().map(|word| f32::from_bits(*word)).collect());
-    let floats: Vec<Vec<f32>> = floats.collect();
-    let signed = rows.iter().map(|row| row.iter().map(|word| word.cast_signed()).collect());
-    let signed: Vec<Vec<i32>> = signed.collect();
-    macro_rules! of {
-        ($rows:expr, $($make:expr),*) => {{
-            let rows = $rows;
-            match lanes.len() {
-                1 => mesh.attribute(location, &rows.iter().map(|row| row[0]).collect::<Vec<_>>()),
-                width => {
-                    let mut at = 1;
-                    $(
-                        at += 1;
-                        if at == width {
-                            let values: Vec<_> = rows.iter().map(|row| $make(row)).collect();
-                            return Some(mesh.attribute(location, &values));
-                        }
-                    )*
-                    return None;
-                }
-            }
-        }};
+    let float = |row: &[u32]| row.iter().map(|word| f32::from_bits(*word)).collect::<Vec<_>>();
+    let signed = |row: &[u32]| row.iter().map(|word| word.cast_signed()).collect::<Vec<_>>();
+    macro_rules! values {
+        ($of:expr) => {
+            mesh.attribute(location, &rows.iter().map(|row| $of(row)).collect::<Vec<_>>())
+        };
     }
-    Some(match lanes.first()? {
-        Scalar::F32 => of!(
-            &floats,
-            |row: &Vec<f32>| Vec2::from_slice(row),
-            |row: &Vec<f32>| Vec3::from_slice(row),
-            |row: &Vec<f32>| Vec4::from_slice(row)
-        ),
-        Scalar::I32 => of!(
-            &signed,
-            |row: &Vec<i32>| IVec2::from_slice(row),
-            |row: &Vec<i32>| IVec3::from_slice(row),
-            |row: &Vec<i32>| IVec4::from_slice(row)
-        ),
-        Scalar::U32 => of!(
-            rows,
-            |row: &Vec<u32>| UVec2::from_slice(row),
-            |row: &Vec<u32>| UVec3::from_slice(row),
-            |row: &Vec<u32>| UVec4::from_slice(row)
-        ),
+    Some(match (lanes.first()?, lanes.len()) {
+        (Scalar::F32, 1) => values!(|row| float(row)[0]),
+        (Scalar::F32, 2) => values!(|row| Vec2::from_slice(&float(row))),
+        (Scalar::F32, 3) => values!(|row| Vec3::from_slice(&float(row))),
+        (Scalar::F32, 4) => values!(|row| Vec4::from_slice(&float(row))),
+        (Scalar::I32, 1) => values!(|row| signed(row)[0]),
+        (Scalar::I32, 2) => values!(|row| IVec2::from_slice(&signed(row))),
+        (Scalar::I32, 3) => values!(|row| IVec3::from_slice(&signed(row))),
+        (Scalar::I32, 4) => values!(|row| IVec4::from_slice(&signed(row))),
+        (Scalar::U32, 1) => values!(|row: &Vec<u32>| row[0]),
+        (Scalar::U32, 2) => values!(|row: &Vec<u32>| UVec2::from_slice(row)),
+        (Scalar::U32, 3) => values!(|row: &Vec<u32>| UVec3::from_slice(row)),
+        (Scalar::U32, 4) => values!(|row: &Vec<u32>| UVec4::from_slice(row)),
         _ => return None,
     })
 }

@@ -415,6 +415,7 @@ depth_write = false
         ),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
+        ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
         ("vertices = 3", "indices = [0, 1, 2]", "`indices` are of a `mesh`"),
         ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
     ] {
