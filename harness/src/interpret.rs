@@ -361,11 +361,16 @@ impl Bound {
 
 /// True if a word that passes leave depends on what an operation of one of them reads or writes outside of an array
 /// or a texture.
-fn depends_on(passes: &Passes, pass: &Pass, operation: u32) -> Result<bool, DispatchError> {
+fn depends_on(
+    passes: &Passes,
+    (pass, operation): (&Pass, u32),
+    schedule: Option<karat_engine::Schedule>,
+) -> Result<bool, DispatchError> {
     let differs = differing(|outside| {
         let here = |own: &Pass| Options {
             outside: outside.filter(|_| std::ptr::eq(own, pass)),
             outside_at: Some(operation),
+            schedule,
             ..dispatch::options()
         };
         let afterwards = dispatch::dispatched(passes, &here)?;

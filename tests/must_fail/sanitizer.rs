@@ -407,6 +407,7 @@ fn an_append_whose_order_matters() {
 fn a_reduction_that_assumes_subgroups_of_32() {
     let text = "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;
         var<workgroup> parts: array<u32, 64>;
+        var<workgroup> two: array<u32, 2>;
         @compute @workgroup_size(64) fn by_size(@builtin(local_invocation_index) i: u32,
             @builtin(subgroup_id) group: u32, @builtin(subgroup_invocation_id) own: u32,
             @builtin(num_subgroups) groups: u32) {
@@ -430,6 +431,17 @@ fn a_reduction_that_assumes_subgroups_of_32() {
         @compute @workgroup_size(64) fn next(@builtin(local_invocation_index) i: u32) {
             let all = subgroupShuffleDown(i, 1u);
             if i == 31u { sums[0] = all; }
+        }
+        @compute @workgroup_size(64) fn fifth(@builtin(local_invocation_index) i: u32) {
+            let one = subgroupBroadcast(i, 5u);
+            if i == 0u { sums[0] = one; }
+        }
+        @compute @workgroup_size(64) fn room_for_two(@builtin(local_invocation_index) i: u32,
+            @builtin(subgroup_id) group: u32, @builtin(subgroup_invocation_id) own: u32) {
+            let sum = subgroupAdd(i + 1u);
+            if own == 0u { two[group] = sum; }
+            workgroupBarrier();
+            if i == 0u { sums[0] = two[0] + two[1]; }
         }";
     let package = Package::from_source("subgroups", text);
     let sum = |entry: &str, expected: u32| {
@@ -445,6 +457,8 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     for (entry, kind, part) in [
         ("tail", ViolationKind::Barrier, "a subgroup operation that not every invocation"),
         ("next", ViolationKind::Outside, "isn't in its subgroup"),
+        ("fifth", ViolationKind::Outside, "in subgroups of 4 invocations"),
+        ("room_for_two", ViolationKind::Outside, "in subgroups of 4 invocations"),
     ] {
         let wrong = sum(entry, 32);
         let Err(ComputeError::Violations(found)) = wrong else { panic!("{entry}: {wrong:?}") };

@@ -110,7 +110,8 @@ impl Program {
     }
 
     /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
-    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each.
+    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each. A schedule
+    /// may give subgroups a size, and no order.
     ///
     /// # Errors
     ///
@@ -122,7 +123,7 @@ impl Program {
         options: &Options,
         groups: Option<&[usize]>,
     ) -> Result<Observed, Stop> {
-        if options.schedule.is_some() {
+        if options.schedule.is_some_and(|schedule| schedule.serial || schedule.swaps > 0) {
             return Err(Stop::Misuse("races are looked for in the usual order"));
         }
         let watch = Some(groups);

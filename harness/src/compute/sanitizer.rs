@@ -6,6 +6,7 @@ use super::{After, Compute, ComputeError};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
 use crate::interpret;
+use crate::package::Package;
 use crate::record::Fault;
 use crate::run::Report;
 
@@ -137,7 +138,7 @@ impl After<'_> {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(one.wrong(format!("names a variable that no pass has{near}")));
         }
-        let Examined { violations, mut watched, .. } = interpret::examine(passes);
+        let Examined { violations, mut watched, .. } = examined(passes, self.compute.package);
         watched.accepted =
             accepted.iter().map(|one| (one.variable.clone(), one.reason.clone())).collect();
         let whole = watched.reason.is_empty();
@@ -156,6 +157,18 @@ impl After<'_> {
             if one.equal { "no two invocations write one value there" } else { "there is none" };
         Err(one.wrong(format!("isn't needed, as {what}: remove it")))
     }
+}
+
+/// The findings in passes; at a barrier that some invocations miss with Tint's word, if it is here.
+pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
+    let mut examined = interpret::examine(passes);
+    for (violation, message) in &mut examined.violations {
+        let of = passes.passes.iter().find(|pass| pass.name == violation.entry_point);
+        if let (ViolationKind::Barrier, Some(pass)) = (violation.kind, of) {
+            message.notes.extend(package.uniformity_by_tint(&pass.program));
+        }
+    }
+    examined
 }
 
 impl Accepted {

@@ -117,7 +117,7 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
 pub fn violations(
     compute: &Compute<'_>,
 ) -> Result<(Vec<(Violation, String)>, Watched), ComputeError> {
-    let examined = crate::interpret::examine(&compute.passes()?);
+    let examined = super::sanitizer::examined(&compute.passes()?, compute.package);
     let shown = |(violation, message): (Violation, crate::diagnostic::Diagnostic)| {
         let fails = violation.kind.fails();
         (violation, if fails { message.to_string() } else { message.to_warning() })

@@ -38,6 +38,11 @@ impl OrderOf {
         self.0.subgroup
     }
 
+    /// The invocations by their numbers, in the smallest subgroups.
+    pub(super) fn in_small_subgroups() -> Schedule {
+        Schedule { seed: 0, swaps: 0, serial: false, subgroup: SUBGROUPS[0] }
+    }
+
     /// The same with the first so many swaps.
     pub(crate) fn first(self, swaps: usize) -> Self {
         Self(Schedule { swaps, ..self.0 })

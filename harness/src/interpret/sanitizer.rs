@@ -6,6 +6,7 @@ use karat_engine::{
     Access, Bounds, Divergence, Observed, Options, Outside, Place, Race as Found, Stop, Unwritten,
 };
 
+use super::OrderOf;
 use super::dispatch::{in_order, options};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
@@ -43,7 +44,39 @@ fn examine_with(passes: &Passes, options: &Options) -> Examined {
     if let Err(error) = run(passes, &mut examined, options) {
         examined.watched.reason = first_line(&error.to_string());
     }
+    if passes.has_subgroups() && examined.watched.reason.is_empty() {
+        in_small_subgroups(passes, &mut examined, options);
+    }
     examined
+}
+
+/// Adds the findings of the smallest subgroups that WebGPU has, where there are the most of them and a lane has the
+/// fewest others.
+fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Options) {
+    let schedule = OrderOf::in_small_subgroups();
+    let mut small = Examined::default();
+    if let Err(error) =
+        run(passes, &mut small, &Options { schedule: Some(schedule), ..options.clone() })
+    {
+        small.watched.reason = first_line(&error.to_string());
+    }
+    if !small.watched.reason.is_empty() {
+        examined.watched.reason =
+            format!("in subgroups of {}: {}", schedule.subgroup, small.watched.reason);
+    }
+    for (violation, diagnostic) in small.violations {
+        let places = |one: &Violation| -> Vec<String> {
+            one.accesses.iter().map(|access| access.place.clone()).collect()
+        };
+        let is_same =
+            |other: &Violation| other.kind == violation.kind && places(other) == places(&violation);
+        if !examined.violations.iter().any(|(other, _)| is_same(other)) {
+            let size = schedule.subgroup;
+            let note =
+                format!("this is in subgroups of {size} invocations, which a device may have");
+            examined.violations.push((violation, diagnostic.note(note)));
+        }
+    }
 }
 
 fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
@@ -110,7 +143,8 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             continue;
         }
         let matters = one.writes
-            || (watched.reason.is_empty() && super::depends_on(passes, pass, one.number)?);
+            || (watched.reason.is_empty()
+                && super::depends_on(passes, (pass, one.number), options.schedule)?);
         if matters {
             violations.push(of_outside(&Examining { pass, size }, &one));
             written.push((number, range));

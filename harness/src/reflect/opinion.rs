@@ -1,5 +1,6 @@
 //! The opinion on a package of others than naga: Tint, WebGPU's limits, and an engine that loads its files.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::message::to_author;
@@ -183,11 +184,7 @@ pub(super) fn of(
         return Err(unusable(format!("wgpu has no native feature `{unknown}`; {near}")));
     }
     let mut unused: Vec<&String> = compilers.native.iter().collect();
-    let folder = match package.root() {
-        root if root.as_os_str().is_empty() => std::env::current_dir().unwrap_or_default(),
-        root => root,
-    };
-    let tint = Tint::beside(&folder, compilers.require_tint);
+    let tint = Tint::beside(&package.folder(), compilers.require_tint);
     let (mut asked, mut questions) = (Vec::new(), Vec::new());
     for (index, (module, judged)) in modules.iter().enumerate() {
         if let Some(diagnostic) = package.shipped_tests(module) {
@@ -344,6 +341,32 @@ impl Opinion {
 }
 
 impl Package {
+    /// Tint's word on uniform control flow in a program of this package, as a note; `None` if Tint isn't here, or has
+    /// no verdict.
+    pub(crate) fn uniformity_by_tint(&self, program: &Program) -> Option<String> {
+        let tint = Tint::beside(&self.folder(), false).ok()?;
+        let question = Question { text: program.text().to_owned(), ..Question::default() };
+        let answer = tint.ask(&[question]).into_iter().next()?.ok()?;
+        let message = answer.messages.into_iter().find(|message| {
+            message.severity != Severity::Info && Reason::of(&message.text) == Reason::Uniformity
+        });
+        let Some(message) = message else {
+            return Some("Tint sees nothing of it: this run alone shows it".to_owned());
+        };
+        let head = message.text.lines().next().unwrap_or_default();
+        let place = message.range.and_then(|range| program.linked.spliced.resolve(range));
+        let place = place.map_or_else(String::new, |span| format!("{span}: "));
+        Some(format!("Tint says so from the text alone: {place}{head}"))
+    }
+
+    /// The folder whose `node_modules` it has.
+    fn folder(&self) -> PathBuf {
+        match self.root() {
+            root if root.as_os_str().is_empty() => std::env::current_dir().unwrap_or_default(),
+            root => root,
+        }
+    }
+
     /// Where tests stand in a module that an engine loads: other compilers know no `@test`.
     fn shipped_tests(&self, module: &str) -> Option<Diagnostic> {
         if module.ends_with("_test") {

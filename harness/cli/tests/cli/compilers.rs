@@ -626,3 +626,29 @@ mod fakes {
         }
     }
 }
+
+/// A barrier that some invocations miss has Tint's word beside it, which looks at the text and not at a run.
+#[test]
+fn a_barrier_that_some_miss_has_tints_word() {
+    let entry = |condition: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;\n\
+             @compute @workgroup_size(4) fn main(@builtin(local_invocation_index) i: u32) {{\n    \
+             {condition} {{ workgroupBarrier(); }}\n    sums[i] = i;\n}}\n"
+        )
+    };
+    let folder = folder(&entry("if i > 2u"));
+    write(
+        folder.path(),
+        "shaders/m.test.toml",
+        "[[compute]]\nentry = \"main\"\nworkgroups = 1\nwith = { sums = { size = 4 } }\n\
+         [compute.after.sums]\nequals = [0, 1, 2, 3]\n",
+    );
+    let told = with_tint(folder.path(), &["test", "shaders"]);
+    assert_eq!(told.code, Some(1), "{told:?}");
+    let word = "Tint says so from the text alone: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+    assert!(told.out.contains(word), "{}", told.out);
+    let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
+    assert_eq!(alone.code, Some(1), "{alone:?}");
+    assert!(!alone.out.contains("Tint says"), "{}", alone.out);
+}
