@@ -646,7 +646,8 @@ fn a_barrier_that_some_miss_has_tints_word() {
     );
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
-    let word = "Tint says so from the text alone: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+    let word =
+        "Tint says so from the text alone: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");

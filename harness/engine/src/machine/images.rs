@@ -4,7 +4,7 @@ use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Detail, ImageKind, ImageOp};
 use crate::races::{Accessed, Place};
-use crate::texture::{self, Comparison, Dimension, Level, Sampler, Texture};
+use crate::texture::{self, Dimension, Level, Mean, Sampler, Texture};
 
 /// The registers of an operation on a texture, by what they hold.
 struct Operands<'a> {
@@ -246,7 +246,7 @@ impl<A: Rules> Machine<'_, A> {
                 let channel = channel as usize;
                 for (k, footprint) in texture.gathered(sampler, place).into_iter().enumerate() {
                     if op.outs[0] > 0 {
-                        let mut mean = Mean::of((sampler, reference));
+                        let mut mean = Mean::of(sampler, reference);
                         for &(weight, at) in &footprint {
                             mean.add(weight, texture.texel(0, at, 0));
                         }
@@ -261,60 +261,16 @@ impl<A: Rules> Machine<'_, A> {
                 }
                 continue;
             }
-            let mut mean = Mean::of((sampler, reference));
             // Intervals hold all texels, whichever they are.
-            if !A::NOTES {
-                texture.each_texel(sampler, place, level, |weight, level, at| {
-                    mean.add(weight, texture.texel(level, at, 0));
-                });
-            }
+            let mean = match A::NOTES {
+                true => Mean::of(sampler, reference),
+                false => texture.mean(sampler, place, level, reference),
+            };
             for (channel, &out) in operands.outs.iter().enumerate() {
                 let x = mean.channel::<A>(texture, channel, unbounded);
                 self.floats.get_mut(out)[lane] = x;
             }
         }
-    }
-}
-
-/// The weighted mean of texels, or of whether a reference compares with them.
-struct Mean {
-    compare: Option<(Comparison, f64)>,
-    sum: [f64; 4],
-    count: u32,
-    /// The first texel: alone it is exact, infinities included.
-    first: [u32; 4],
-}
-
-impl Mean {
-    fn of((sampler, reference): (&Sampler, Option<f64>)) -> Self {
-        let compare = sampler.compare.zip(reference);
-        Self { compare, sum: [0.0; 4], count: 0, first: [0; 4] }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, weight: f64, words: [u32; 4]) {
-        if self.count == 0 {
-            self.first = words;
-        }
-        self.count += 1;
-        let mut texel = words.map(|word| f64::from(f32::from_bits(word)));
-        if let Some((compare, reference)) = self.compare {
-            texel = texel.map(|texel| f64::from(compare.holds(reference, texel)));
-        }
-        for (sum, texel) in self.sum.iter_mut().zip(texel) {
-            *sum += weight * texel;
-        }
-    }
-
-    fn channel<A: Rules>(&self, texture: &Texture, channel: usize, unbounded: bool) -> A::Float {
-        if unbounded {
-            return A::float(f32::NAN);
-        }
-        if self.count == 1 && self.compare.is_none() && !A::NOTES {
-            return A::float(f32::from_bits(self.first[channel]));
-        }
-        let hull = if self.compare.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
-        A::filtered(self.sum[channel], hull)
     }
 }
 

@@ -8,17 +8,20 @@ use std::sync::LazyLock;
 pub(super) fn face(direction: [f64; 3]) -> (usize, f64, f64) {
     let [x, y, z] = direction;
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-    // At equal magnitudes z comes before y, and y before x.
-    let (face, s, t, major) = if az >= ax && az >= ay {
-        if z < 0.0 { (5, -x, -y, az) } else { (4, x, -y, az) }
-    } else if ay >= ax {
-        if y < 0.0 { (3, x, -z, ay) } else { (2, x, z, ay) }
-    } else if x < 0.0 {
-        (1, z, -y, ax)
-    } else {
-        (0, -z, -y, ax)
+    // At equal magnitudes z comes before y, and y before x. Without branches, of which each second one would be
+    // mispredicted.
+    let by_z = (az >= ax) & (az >= ay);
+    let by_y = !by_z & (ay >= ax);
+    let choose = |of_x: f64, of_y: f64, of_z: f64| {
+        let other = if by_y { of_y } else { of_x };
+        if by_z { of_z } else { other }
     };
-    (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
+    let negative = choose(x, y, z) < 0.0;
+    let turned = |x: f64| if negative { -x } else { x };
+    let (s, t) = (choose(-turned(z), x, turned(x)), choose(-y, turned(z), -y));
+    let major = choose(ax, ay, az);
+    let first = if by_z { 4 } else { 2 * usize::from(by_y) };
+    (first + usize::from(negative), 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
 /// The direction through a point of a face, which may lie beyond its edge.

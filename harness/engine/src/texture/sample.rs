@@ -1,6 +1,7 @@
 //! Which texels a sample is made of, and their weights.
 
-use super::{Address, Dimension, Filter, Sampler, Texture, cube};
+use super::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, cube};
+use crate::arithmetic::sealed::Rules;
 
 /// The level of detail of a sample.
 #[derive(Clone, Copy, Debug)]
@@ -14,12 +15,12 @@ pub(crate) enum Level {
 /// Texels and weights, which sum to one: of a corner of a cube three.
 pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
 
-/// The next whole number below, as a float and as an integer: without a call, which `f64::floor` is before SSE 4.1.
+/// The next whole number below, of what has 31 bits: without a call, which `f64::floor` is before SSE 4.1.
 #[inline]
 fn floor(x: f64) -> (f64, i64) {
-    let cut = x as i64;
-    let index = cut - i64::from(cut as f64 > x);
-    (index as f64, index)
+    let cut = x as i32;
+    let index = cut - i32::from(f64::from(cut) > x);
+    (f64::from(index), i64::from(index))
 }
 
 /// Where a sample is.
@@ -55,46 +56,106 @@ impl Texture {
         }
     }
 
-    /// Visits the texels that a sampler filters: weight, level, texel. Weights sum to one.
-    pub(crate) fn each_texel(
+    /// The mean of the texels that a sampler filters, or of whether `reference` compares with them.
+    pub(crate) fn mean(
         &self,
         sampler: &Sampler,
         place: Place,
         level: Level,
-        mut visit: impl FnMut(f64, u32, [u32; 3]),
-    ) {
+        reference: Option<f64>,
+    ) -> Mean {
+        let mut mean = Mean::of(sampler, reference);
+        let on_face = self.on_face(place);
+        let (filter, first, share) = self.levels_of(sampler, level);
+        let is_bilinear =
+            filter == Filter::Linear && mean.compare.is_none() && self.dimensions() == 2;
+        for (level, weight) in [(first, 1.0 - share), (first + 1, share)] {
+            if weight > 0.0
+                && !(is_bilinear && self.bilinear((place, on_face), level, weight, &mut mean))
+            {
+                self.level((sampler, filter), (place, on_face), level, weight, &mut mean);
+            }
+        }
+        mean
+    }
+
+    /// The filter of a level of detail, the level that it begins with, and the weight of the next one.
+    #[inline]
+    fn levels_of(&self, sampler: &Sampler, level: Level) -> (Filter, u32, f64) {
+        let last = self.levels() - 1;
+        if last == 0 && sampler.mag == sampler.min {
+            return (sampler.mag, 0, 0.0);
+        }
         let detail = self.detail(level);
         // NaN has no level; the largest is as good as any.
         let detail = if detail.is_nan() { 0.0 } else { detail };
         let detail = detail.clamp(f64::from(sampler.lod_min), f64::from(sampler.lod_max));
         let filter = if detail <= 0.0 { sampler.mag } else { sampler.min };
-        let last = f64::from(self.levels() - 1);
-        let detail = detail.clamp(0.0, last);
-        let on_face = self.on_face(place);
-        // One call of what is inlined: it is long.
-        let (first, share) = match sampler.mip {
-            Filter::Nearest => (floor(detail + 0.5).0.min(last), 0.0),
+        let detail = detail.clamp(0.0, f64::from(last));
+        match sampler.mip {
+            Filter::Nearest => (filter, (floor(detail + 0.5).1 as u32).min(last), 0.0),
             Filter::Linear => {
-                let (below, _) = floor(detail);
-                (below, detail - below)
-            }
-        };
-        for (level, weight) in [(first as u32, 1.0 - share), (first as u32 + 1, share)] {
-            if weight > 0.0 {
-                self.level((sampler, filter), (place, on_face), level, weight, &mut visit);
+                let (below, first) = floor(detail);
+                (filter, first as u32, detail - below)
             }
         }
     }
 
+    /// Adds four texels of a level, as nearly all samples have: none is beyond an edge. `false`: they aren't four.
     #[inline]
+    fn bilinear(
+        &self,
+        (place, (face, at)): (Place, (usize, [f64; 3])),
+        level: u32,
+        weight: f64,
+        mean: &mut Mean,
+    ) -> bool {
+        let Texels::Float(texels) = &self.levels[level as usize] else { return false };
+        let size = self.level_size(level);
+        let [(left, x, right), (up, y, down)] = [0, 1].map(|k| {
+            let (below, index) = floor(at[k] * f64::from(size[k]) - 0.5);
+            let fraction = at[k] * f64::from(size[k]) - 0.5 - below;
+            (1.0 - fraction, index + i64::from(place.offset[k]), fraction)
+        });
+        let [width, height] = [0, 1].map(|k| i64::from(size[k]));
+        // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
+        let is_inside = x >= 0 && y >= 0 && x + 1 < width && y + 1 < height;
+        if !(is_inside && right > 0.0 && down > 0.0) {
+            return false;
+        }
+        let layer = match self.dimension {
+            Dimension::Cube => place.layer as usize * 6 + face,
+            _ => place.layer as usize,
+        };
+        let [x, y, width, height] = [x, y, width, height].map(|k| k as usize);
+        let row = (layer * height + y) * width + x;
+        let (Some([a, b]), Some([c, d])) = (
+            texels.get(row..).and_then(<[_]>::first_chunk),
+            texels.get(row + width..).and_then(<[_]>::first_chunk),
+        ) else {
+            return false;
+        };
+        let (left, right) = (weight * left, weight * right);
+        for (share, texel) in [(left * up, a), (right * up, b), (left * down, c), (right * down, d)]
+        {
+            for (sum, channel) in mean.sum.iter_mut().zip(texel) {
+                *sum += share * f64::from(*channel);
+            }
+        }
+        mean.count += 4;
+        true
+    }
+
+    #[inline(never)]
     fn level(
         &self,
         (sampler, filter): (&Sampler, Filter),
         (place, (face, at)): (Place, (usize, [f64; 3])),
         level: u32,
         weight: f64,
-        visit: &mut impl FnMut(f64, u32, [u32; 3]),
+        mean: &mut Mean,
     ) {
+        let mut visit = |weight: f64, at: [u32; 3]| mean.add(weight, self.texel(level, at, 0));
         let n = self.dimensions().min(3);
         let size = self.level_size(level);
         // Filters have no use for coordinates that aren't finite; NaN becomes 0.
@@ -107,41 +168,17 @@ impl Texture {
                 if k < n { floor(texel(k)).1 + i64::from(place.offset[k]) } else { 0 }
             });
             self.find(sampler, place, face, index, size, |part, at| {
-                visit(weight * part, level, at)
+                visit(weight * part, at);
             });
             return;
         }
         let mut low = [0; 3];
         let mut fraction = [0.0; 3];
-        let mut inside = true;
         for k in 0..n {
             let centre = texel(k) - 0.5;
             let (below, index) = floor(centre);
             low[k] = index + i64::from(place.offset[k]);
             fraction[k] = centre - below;
-            inside &= low[k] >= 0 && low[k] + 1 < i64::from(size[k]);
-        }
-        // Nearly all samples have no texel beyond an edge.
-        if inside && n == 2 {
-            let layer = match self.dimension {
-                Dimension::Cube => place.layer * 6 + face as u32,
-                _ => place.layer,
-            };
-            let [x, y] = [low[0] as u32, low[1] as u32];
-            let [right, down] = [fraction[0], fraction[1]];
-            let [left, up] = [weight * (1.0 - right), 1.0 - down];
-            let right = weight * right;
-            for (share, at) in [
-                (left * up, [x, y, layer]),
-                (right * up, [x + 1, y, layer]),
-                (left * down, [x, y + 1, layer]),
-                (right * down, [x + 1, y + 1, layer]),
-            ] {
-                if share != 0.0 {
-                    visit(share, level, at);
-                }
-            }
-            return;
         }
         for corner in 0..1usize << n {
             let mut share = weight;
@@ -155,7 +192,7 @@ impl Texture {
             });
             if share != 0.0 {
                 self.find(sampler, place, face, index, size, |part, at| {
-                    visit(share * part, level, at);
+                    visit(share * part, at);
                 });
             }
         }
@@ -225,6 +262,52 @@ impl Texture {
                 }
             }
         }
+    }
+}
+
+/// The weighted mean of texels, or of whether a reference compares with them.
+pub(crate) struct Mean {
+    compare: Option<(Comparison, f64)>,
+    sum: [f64; 4],
+    count: u32,
+    /// The first texel: alone it is exact, infinities included.
+    first: [u32; 4],
+}
+
+impl Mean {
+    pub(crate) fn of(sampler: &Sampler, reference: Option<f64>) -> Self {
+        let compare = sampler.compare.zip(reference);
+        Self { compare, sum: [0.0; 4], count: 0, first: [0; 4] }
+    }
+
+    pub(crate) fn add(&mut self, weight: f64, words: [u32; 4]) {
+        if self.count == 0 {
+            self.first = words;
+        }
+        self.count += 1;
+        let mut texel = words.map(|word| f64::from(f32::from_bits(word)));
+        if let Some((compare, reference)) = self.compare {
+            texel = texel.map(|texel| f64::from(compare.holds(reference, texel)));
+        }
+        for (sum, texel) in self.sum.iter_mut().zip(texel) {
+            *sum += weight * texel;
+        }
+    }
+
+    pub(crate) fn channel<A: Rules>(
+        &self,
+        texture: &Texture,
+        channel: usize,
+        unbounded: bool,
+    ) -> A::Float {
+        if unbounded {
+            return A::float(f32::NAN);
+        }
+        if self.count == 1 && self.compare.is_none() && !A::NOTES {
+            return A::float(f32::from_bits(self.first[channel]));
+        }
+        let hull = if self.compare.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
+        A::filtered(self.sum[channel], hull)
     }
 }
 
