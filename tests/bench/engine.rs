@@ -59,6 +59,70 @@ pub(super) fn run() {
     }
 }
 
+/// The sanitizer and other orders of invocations, beside the pass alone.
+pub(super) fn sanitizer() {
+    println!(
+        "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
+    );
+    let (mut detector, mut order) = (Vec::new(), Vec::new());
+    for _ in 0..STARTS {
+        let [looked, plain_and_looked, with_orders] =
+            ["looked", "pass", "pass_in_orders"].map(|task| {
+                let orders = if task == "pass_in_orders" { ORDERS } else { "0" };
+                let own = [("KARAT_PATHS", "cpu"), ("KARAT_SCHEDULES", orders)];
+                spawn(task, &own).1.parse::<f64>().expect("a child prints its seconds")
+            });
+        let plain = plain_and_looked - looked;
+        detector.push(looked / plain);
+        // The usual order runs once more, as the first that is compared.
+        let orders = ORDERS.parse::<f64>().expect("a number") + 1.0;
+        order.push((with_orders - plain_and_looked) / orders / plain);
+    }
+    println!("  with the detector          {}", Spread::of(detector));
+    println!("  in another order, each     {}", Spread::of(order));
+}
+
+/// Orders that the benchmark asks for.
+const ORDERS: &str = "4";
+
+/// A tile of 64 words a workgroup, which its invocations sum up in turn.
+const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
+    @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+    var<workgroup> tile: array<u32, 64>;
+    @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32,
+        @builtin(global_invocation_id) id: vec3u) {
+        tile[i] = input[id.x];
+        workgroupBarrier();
+        var sum = 0u;
+        for (var k = 0u; k < 64u; k++) { sum += tile[(i + k) % 64u] * (k + 1u); }
+        sums[id.x] = sum;
+    }";
+
+/// Seconds that a pass takes, looked through alone or in a test.
+fn pass(is_test: bool) -> f64 {
+    const WORDS: u32 = 1 << 16;
+    let package = Package::from_source("tiles", TILES);
+    let passes = || {
+        let passes = package.compute().with("input", Storage::new(0..WORDS));
+        passes.with("sums", Storage::new(vec![0_u32; WORDS as usize])).dispatch("sum", [1024, 1, 1])
+    };
+    let once = || {
+        let start = Instant::now();
+        if is_test {
+            drop(passes().after("sums").unrecorded().satisfies("is anything", |_: &[u32]| true));
+        } else {
+            let (found, watched) =
+                karat::unstable::compute::violations(&passes()).expect("the pass is valid");
+            assert!(found.is_empty() && watched.invocations == u64::from(WORDS), "{watched:?}");
+        }
+        start.elapsed().as_secs_f64()
+    };
+    once();
+    let mut times: Vec<f64> = (0..5).map(|_| once()).collect();
+    times.sort_by(f64::total_cmp);
+    times[2]
+}
+
 /// What a child does; `false`: it is no task of this benchmark.
 pub(super) fn child(task: &str) -> bool {
     match task {
@@ -69,6 +133,8 @@ pub(super) fn child(task: &str) -> bool {
         "estimate_65536" => estimate(65_536),
         "ggx_steady" => print!("{}", steady(1_000_000, ggx)),
         "estimate_steady" => print!("{}", steady(100_000, estimate)),
+        "looked" => print!("{}", pass(false)),
+        "pass" | "pass_in_orders" => print!("{}", pass(true)),
         _ => return false,
     }
     true

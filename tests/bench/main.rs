@@ -25,7 +25,7 @@ use self::bare::Bare;
 const STARTS: usize = 9;
 
 /// What is measured, by name.
-const BENCHMARKS: [(&str, fn()); 10] = [
+const BENCHMARKS: [(&str, fn()); 11] = [
     ("starts", starts),
     ("throughput", throughput),
     ("costs", costs),
@@ -33,6 +33,7 @@ const BENCHMARKS: [(&str, fn()); 10] = [
     ("memory", memory),
     ("frames", frames::run),
     ("engine", engine::run),
+    ("sanitizer", engine::sanitizer),
     ("compilers", compilers::run),
     ("watch", watch::run),
     ("project", project::run),
