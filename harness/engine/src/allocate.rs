@@ -212,7 +212,7 @@ fn is_pure(op: Op) -> bool {
             | Op::ToInt(_)
             | Op::FromInt(_)
             | Op::Scale(_)
-            | Op::ToHalf
+            | Op::ToHalf(_)
             | Op::Neighbour(_)
             | Op::CompareFloat(_)
             | Op::CompareInt(..)

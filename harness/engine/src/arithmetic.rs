@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use crate::interval::{Interval, Range, Truth};
+use crate::rules::Half;
 
 /// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
@@ -144,8 +145,9 @@ pub(crate) mod sealed {
         /// The values that an index may have. `signed` says how its bits are read.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// The value rounded to half precision; the shadow and intervals leave it as it is.
-        fn to_half(x: Self::Float) -> Self::Float;
+        /// The value rounded to half precision, which the shadow leaves as it is. Intervals hold what may become of a
+        /// result that is as exact as this.
+        fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// The value with subnormals flushed to zero.
         fn flush(x: Self::Float) -> Self::Float;
         /// Whether it is anything at all, of which the cause is noted.
@@ -311,7 +313,7 @@ impl Rules for F32 {
     fn mixed<R: MixedRule>(x: f32, i: u32) -> f32 {
         R::single(x, i)
     }
-    fn to_half(x: f32) -> f32 {
+    fn to_half(x: f32, _: Half) -> f32 {
         half::f16::from_f32(x).to_f32()
     }
     #[inline(always)]
@@ -353,7 +355,7 @@ impl Rules for F64 {
     fn mixed<R: MixedRule>(x: f64, i: u32) -> f64 {
         R::double(x, i)
     }
-    fn to_half(x: f64) -> f64 {
+    fn to_half(x: f64, _: Half) -> f64 {
         x
     }
     #[inline(always)]
@@ -476,8 +478,8 @@ impl Rules for Intervals {
     fn bounds(i: Range, _signed: bool) -> Bounds {
         (i.lo(), i.hi())
     }
-    fn to_half(x: Interval) -> Interval {
-        x
+    fn to_half(x: Interval, half: Half) -> Interval {
+        x.halved(half)
     }
     fn flush(x: Interval) -> Interval {
         x

@@ -2,7 +2,7 @@
 
 use naga::{AtomicFunction, Span};
 
-use crate::rules::{FloatRule, FromInt, Integer, Scale, ToInt};
+use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
 /// A register: a column of lanes in one of the three files.
@@ -50,8 +50,8 @@ pub(crate) enum Op {
     ToInt(ToInt),
     FromInt(FromInt),
     Scale(Scale),
-    /// Rounds to half precision.
-    ToHalf,
+    /// Rounds to half precision a result that is as exact as this.
+    ToHalf(Half),
     /// What another lane of the quad has.
     Neighbour(Neighbour),
     CompareFloat(Compare),
@@ -187,6 +187,8 @@ pub struct Site {
     pub name: Option<String>,
     /// Its bytes in the source.
     pub span: Span,
+    /// True if it gives floats of half precision.
+    pub half: bool,
 }
 
 /// A constant that fills a register.
@@ -254,7 +256,7 @@ pub(crate) struct Code {
     pub(crate) results: Vec<(Reg, Scalar)>,
     /// Shapes of named values.
     pub(crate) marks: Vec<[u32; 3]>,
-    /// The first operation in half precision.
+    /// The first operation in half precision that has no bounds.
     pub(crate) half: Option<Span>,
     /// Registers that are stored to, which worlds of a lane differ in.
     pub(crate) mutable: [Vec<u32>; 3],
@@ -379,7 +381,7 @@ impl Code {
             Op::ToInt(rule) => Shape { outs: int, ins: [rule.arity() as u32, 0, 0] },
             Op::FromInt(rule) => Shape { outs: [rule.arity() as u32, 0, 0], ins: int },
             Op::Scale(_) => Shape { outs: float, ins: [1, 1, 0] },
-            Op::ToHalf | Op::Neighbour(_) => Shape { outs: float, ins: float },
+            Op::ToHalf(_) | Op::Neighbour(_) => Shape { outs: float, ins: float },
             Op::CompareFloat(_) => Shape { outs: bool, ins: [2, 0, 0] },
             Op::CompareInt(..) => Shape { outs: bool, ins: [0, 2, 0] },
             Op::And | Op::Or | Op::Differ => Shape { outs: bool, ins: [0, 0, 2] },

@@ -1,6 +1,7 @@
 //! Intervals of floats and integers, and booleans that may be undecided.
 
 mod chain;
+mod half;
 
 use std::f64::consts::PI;
 use std::fmt;

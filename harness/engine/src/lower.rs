@@ -134,6 +134,7 @@ impl<'m> Lower<'m> {
             expression: None,
             name: None,
             span: Span::UNDEFINED,
+            half: false,
         });
         Self {
             module,

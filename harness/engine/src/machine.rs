@@ -17,7 +17,7 @@ use crate::columns::Columns;
 use crate::observer::{Fault, Faulty, Lanes, Observer};
 use crate::options::Options;
 use crate::races::{Bounds, Detector};
-use crate::rules::{Edges, FloatRule, ToInt};
+use crate::rules::{Edges, FloatRule, Half, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
@@ -136,7 +136,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             }
             Scalar::F16 => {
                 for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
-                    *x = A::float(half::f16::from_bits(word as u16).to_f32());
+                    let float = A::float(half::f16::from_bits(word as u16).to_f32());
+                    *x = A::to_half(float, Half::Rounded);
                 }
             }
             Scalar::I32 | Scalar::U32 => {
@@ -263,7 +264,9 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.show(observer, instruction, case, (&registers[..1], &[]));
                     }
                 }
-                Op::ToHalf => self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x)]),
+                Op::ToHalf(half) => {
+                    self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x, half)]);
+                }
                 Op::Neighbour(neighbour) => self.floats.write(registers[0], |floats, out| {
                     let of = floats.get(registers[1]);
                     for (lane, out) in out.iter_mut().enumerate() {

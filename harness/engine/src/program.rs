@@ -237,7 +237,9 @@ impl Program {
     /// Whether this arithmetic has a rule for all of it.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
-            (Some(span), _) if A::UNDECIDED => Err(Stop::NoRule { what: "half precision", span }),
+            (Some(span), _) if A::UNDECIDED => {
+                Err(Stop::NoRule { what: "this in half precision", span })
+            }
             (_, Some(span)) if A::UNDECIDED => Err(Stop::NoRule { what: "subgroups", span }),
             _ => Ok(()),
         }

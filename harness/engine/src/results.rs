@@ -35,6 +35,12 @@ impl<A: Arithmetic> Results<A> {
         self.cases
     }
 
+    /// Which scalars of a row are of half precision.
+    #[must_use]
+    pub fn halves(&self) -> Vec<bool> {
+        self.scalars.iter().map(|scalar| *scalar == Scalar::F16).collect()
+    }
+
     /// How many scalars a row has.
     #[must_use]
     pub fn width(&self) -> usize {

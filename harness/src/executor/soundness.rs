@@ -8,6 +8,7 @@ use crate::interpret::{Bound, Interpreted};
 use crate::package::Package;
 use crate::path::{self, Path};
 use crate::probe::{Call, Probed};
+use crate::reflect::Ability;
 
 const CASES: usize = 1 << 18;
 
@@ -146,6 +147,34 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
     ("a * b % 289.0 + c", 3, 20),
 ];
 
+/// Of half precision, whose arguments are rounded to it.
+const HALVES: [(&str, usize, usize); 24] = [
+    ("a + b", 2, 40),
+    ("a - b", 2, 40),
+    ("a * b", 2, 40),
+    ("a / b", 2, 20),
+    ("-a", 1, 60),
+    ("floor(a)", 1, 60),
+    ("fract(a)", 1, 60),
+    ("max(a, b)", 2, 40),
+    ("saturate(a)", 1, 60),
+    ("sqrt(a)", 1, 40),
+    ("inverseSqrt(a)", 1, 40),
+    ("exp(a)", 1, 40),
+    ("exp2(a)", 1, 40),
+    ("log(a)", 1, 40),
+    ("log2(a)", 1, 40),
+    ("sin(a)", 1, 40),
+    ("cos(a)", 1, 40),
+    ("atan(a)", 1, 60),
+    ("fma(a, b, c)", 3, 20),
+    ("length(vec3(a, b, c))", 3, 10),
+    ("dot(vec3(a, b, c), vec3(b, c, a))", 3, 20),
+    ("(b + b) - 3.0h", 2, 40),
+    ("a + b - a", 2, 40),
+    ("a * b / c * a", 3, 10),
+];
+
 /// What Mesa's drivers return outside of the bounds, and why. It must be so.
 const KNOWN: [(&str, &str, &str); 5] = [
     (
@@ -179,7 +208,15 @@ fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) 
 fn unsound(executors: &[&dyn Executor], (text, width, share): (&str, usize, usize)) -> Vec<String> {
     let parameters = ["a: f32", "b: f32", "c: f32"][..width].join(", ");
     let text = format!("fn f({parameters}) -> f32 {{ return {text}; }}");
-    let package = Package::from_source("soundness", text.as_str());
+    unsound_of(executors, (&text, width, share))
+}
+
+/// The same of a function `f`.
+fn unsound_of(
+    executors: &[&dyn Executor],
+    (text, width, share): (&str, usize, usize),
+) -> Vec<String> {
+    let package = Package::from_source("soundness", text);
     let probed = Probed::new(&package, "f").expect("it is valid");
     let fixtures = Vec::new();
     let engine = Interpreted::new(&probed, &fixtures).expect("the engine executes it");
@@ -255,6 +292,29 @@ fn results_of_scalar_built_in_functions_are_allowed() {
 fn results_of_vector_built_in_functions_are_allowed() {
     let executors = executors();
     let found: Vec<String> = VECTORS.into_iter().flat_map(|one| unsound(&executors, one)).collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn results_of_half_precision_are_allowed() {
+    let mut executors = executors();
+    executors.retain(|executor| executor.can(Ability::F16));
+    let drivers = executors.iter().filter(|executor| executor.path() != Path::CPU).count();
+    assert!(drivers > 0, "a driver has half precision");
+    let found: Vec<String> = HALVES
+        .into_iter()
+        .flat_map(|(text, width, share)| {
+            let [halves, singles, calls] = ["a: f16", "a: f32", "f16(a)"].map(|one| {
+                let each = ["a", "b", "c"][..width].iter().map(|x| one.replace('a', x));
+                each.collect::<Vec<_>>().join(", ")
+            });
+            let text = format!(
+                "enable f16; fn h({halves}) -> f16 {{ return {text}; }}
+                 fn f({singles}) -> f32 {{ return f32(h({calls})); }}"
+            );
+            unsound_of(&executors, (&text, width, share))
+        })
+        .collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 

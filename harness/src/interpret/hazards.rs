@@ -130,11 +130,13 @@ const TOGETHER: usize = 256;
 /// round did so before, as a rule.
 const MOST_EVENTS: usize = 4096;
 
-/// Half of the 24 bits of an `f32`: a relative error above this has lost them.
+/// Half of the 24 bits of an `f32`, and of the 11 of an `f16`: a relative error above this has lost them.
 const LOST: f64 = 1.0 / 4096.0;
+const LOST_HALF: f64 = 1.0 / 32.0;
 
 /// An operand that is itself this precise isn't what loses them.
 const PRECISE: f64 = 1.0 / 1_048_576.0;
+const PRECISE_HALF: f64 = 1.0 / 256.0;
 
 /// A result that is wrong by this much is, however small it is beside others: 6 %.
 const WRONG: f64 = 1.0 / 16.0;
@@ -161,6 +163,8 @@ const NOISE: f64 = 1.0 / 16_777_216.0;
 struct Event<F> {
     /// Which operation it is: the address of its site, in one program.
     site: usize,
+    /// True if it is of half precision.
+    half: bool,
     values: Vec<F>,
     /// By operand, then by lane.
     operands: Vec<Vec<F>>,
@@ -201,6 +205,7 @@ macro_rules! recorder {
                     let operands: Vec<Vec<$float>> = operands.collect();
                     events.extend(lanes.floats.iter().map(|values| Event {
                         site,
+                        half: lanes.site.half,
                         values: values.to_vec(),
                         operands: operands.clone(),
                         active: lanes.active.to_vec(),
@@ -302,6 +307,7 @@ impl Interpreted {
         self.observed::<Intervals>(cases, rows, &options, &anything)?;
         let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         let scales = scales(&shadows, cases * self.lanes());
+        let halves = shadows.halves();
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
         // Of a quad the pixel that the arguments are given for.
@@ -309,7 +315,7 @@ impl Interpreted {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
-            let lost = differ(&result, &shadow, &scales);
+            let lost = differ(&result, &shadow, (&scales, &halves));
             let mut found = self.born(&single, &double, lane, finite, lost);
             let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
             found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, finite)));
@@ -411,12 +417,13 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let largest = twin.operands.iter().map(|o| o[lane].abs()).fold(0.0, f64::max);
     let means_something =
         shadow.is_finite() && size > NOISE * largest && shadow.abs() > f64::from(f32::MIN_POSITIVE);
+    let (most, least) = if event.half { (LOST_HALF, PRECISE_HALF) } else { (LOST, PRECISE) };
     let precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
-        x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= PRECISE
+        x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= least
     };
     // Constants are rounded to `f32` in both, so that what an operand lacks is what was computed.
     means_something
-        && error(value, shadow) > LOST
+        && error(value, shadow) > most
         && !event.operands.is_empty()
         && event.operands.iter().zip(&twin.operands).all(precise)
 }
@@ -438,17 +445,22 @@ fn scales(shadows: &Results<F64>, cases: usize) -> Vec<f64> {
 
 /// The largest component of a result that has lost half of its digits itself where that matters; `None` if
 /// none has.
-fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], scales: &[f64]) -> Option<f64> {
-    let lost = |((x, y), scale): ((&LaneOf<F32>, &LaneOf<F64>), &f64)| match (x, y) {
+fn differ(
+    result: &[LaneOf<F32>],
+    shadow: &[LaneOf<F64>],
+    (scales, halves): (&[f64], &[bool]),
+) -> Option<f64> {
+    let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {
             let error = (f64::from(*x) - y).abs();
-            let size = y.abs().max(SMALL * scale);
+            let size = y.abs().max(SMALL * scales[lane]);
+            let most = if halves[lane] { LOST_HALF } else { LOST };
             let is_lost = y.is_finite()
                 && error > f64::from(f32::MIN_POSITIVE)
-                && (error > LOST * size || error > WRONG * y.abs());
+                && (error > most * size || error > WRONG * y.abs());
             is_lost.then_some(y.abs())
         }
         _ => None,
     };
-    result.iter().zip(shadow).zip(scales).filter_map(lost).reduce(f64::max)
+    (0..result.len()).filter_map(lost).reduce(f64::max)
 }

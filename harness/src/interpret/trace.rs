@@ -193,7 +193,7 @@ impl Interpreted {
         let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
         self.observed::<F32>(1, row, &options, &single)?;
         self.observed::<F64>(1, row, &options, &double)?;
-        // Half precision has no bounds: then the column stays empty.
+        // Some builtins of half precision have no bounds: then the column stays empty.
         let bounded = self.observed::<Intervals>(1, row, &options, &bounds).is_ok();
         let sites: BTreeMap<usize, &karat_engine::Site> =
             self.lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();

@@ -12,7 +12,7 @@
 //! three terms each order is tried. Of more terms, and of factors, what is remembered is enough to
 //! bound each order at once.
 
-use super::{Interval, LEAST_DIVISOR, greatest, least, lower_sum, upper_sum};
+use super::{Interval, greatest, half, least, lower_sum, upper_sum};
 
 /// The least and the greatest of a term or a factor, with zero where it may be flushed.
 pub(super) type Ends = (f64, f64);
@@ -58,6 +58,16 @@ impl Chain {
         match self {
             Self::Product(product) => product,
             _ => Product::of(ends),
+        }
+    }
+
+    /// The bounds in half precision of a value with these ends, whose operations come in any order. So many `more` are
+    /// rounded than are operations of the chain. `None`: one may overflow.
+    pub(super) fn in_half(self, ends: Ends, more: u8) -> Option<Ends> {
+        match self {
+            Self::Single => Some(ends),
+            Self::Product(product) => product.in_any_order(&HALF),
+            sum => sum.sum(ends).in_any_order(&HALF, more),
         }
     }
 
@@ -119,7 +129,7 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
         (of_a, Chain::Pair(terms)) if !of_a.is_sum() => (terms, a),
         _ => {
             let sum = of_a.sum(a).and(of_b.sum(b));
-            let any = sum.in_any_order();
+            let any = outwards(sum.in_any_order(&SINGLE, 0));
             return Interval { chain: Chain::Sum(sum), ..any }.unless_written(written);
         }
     };
@@ -145,7 +155,9 @@ pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interv
     let product = of_a.product(a).times(of_b.product(b), same);
     let chain = Chain::Product(product);
     match of_a.is_product() || of_b.is_product() {
-        true => Interval { chain, ..product.in_any_order() }.unless_written(written),
+        true => {
+            Interval { chain, ..outwards(product.in_any_order(&SINGLE)) }.unless_written(written)
+        }
         false => Interval { chain, ..written },
     }
 }
@@ -159,7 +171,9 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
     let product = of_a.product(a).over(of_b.product(b));
     let chain = Chain::Product(product);
     match of_a.is_product() || of_b.is_product() {
-        true => Interval { chain, ..product.in_any_order() }.unless_written(written),
+        true => {
+            Interval { chain, ..outwards(product.in_any_order(&SINGLE)) }.unless_written(written)
+        }
         false => Interval { chain, ..written },
     }
 }
@@ -180,9 +194,27 @@ pub(super) struct Sum {
 /// Of zero, which is a multiple of each power of two.
 const ANY_STEP: i16 = i16::MAX;
 
-/// The exponents of the least subnormal and of the least normal number.
+/// The exponent of the least subnormal `f32`.
 const LEAST_STEP: i16 = -149;
-const LEAST_NORMAL: i16 = -126;
+
+/// A format of floats.
+struct Format {
+    digits: i16,
+    greatest: f64,
+    /// The exponents of the least subnormal and of the least normal number.
+    least_step: i16,
+    least_normal: i16,
+}
+
+const SINGLE: Format =
+    Format { digits: 24, greatest: f32::MAX as f64, least_step: LEAST_STEP, least_normal: -126 };
+
+const HALF: Format = Format {
+    digits: 11,
+    greatest: half::GREATEST,
+    least_step: half::LEAST_STEP,
+    least_normal: half::LEAST_NORMAL,
+};
 
 impl Sum {
     fn of(ends: Ends) -> Self {
@@ -227,30 +259,38 @@ impl Sum {
 
     /// `count` terms need `count - 1` additions in any order, of which the last one rounds the result.
     /// Each other one rounds a sum of some of the terms to a neighbour, which is nearer than the distance
-    /// between floats as large as the largest such sum, and no nearer than a multiple of 2^`step`.
-    fn in_any_order(self) -> Interval {
+    /// between floats as large as the largest such sum, and no nearer than a multiple of 2^`step`. As far off is each
+    /// of `more` terms that were rounded themselves. `None`: it may overflow.
+    fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
-        let flushed = if self.step < LEAST_NORMAL { power(LEAST_NORMAL) } else { 0.0 };
-        if reach <= power(self.step.saturating_add(24)).min(f64::from(f32::MAX)) {
+        let roundings = (count - 2.0).max(0.0) + f64::from(more);
+        let flushed =
+            if self.step < format.least_normal { power(format.least_normal) } else { 0.0 };
+        if reach <= power(self.step.saturating_add(format.digits)).min(format.greatest) {
             // No sum of terms is rounded; a subnormal one may be flushed.
-            let error = (count - 2.0).max(0.0) * flushed;
-            return Interval::outwards(self.exact.0 - error, self.exact.1 + error);
+            let error = roundings * flushed;
+            return Some((self.exact.0 - error, self.exact.1 + error));
         }
         // Rounding may add to a sum of terms.
-        let reach = reach * (count / 4_194_304.0/* 2^22 */).exp();
-        if !(reach <= f64::from(f32::MAX)) {
-            return Interval::UNBOUNDED;
+        let reach = reach * ((count + f64::from(more)) * power(2 - format.digits)).exp();
+        if !(reach <= format.greatest) {
+            return None;
         }
-        let spacing = power((libm::ilogb(reach) as i16 - 23).max(LEAST_STEP));
-        let error = (spacing - power(self.step)).max(0.0) + flushed;
-        let error = (count - 2.0).max(0.0) * error;
-        Interval::outwards((self.exact.0 - error).next_down(), (self.exact.1 + error).next_up())
+        let exponent = libm::ilogb(reach) as i16 - (format.digits - 1);
+        let spacing = power(exponent.max(format.least_step));
+        let error = roundings * ((spacing - power(self.step)).max(0.0) + flushed);
+        Some(((self.exact.0 - error).next_down(), (self.exact.1 + error).next_up()))
     }
 }
 
+/// The bounds of an `f32`.
+fn outwards(ends: Option<Ends>) -> Interval {
+    ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
+}
+
 /// 2 to a power that is an `f32`'s; infinity beyond.
-fn power(exponent: i16) -> f64 {
+pub(super) fn power(exponent: i16) -> f64 {
     if exponent > 127 { f64::INFINITY } else { 2f64.powi(i32::from(exponent)) }
 }
 
@@ -352,41 +392,44 @@ impl Product {
         self.times(inverse, false)
     }
 
-    /// `count` factors need `count - 1` operations in any order. Each rounds by less than 2^-23 of its
-    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies.
-    fn in_any_order(self) -> Interval {
-        const ROUNDED: f64 = 1.0 / 8_388_608.0; // 2^-23
+    /// `count` factors need `count - 1` operations in any order. Each rounds by less than an ulp of its
+    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies. `None`: it may overflow.
+    fn in_any_order(self, format: &Format) -> Option<Ends> {
+        // Of a result just above a power of two, as large a part of it as an ulp can be.
+        let ulp = power(1 - format.digits);
+        let least_divisor = power(format.least_normal);
         let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
         if operations >= u16::MAX - 1 {
             // They aren't counted any further.
-            return Interval::UNBOUNDED;
+            return None;
         }
         let divisions = self.divisions.min(operations);
-        let greatest = if divisions > 0 { 1.0 / LEAST_DIVISOR } else { f64::from(f32::MAX) };
-        let rounded = 1.0 + f64::from(operations) / 2_097_152.0; // 2^-21
+        // Each order of several may divide by what is a product in another one.
+        let is_reordered = divisions > 0 && operations > 1;
+        let greatest = if is_reordered { 1.0 / least_divisor } else { format.greatest };
+        let rounded = 1.0 + f64::from(operations) * 4.0 * ulp;
         if !(f64::from(self.most) * rounded <= greatest)
-            || !(f64::from(self.divisor) * rounded <= 1.0 / LEAST_DIVISOR)
+            || !(f64::from(self.divisor) * rounded <= 1.0 / least_divisor)
         {
-            return Interval::UNBOUNDED;
+            return None;
         }
         let multiplications = (operations - divisions).min(self.rounding.saturating_sub(1));
         let exponents = match divisions {
             // The last one rounds the result.
-            0 if self.digits <= 24 => (0, 0),
+            0 if i32::from(self.digits) <= i32::from(format.digits) => (0, 0),
             0 => (i32::from(multiplications) - 1, 0),
             _ => (i32::from(multiplications), i32::from(divisions)),
         };
         let error = |by: f64| {
-            (1.0 + by * ROUNDED).powi(exponents.0.max(0))
-                * (1.0 + 2.5 * by * ROUNDED).powi(exponents.1)
+            (1.0 + by * ulp).powi(exponents.0.max(0)) * (1.0 + 2.5 * by * ulp).powi(exponents.1)
         };
         let (lo, hi) = self.exact;
         let (less, more) = (error(-1.0), error(1.0));
         // What falls below the least normal number on the way is 0, or off by 2.5 of the least steps, which
         // grow with the factors that follow.
-        let underflows = f64::from(self.least) < LEAST_DIVISOR * rounded && (lo, hi) != (0.0, 0.0);
+        let underflows = f64::from(self.least) < least_divisor * rounded && (lo, hi) != (0.0, 0.0);
         let tiny = match underflows {
-            true => f64::from(operations) * 2.5 * power(LEAST_STEP) * f64::from(self.most),
+            true => f64::from(operations) * 2.5 * power(format.least_step) * f64::from(self.most),
             false => 0.0,
         };
         // Neither rounding nor flushing changes a sign.
@@ -400,6 +443,6 @@ impl Product {
             _ if hi <= 0.0 => hi * less,
             _ => hi * more + tiny,
         };
-        Interval::outwards(below, above)
+        Some((below, above))
     }
 }

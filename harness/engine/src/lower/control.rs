@@ -115,6 +115,7 @@ impl<'m> Lower<'m> {
             expression: None,
             name: None,
             span,
+            half: false,
         });
         self.site = self.code.sites.len() as u32 - 1;
     }

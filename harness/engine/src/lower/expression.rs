@@ -61,6 +61,7 @@ impl<'m> Lower<'m> {
             expression: scope.function.map(|_| handle),
             name,
             span: self.span,
+            half: false,
         });
         self.site = self.code.sites.len() as u32 - 1;
     }

@@ -8,7 +8,7 @@ use naga::{
 
 use super::{Lower, Lowered, Scope, Value};
 use crate::code::{Compare, Op, Reg};
-use crate::rules::{Basic, FloatRule, FromInt, Geometry, Integer, ToInt};
+use crate::rules::{Basic, FloatRule, FromInt, Geometry, Half, Integer, ToInt};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
@@ -25,16 +25,22 @@ impl<'m> Lower<'m> {
     ) -> Lowered<Vec<Reg>> {
         let outs: Vec<Reg> = (0..rule.arity().1).map(|_| self.fresh(File::Float)).collect();
         self.emit(Op::Float(rule), &outs, ins)?;
-        outs.into_iter().map(|out| self.rounded(out, half)).collect()
+        if half && rule.half().is_none() {
+            self.code.half.get_or_insert(self.span);
+        }
+        let as_exact = rule.half().unwrap_or(Half::Rounded);
+        outs.into_iter().map(|out| self.halved(out, half.then_some(as_exact))).collect()
     }
 
     pub(super) fn rounded(&mut self, register: Reg, half: bool) -> Lowered<Reg> {
-        if !half {
-            return Ok(register);
-        }
-        self.code.half.get_or_insert(self.span);
+        self.halved(register, half.then_some(Half::Rounded))
+    }
+
+    fn halved(&mut self, register: Reg, half: Option<Half>) -> Lowered<Reg> {
+        let Some(half) = half else { return Ok(register) };
+        self.code.sites[self.site as usize].half = true;
         let out = self.fresh(File::Float);
-        self.emit(Op::ToHalf, &[out], &[register])?;
+        self.emit(Op::ToHalf(half), &[out], &[register])?;
         Ok(out)
     }
 
@@ -359,6 +365,8 @@ impl<'m> Lower<'m> {
         let half = to == Scalar::F16;
         Ok(match (from, to) {
             (Scalar::F32, Scalar::F16) => self.rounded(x, true)?,
+            // What follows is a sum of its own, whose terms are of single precision.
+            (Scalar::F16, Scalar::F32) => self.rounded(x, true)?,
             (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
             (Scalar::F32 | Scalar::F16, Scalar::I32) => self.integer_of(ToInt::Signed, &[x])?,
             (Scalar::F32 | Scalar::F16, Scalar::U32) => self.integer_of(ToInt::Unsigned, &[x])?,

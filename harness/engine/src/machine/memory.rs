@@ -9,6 +9,7 @@ use crate::arithmetic::sealed::Rules;
 use crate::code::{Count, Step, Walk};
 use crate::columns::Columns;
 use crate::races::{Accessed, Detector, Place};
+use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
 /// True if an operation reads, and if it writes.
@@ -341,7 +342,7 @@ impl<A: Rules> Machine<'_, A> {
                 Scalar::F32 | Scalar::F16 => {
                     let values = places.iter().map(|&at| match scalar {
                         Scalar::F32 => buffer.float(at),
-                        _ => A::float(buffer.half(at)),
+                        _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
                     });
                     if let Some(x) = values.reduce(|a, b| A::select_float(join, a, b)) {
                         let x = if self.options.flush { A::flush(x) } else { x };

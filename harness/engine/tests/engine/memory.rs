@@ -218,10 +218,11 @@ fn half_precision_rounds_each_operation() {
     let sum = half(product.to_f32() + x.to_f32());
     let row = [u32::from(x.to_bits()), u32::from(y.to_bits())];
     assert_eq!(words(source, &row), [sum.to_f32().to_bits()]);
-    let program = program(source, "f");
-    let options = Options::default();
+    let blend = "enable f16;
+        fn f(x: f16, y: f16) -> f32 { return f32(mix(x, y, 0.5h)); }";
+    let (program, options) = (program(blend, "f"), Options::default());
     let stop = program.call::<Intervals>(1, &row, &Resources::new(), &options, &()).unwrap_err();
-    assert!(matches!(stop, Stop::NoRule { what: "half precision", .. }));
+    assert!(matches!(stop, Stop::NoRule { what: "this in half precision", .. }));
 }
 
 #[test]
