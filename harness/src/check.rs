@@ -40,6 +40,7 @@ mod quadrature;
 mod recall;
 mod sample;
 mod sampling;
+mod search;
 mod session;
 mod shrink;
 mod statement;
@@ -146,7 +147,7 @@ impl Package {
     /// ```
     /// # use karat::prelude::*;
     /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// package.function("half").over(0.0..=1.0).stays_within(0.0, 0.5);
+    /// package.function("half").over(0.0..=1.0).stays_within(0.0..=0.5);
     /// ```
     pub fn function(&self, name: &str) -> Probe<'_> {
         let (fixtures, overrides, inputs, executors, place) = Default::default();
@@ -201,7 +202,7 @@ impl<'a> Probe<'a> {
     /// # static SHADERS: Package = karat::package!("shaders");
     ///
     /// fn is_good_on(mine: &dyn Executor) {
-    ///     SHADERS.function("tone::map").on(mine).over(0.0..=16.0).stays_within(0.0, 1.0);
+    ///     SHADERS.function("tone::map").on(mine).over(0.0..=16.0).stays_within(0.0..=1.0);
     /// }
     /// ```
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
@@ -286,7 +287,7 @@ impl<C> std::fmt::Debug for Check<'_, C> {
 /// use karat::prelude::*;
 ///
 /// fn is_kept(half: Check<'_, Calls<f32>>) {
-///     half.stays_within(0.0, 0.5);
+///     half.stays_within(0.0..=0.5);
 /// }
 /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
 /// is_kept(package.function("half").over(0.0..=1.0));

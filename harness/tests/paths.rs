@@ -227,7 +227,7 @@ const VERBS: [Verb; 20] = [
     }),
     ("is_finite, or stays_within", |fakes| {
         check(fakes, "twice", 0.0..=1.0, |c| {
-            c.clone().unrecorded().try_is_finite().and(c.unrecorded().try_stays_within(0.0, 2.0))
+            c.clone().unrecorded().try_is_finite().and(c.unrecorded().try_stays_within(0.0..=2.0))
         })
     }),
     ("is_unit", |fakes| check(fakes, "same", UnitVector, |c| c.unrecorded().try_is_unit())),

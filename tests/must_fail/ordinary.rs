@@ -43,28 +43,59 @@ fn results_that_are_not_finite() {
 fn results_outside_of_their_range() {
     let cosine = package("fn f(x: f32) -> vec2f { return vec2f(0.5, x * x); }");
     let over = || cosine.function("f").over(-1.0..=1.0);
-    over().stays_within(0.0, 1.0);
-    over().stays_within(0.0, f64::INFINITY);
+    over().stays_within(0.0..=1.0);
+    over().stays_within(0.0..);
     // One component, by one value of many.
-    let found = disagreement(over().unrecorded().try_stays_within(0.0, 0.999_999));
+    let found = disagreement(over().unrecorded().try_stays_within(0.0..=0.999_999));
     assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..=0.999999"));
-    disagreement(over().unrecorded().try_stays_within(1e-6, 1.0));
+    disagreement(over().unrecorded().try_stays_within(1e-6..=1.0));
     // What is meant by 2 pi is the float nearest to it, which is more.
     let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
-    turn.function("f").over(Just(0.0)).stays_within(0.0, std::f64::consts::TAU);
+    turn.function("f").over(Just(0.0)).stays_within(0.0..=std::f64::consts::TAU);
     let next = turn.function("f").over(Just(4.8e-7));
-    disagreement(next.unrecorded().try_stays_within(0.0, std::f64::consts::TAU));
+    disagreement(next.unrecorded().try_stays_within(0.0..=std::f64::consts::TAU));
     let infinite = package("fn f(x: f32) -> f32 { return 1.0 / x; }");
     let open = infinite.function("f").over(0.0..=1.0);
-    disagreement(open.unrecorded().try_stays_within(0.0, f64::INFINITY));
+    disagreement(open.unrecorded().try_stays_within(0.0..));
     for (least, most) in
         [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN), (f64::NEG_INFINITY, f64::INFINITY)]
     {
-        let reason = unsuited(over().unrecorded().try_stays_within(least, most));
-        assert!(reason.contains("no result, or every one, would"), "{reason}");
+        let reason = unsuited(over().unrecorded().try_stays_within(least..=most));
+        assert!(reason.contains("no result, or every one, does"), "{reason}");
     }
     let truth = package("fn f(x: f32) -> bool { return x > 0.0; }");
-    unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0, 1.0));
+    unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0..=1.0));
+}
+
+/// A range without its end: no result may be what it only rounds to.
+#[test]
+fn results_at_the_end_of_a_half_open_range() {
+    let part = package(
+        "fn part(x: f32) -> f32 { return x - floor(x); }
+        fn cell(x: f32) -> f32 { return min(x - floor(x), 0x1.fffffep-1f); }
+        fn nth(i: u32) -> u32 { return i % 8u; }",
+    );
+    // 1 - 1e-9 rounds to 1.
+    let found = part.function("part").over(-4.0..=4.0).unrecorded().try_stays_within(0.0..1.0);
+    let found = disagreement(found);
+    assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..<1"));
+    let worst = &found.paths[0].worst;
+    assert!(worst.searched && found.to_string().contains("worst (found by a search)"), "{found}");
+    assert_eq!((f32::from_bits(worst.actual), &*worst.arguments[0].1), (1.0, "-1e-8"));
+    part.function("part").over(-4.0..=4.0).stays_within(0.0..=1.0);
+    part.function("cell").over(-4.0..=4.0).stays_within(0.0..1.0);
+    let nth = || part.function("nth").over(Integers(0..=99_u32));
+    nth().stays_within(0.0..8.0);
+    disagreement(nth().unrecorded().try_stays_within(0.0..7.0));
+    let above = (std::ops::Bound::Excluded(0.0), std::ops::Bound::Unbounded);
+    let found = disagreement(nth().unrecorded().try_stays_within(above));
+    assert_eq!(found.assertion, "is above 0");
+    for range in [1.0..1.0, 1.0..0.0, f64::NAN..1.0, f64::NEG_INFINITY..f64::INFINITY] {
+        let reason = unsuited(nth().unrecorded().try_stays_within(range));
+        assert!(reason.contains("no result, or every one, does"), "{reason}");
+    }
+    // Every u32 is below 2^32.
+    unsuited(nth().unrecorded().try_stays_within(0.0..4_294_967_296.0));
 }
 
 #[test]
@@ -154,7 +185,7 @@ fn functions_that_are_not_their_other_form() {
 fn what_grazes_is_left_out() {
     let grazing = package("fn f(v: vec3f) -> f32 { return select(1.0, 2.0, v.z < 0.01); }");
     let over = |domain: &dyn Fn() -> karat::domain::Above| {
-        grazing.function("f").over(domain()).unrecorded().try_stays_within(1.0, 1.5)
+        grazing.function("f").over(domain()).unrecorded().try_stays_within(1.0..=1.5)
     };
     over(&|| Hemisphere.above(0.01)).expect("nothing is below");
     disagreement(over(&|| Hemisphere.above(0.009)));

@@ -53,7 +53,7 @@ fn rules_of_an_integral_that_differ_in_the_second_component() {
 fn integers_have_an_upper_bound_too() {
     let package = package("fn f(i: u32) -> u32 { return i; }\nfn g(i: i32) -> i32 { return i; }");
     let unsigned = |least: f64, most: f64| {
-        package.function("f").over(Integers(2..=10_u32)).unrecorded().try_stays_within(least, most)
+        package.function("f").over(Integers(2..=10_u32)).unrecorded().try_stays_within(least..=most)
     };
     unsigned(2.0, 10.0).expect("they do");
     disagreement(unsigned(2.0, 9.0));
@@ -63,7 +63,7 @@ fn integers_have_an_upper_bound_too() {
             .function("g")
             .over(Integers(-10..=10_i32))
             .unrecorded()
-            .try_stays_within(least, most)
+            .try_stays_within(least..=most)
     };
     signed(-10.0, 10.0).expect("they do");
     disagreement(signed(-10.0, 9.0));
@@ -167,10 +167,10 @@ fn bounds_that_nothing_exceeds_are_refused() {
         half(bound.into()).expect("it is equal");
     }
     let all = |most: f64| {
-        package.function("u").over(Integers(0..=9_u32)).unrecorded().try_stays_within(0.0, most)
+        package.function("u").over(Integers(0..=9_u32)).unrecorded().try_stays_within(0.0..=most)
     };
     let error = all(f64::from(u32::MAX)).expect_err("every u32 is there").to_string();
-    assert!(error.contains("no result, or every one, would"), "{error}");
+    assert!(error.contains("no result, or every one, does"), "{error}");
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 

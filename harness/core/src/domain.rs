@@ -178,7 +178,7 @@ pub trait Domain: Send + Sync {
     ///     "struct Material { albedo: vec3f, roughness: f32 }
     ///      fn pick(m: Material, u: vec2f) -> f32 { return m.roughness * u.x; }",
     /// );
-    /// package.function("pick").over((materials, u)).stays_within(0.0, 1.0);
+    /// package.function("pick").over((materials, u)).stays_within(0.0..=1.0);
     /// ```
     ///
     /// Members of other types, or in another order, are an error of the check.

@@ -275,8 +275,11 @@ mod tests {
         // Not every driver tells a subnormal number from 0.
         let cpu = crate::executor::of(crate::path::Path::CPU).expect("it opens");
         let check = package.function("f").on(cpu).over(domain);
-        let error =
-            check.unrecorded().try_stays_within(0.0, 0.5).expect_err("some cases fail").to_string();
+        let error = check
+            .unrecorded()
+            .try_stays_within(0.0..=0.5)
+            .expect_err("some cases fail")
+            .to_string();
         let line = error.lines().find_map(|line| line.trim().strip_prefix("it fails "))?;
         Some(line.to_owned())
     }

@@ -57,14 +57,14 @@ impl Session<'_> {
                 replay(self.cases.seed, Replayed { case, steps: &[], input: Some(input) })
             }
         };
-        let replay_worst = match simplest.as_ref().filter(|_| worst.remembered) {
+        let replay_worst = match simplest.as_ref().filter(|_| !worst.is_drawn()) {
             Some(old) => replay_of(old),
             None => {
                 let (steps, input) = (self.steps(), self.input());
                 replay(self.cases.seed, Replayed { case: worst.case, steps, input })
             }
         };
-        let reduced = |simplest: &Simplest| !worst.remembered && !simplest.descent.steps.is_empty();
+        let reduced = |simplest: &Simplest| worst.is_drawn() && !simplest.descent.steps.is_empty();
         let simplest = simplest.filter(reduced);
         let mut simplest =
             simplest.map(|simplest| Simplest { replay: replay_of(&simplest), ..simplest });
@@ -74,7 +74,7 @@ impl Session<'_> {
             None => {
                 let row = self.input().map(<[u32]>::to_vec);
                 let drawn = || Some(self.case(worst.case).ok()?.row);
-                let row = row.or_else(|| drawn().filter(|_| !worst.remembered));
+                let row = row.or_else(|| drawn().filter(|_| worst.is_drawn()));
                 self.explain(&mut worst, &row.unwrap_or_default());
             }
         }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::search::SEARCHED;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
@@ -161,6 +162,8 @@ pub struct CaseFailure {
     pub case: u64,
     /// Whether it is an input on which the check failed before, not a case of this run's domain.
     pub remembered: bool,
+    /// True if no case failed, and a search from the cases nearest to a bound found this input.
+    pub searched: bool,
     /// Each argument: its name, and its value as WGSL would write it. For an
     /// integral: `case`, its value as `Debug` shows it, and the arguments that all nodes share.
     pub arguments: Vec<(String, String)>,
@@ -305,6 +308,7 @@ impl CaseFailure {
         Self {
             case,
             remembered: false,
+            searched: case >= SEARCHED,
             arguments,
             lane,
             component,
@@ -345,10 +349,18 @@ impl CaseFailure {
         self
     }
 
+    /// True if it is a case of this run: neither remembered nor found by a search.
+    pub(super) fn is_drawn(&self) -> bool {
+        !self.remembered && !self.searched
+    }
+
     /// Writes the failure. `expectation` is what `expected` is called.
     fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
-        let remembered = if self.remembered { "remembered " } else { "" };
-        writeln!(f, "  {title}{remembered}case {})", self.case)?;
+        match (self.searched, self.remembered) {
+            (true, _) => writeln!(f, "  {title}found by a search)")?,
+            (false, true) => writeln!(f, "  {title}remembered case {})", self.case)?,
+            (false, false) => writeln!(f, "  {title}case {})", self.case)?,
+        }
         if let Some(integral) = &self.integral {
             return self.write_integral(f, integral, expectation);
         }

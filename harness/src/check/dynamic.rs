@@ -19,7 +19,7 @@ use crate::value::Shape;
 /// use karat::unstable::check::Words;
 ///
 /// fn is_bounded(check: Check<'_, Calls<Words>>) -> Result<Agreement, Failure> {
-///     check.cases(1000).try_stays_within(0.0, 1.0)
+///     check.cases(1000).try_stays_within(0.0..=1.0)
 /// }
 /// ```
 #[derive(Clone, Copy, Debug)]

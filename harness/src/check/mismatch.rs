@@ -47,13 +47,8 @@ pub enum Mismatch {
     )]
     Itself,
     /// A range that holds no number, or every one.
-    #[error("is to stay within {least} to {most}: no result, or every one, would")]
-    Range {
-        /// The lower bound.
-        least: f64,
-        /// The upper bound.
-        most: f64,
-    },
+    #[error("is to have a result that {0}: no result, or every one, does")]
+    Range(String),
     /// A tolerance bounds nothing.
     #[error(
         "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \

@@ -1,11 +1,14 @@
 //! What is asked of many functions: results that are finite, in a range, of length 1, or those of another
 //! function.
 
+use std::ops::{Bound, RangeBounds};
+
 use super::agreement::Expected;
 use super::batch::Rows;
 use super::demand::Demand;
 use super::plan::Plan;
 use super::session::{Asserted, Session};
+use super::statement::Distance;
 use super::{Agreement, Calls, Check, Failure, Mismatch, Vacuous};
 use crate::diagnostic::Span;
 use crate::domain::Stream;
@@ -16,6 +19,66 @@ use crate::reflect::{Function, Program};
 use crate::run::or_panic;
 use crate::tolerance::Criterion;
 use crate::value::{Scalar, Shape};
+
+/// Both ends of a range.
+type Bounds = (Bound<f64>, Bound<f64>);
+
+/// A range as a statement: `lies in 0..=1`, `lies in 0..<1`, `is at least 0`.
+fn shown(range: Bounds) -> String {
+    let least = match range.0 {
+        Bound::Included(least) => Some(format!("at least {least}")),
+        Bound::Excluded(least) => Some(format!("above {least}")),
+        Bound::Unbounded => None,
+    };
+    let most = match range.1 {
+        Bound::Included(most) => Some(format!("at most {most}")),
+        Bound::Excluded(most) => Some(format!("below {most}")),
+        Bound::Unbounded => None,
+    };
+    match range {
+        (Bound::Included(least), Bound::Included(most)) => format!("lies in {least}..={most}"),
+        (Bound::Included(least), Bound::Excluded(most)) => format!("lies in {least}..<{most}"),
+        _ => {
+            let both: Vec<String> = least.into_iter().chain(most).collect();
+            format!(
+                "is {}",
+                if both.is_empty() { "anything".to_owned() } else { both.join(" and ") }
+            )
+        }
+    }
+}
+
+/// How far the numbers of a result are from an end that is no part of a range.
+fn distance(range: Bounds, lanes: &[Scalar], words: &[u32]) -> f64 {
+    let to = |end: Bound<f64>, value: f64, sign: f64| match end {
+        Bound::Excluded(end) => sign * (end - value),
+        _ => f64::INFINITY,
+    };
+    let numbers = lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
+    let numbers = numbers.map(|(lane, word)| lane.decode(*word));
+    numbers.map(|x| to(range.0, x, -1.0).min(to(range.1, x, 1.0))).fold(f64::INFINITY, f64::min)
+}
+
+/// True if a number may lie in a range, and a finite one outside of it.
+fn is_some_and_not_all(range: Bounds) -> bool {
+    let is_open = |end: Bound<f64>, infinity: f64| match end {
+        Bound::Included(end) | Bound::Excluded(end) => end == infinity,
+        Bound::Unbounded => true,
+    };
+    if is_open(range.0, f64::NEG_INFINITY) && is_open(range.1, f64::INFINITY) {
+        return false;
+    }
+    match range {
+        (Bound::Unbounded, Bound::Unbounded) => false,
+        (Bound::Unbounded, Bound::Included(one) | Bound::Excluded(one))
+        | (Bound::Included(one) | Bound::Excluded(one), Bound::Unbounded) => !one.is_nan(),
+        (Bound::Included(least), Bound::Included(most)) => least <= most,
+        (
+            Bound::Included(least) | Bound::Excluded(least),
+            Bound::Included(most) | Bound::Excluded(most),
+        ) => least < most,
+    }
+}
 
 /// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
 /// a cosine by `sqrt(1 - c * c)` by several times that; whoever forgets to normalise is off by more.
@@ -49,31 +112,33 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.is_finite(&*self.stream, &self.demand())
     }
 
-    /// Checks that each number in a result is at least `least` and at most `most`.
+    /// Checks that each number in a result lies in a range: `0.0..=1.0`, `0.0..1.0` without its end, or `0.0..`.
     ///
-    /// An infinite bound leaves that side open. A bound stands for the `f32` nearest to it where results are
-    /// floats. NaN and infinite results fail.
+    /// A bound stands for the `f32` nearest to it where results are floats. NaN and infinite results fail.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
-    /// SHADERS.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).stays_within(0.0, 1.0);
+    /// SHADERS.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).stays_within(0.0..=1.0);
+    /// // An index of it is never the length of an array.
+    /// SHADERS.function("noise::hash").over(-8.0..=8.0).stays_within(0.0..1.0);
     /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if a number lies outside, if no number lies between the bounds, or if nothing
     /// could be checked.
     #[track_caller]
-    pub fn stays_within(self, least: f64, most: f64) -> Agreement {
-        or_panic(self.try_stays_within(least, most))
+    pub fn stays_within(self, range: impl RangeBounds<f64>) -> Agreement {
+        or_panic(self.try_stays_within(range))
     }
 
     /// [`stays_within`](Self::stays_within) without the panic.
     ///
     /// # Errors
     /// If a number lies outside, if no number lies between the bounds, or if nothing could be checked.
-    pub fn try_stays_within(self, least: f64, most: f64) -> Result<Agreement, Failure> {
-        self.plan.stays_within(&*self.stream, &self.demand(), [least, most])
+    pub fn try_stays_within(self, range: impl RangeBounds<f64>) -> Result<Agreement, Failure> {
+        let range = (range.start_bound().cloned(), range.end_bound().cloned());
+        self.plan.stays_within(&*self.stream, &self.demand(), range)
     }
 
     /// Checks that results are vectors of length 1, to within 1e-5.
@@ -197,25 +262,26 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        [least, most]: [f64; 2],
+        range: Bounds,
     ) -> Result<Agreement, Failure> {
-        let statement = format!("lies in {least}..={most}");
+        let (statement, unsuited_range) = (shown(range), Mismatch::Range(shown(range)));
         let suited = |function: Function| {
-            if !(least <= most) || [least, most] == [f64::NEG_INFINITY, f64::INFINITY] {
-                return Err(Mismatch::Range { least, most }.of(&function));
+            if !is_some_and_not_all(range) {
+                return Err(unsuited_range.of(&function));
             }
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(unsuited(&function, "which is no number"));
             }
             // Every integer of a type is from its least to its largest.
+            let both = |least: f64, most: f64| range.contains(&least) && range.contains(&most);
             let holds_all = |lane: &Scalar| match lane {
-                Scalar::U32 => least <= 0.0 && f64::from(u32::MAX) <= most,
-                Scalar::I32 => least <= f64::from(i32::MIN) && f64::from(i32::MAX) <= most,
+                Scalar::U32 => both(0.0, f64::from(u32::MAX)),
+                Scalar::I32 => both(f64::from(i32::MIN), f64::from(i32::MAX)),
                 Scalar::Bool => true,
                 Scalar::F32 | Scalar::F16 => false,
             };
             if function.result.lanes().iter().all(holds_all) {
-                return Err(Mismatch::Range { least, most }.of(&function));
+                return Err(unsuited_range.of(&function));
             }
             Ok(function)
         };
@@ -225,16 +291,22 @@ impl Plan<'_> {
             let lanes = function.result.lanes();
             // No `f32` is 2 pi: who writes it means the one nearest to it.
             #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
-            let [first, last] = [least, most].map(|bound| f64::from(bound as f32));
+            let nearest = |bound: Bound<f64>| bound.map(|bound| f64::from(bound as f32));
+            let of_floats = (nearest(range.0), nearest(range.1));
             let holds = |_: &[u32], words: &[u32]| {
                 let mut numbers =
                     lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
                 numbers.all(|(lane, word)| match lane.is_float() {
-                    true => (first..=last).contains(&lane.decode(*word)),
-                    false => (least..=most).contains(&lane.decode(*word)),
+                    true => of_floats.contains(&lane.decode(*word)),
+                    false => range.contains(&lane.decode(*word)),
                 })
             };
-            self.states(stream, demand, asserted, (&function.result, &holds))
+            let distance = |words: &[u32]| distance(range, &lanes, words);
+            // What is only approached, rounding may reach.
+            let is_half_open =
+                [range.0, range.1].iter().any(|end| matches!(end, Bound::Excluded(_)));
+            let towards = is_half_open.then_some(&distance as Distance<'_>);
+            self.states_towards(stream, demand, asserted, (&function.result, &holds), towards)
         })
     }
 

@@ -12,6 +12,7 @@ use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
 use super::sample::Sample;
+use super::search::{Goal, SEARCHED};
 use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
@@ -260,6 +261,15 @@ impl<'a> Session<'a> {
     /// Draws batch after batch, dispatches it and hands it to `judge`. The worst case that fails is
     /// simplified, for which `judge` gets other batches.
     pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<PathTally, Failure> {
+        self.run_searching(judge, None)
+    }
+
+    /// [`run`](Self::run), which then looks for arguments that fail where no case does.
+    pub(super) fn run_searching(
+        &self,
+        judge: JudgeBatch<'_>,
+        goal: Option<&Goal<'_>>,
+    ) -> Result<PathTally, Failure> {
         self.expect_constants()?;
         let remembered = self.remembered();
         let again = self.run_again(&remembered, judge)?;
@@ -270,9 +280,18 @@ impl<'a> Session<'a> {
             census.remembered = census.cases;
             sum = sum.merge(again);
         }
+        let searched = match goal.filter(|_| !sum.fails()) {
+            Some(goal) => self.search(goal)?,
+            None => None,
+        };
+        if let Some(row) = &searched {
+            let batch = self.batch(SEARCHED, row.clone(), 1);
+            sum = sum.merge(judge(&batch, self.dispatch(&batch)?)?);
+        }
         if let (Some(worst), None) = (&sum.worst, self.input()) {
             let old = worst.case.checked_sub(self.count());
             let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
+            let old = if worst.searched { searched.as_ref() } else { old };
             sum.simplest = match old {
                 Some(row) => {
                     // Its replay is by its words.
@@ -369,11 +388,11 @@ impl<'a> Session<'a> {
     }
 
     /// Cases from the index `first` on.
-    fn batch(&self, first: u64, rows: Vec<u32>, cases: usize) -> Batch {
+    pub(super) fn batch(&self, first: u64, rows: Vec<u32>, cases: usize) -> Batch {
         Batch::new(first, rows, cases, self.stream.width(), self.called.words)
     }
 
-    fn draw(&self, first: u64, size: u64) -> Result<Batch, Failure> {
+    pub(super) fn draw(&self, first: u64, size: u64) -> Result<Batch, Failure> {
         if !self.steps().is_empty() {
             return Ok(self.batch(first, self.case(first)?.row, 1));
         }
@@ -406,7 +425,7 @@ impl<'a> Session<'a> {
                 let function = self.called.function();
                 let arguments = arguments(function, batch.arguments(case));
                 let expected = expected.as_deref();
-                let remembered = shown.case >= self.count();
+                let remembered = (self.count()..SEARCHED).contains(&shown.case);
                 let case = shown.case;
                 let failure =
                     CaseFailure::new(function, case, arguments, actual, expected, &judged);

@@ -1,15 +1,21 @@
 //! Statements that hold for each case's arguments and result.
 
+use super::batch::Batch;
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::plan::Plan;
+use super::search::Goal;
 use super::session::Asserted;
 use super::tally::{Judged, finite};
 use super::{Agreement, Calls, Check, Failure, tolerances};
 use crate::domain::Stream;
+use crate::executor::Running;
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
+
+/// How far the words of a result are from what no result may be.
+pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
 
 /// Whether a statement holds for the words of arguments and result.
 pub(super) type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
@@ -75,8 +81,20 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
+        asserted: (&'static str, &str),
+        said: (&Shape, Holds<'_>),
+    ) -> Result<Agreement, Failure> {
+        self.states_towards(stream, demand, asserted, said, None)
+    }
+
+    /// The same; where it holds for each case, results are searched that come nearer to what none may be.
+    pub(super) fn states_towards(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
         (verb, statement): (&'static str, &str),
         (shape, holds): (&Shape, Holds<'_>),
+        towards: Option<Distance<'_>>,
     ) -> Result<Agreement, Failure> {
         let asserted = Asserted::new(verb, statement.to_owned());
         self.conclude(&asserted, stream, demand, &mut |session| {
@@ -84,21 +102,24 @@ impl Plan<'_> {
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();
             let lanes = session.called.argument_scalars();
-            session.run(&mut |batch, running| {
-                let judge = |case: usize, actual: &[u32]| {
-                    let judged = finite(&scalars, actual);
-                    if !judged.measure.passes() {
-                        return judged;
-                    }
-                    let of = |row: &[u32]| Judged {
-                        measure: LaneError::statement(holds(row, actual)),
-                        ..judged
-                    };
-                    let arguments = batch.arguments(case);
-                    allowing_flushes(&lanes, arguments, of(arguments), of)
+            let judged = |row: &[u32], actual: &[u32]| {
+                let judged = finite(&scalars, actual);
+                if !judged.measure.passes() {
+                    return judged;
+                }
+                let of = |row: &[u32]| Judged {
+                    measure: LaneError::statement(holds(row, actual)),
+                    ..judged
                 };
+                allowing_flushes(&lanes, row, of(row), of)
+            };
+            let fails = |row: &[u32], actual: &[u32]| !judged(row, actual).measure.passes();
+            let goal = towards.map(|distance| Goal { distance, fails: &fails });
+            let mut judge = |batch: &Batch, running: Running<'_>| {
+                let judge = |case: usize, actual: &[u32]| judged(batch.arguments(case), actual);
                 session.judge(batch, running, |_| None, &judge)
-            })
+            };
+            session.run_searching(&mut judge, goal.as_ref())
         })
     }
 }

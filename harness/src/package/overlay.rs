@@ -162,7 +162,7 @@ impl Package {
     /// let package = Package::open("examples/shaders")?;
     /// let file = package.root().join("srgb.wgsl");
     /// let edited = package.unsaved(&file, "fn half(x: f32) -> f32 { return 0.5 * x; }");
-    /// edited.function("srgb::half").over(0.0..=1.0).stays_within(0.0, 0.5);
+    /// edited.function("srgb::half").over(0.0..=1.0).stays_within(0.0..=0.5);
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     #[must_use]

@@ -12,11 +12,12 @@ use karat::{Goldens, Package, Path as Route, Tolerance};
 use serde::Deserialize;
 use toml::Value;
 
-use crate::declared::{GOLDEN, Keys, OverrideValue, Pair};
+use crate::declared::{GOLDEN, Keys, OverrideValue};
 use crate::domains::no_such;
 use crate::fixtures::fixture;
 use crate::misdeclared::Misdeclared;
 use crate::numbers::Wanted;
+use crate::range::Range;
 use crate::run::wide;
 use crate::tolerances::tolerance;
 
@@ -98,7 +99,7 @@ struct Expected {
     permutation_of: Option<String>,
     unchanged: Option<bool>,
     written: Option<bool>,
-    in_range: Option<Pair<f64>>,
+    in_range: Option<Range>,
     finite: Option<bool>,
     up_to_order: Option<bool>,
     tolerance: Option<String>,
@@ -118,7 +119,7 @@ pub(crate) enum What {
     PermutationOf(String),
     Unchanged,
     Written,
-    InRange([f64; 2]),
+    InRange(Range),
     Finite,
     NoHazards,
 }
@@ -212,7 +213,7 @@ impl Expected {
         if switched("written", self.written)? {
             all.push(What::Written);
         }
-        all.extend(self.in_range.as_ref().map(|range| What::InRange(range.0)));
+        all.extend(self.in_range.map(What::InRange));
         if switched("finite", self.finite)? {
             all.push(What::Finite);
         }
@@ -549,14 +550,13 @@ impl Assertion {
                 concluded(untyped::satisfies(&after, "it is what it was before", true, &breaks))
             }
             What::Written => concluded(after.try_is_written()),
-            What::InRange([least, most]) => {
-                if !(least <= most) {
-                    return Err(format!("in_range = [{least}, {most}] has no value").into());
-                }
+            What::InRange(range) => {
+                let range = range.checked()?;
                 let content = self.content(compute)?;
+                let both = |least: f64, most: f64| range.contains(least) && range.contains(most);
                 let all = |scalar: &Scalar| match scalar {
-                    Scalar::I32 => *least <= f64::from(i32::MIN) && *most >= f64::from(i32::MAX),
-                    Scalar::U32 => *least <= 0.0 && *most >= f64::from(u32::MAX),
+                    Scalar::I32 => both(f64::from(i32::MIN), f64::from(i32::MAX)),
+                    Scalar::U32 => both(0.0, f64::from(u32::MAX)),
                     Scalar::Bool => true,
                     _ => false,
                 };
@@ -567,9 +567,9 @@ impl Assertion {
                     )
                     .into());
                 }
-                let text = format!("each number is from {least} to {most}");
-                let lies = |_: Scalar, value: f64| *least <= value && value <= *most;
-                self.each((&after, &content), (&text, &format!("{least} to {most}")), &lies)
+                let text = format!("each number lies in {range}");
+                let lies = |_: Scalar, value: f64| range.contains(value);
+                self.each((&after, &content), (&text, &range.to_string()), &lies)
             }
             What::Finite => {
                 let content = self.content(compute)?;

@@ -37,7 +37,7 @@
 //! | `golden = "name"` | each result is what it was when `golden/name.csv` was accepted |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
-//! | `in_range = [0, 1]` | each component lies there |
+//! | `in_range = [0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
 //! | `monotone = { x = "increasing" }` | the result only rises with `x` |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
@@ -80,6 +80,7 @@ use std::sync::Arc;
 
 use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::unstable::record::Subject;
+use karat::value::Shape;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
@@ -87,6 +88,7 @@ use toml::{Spanned, Value};
 use crate::compute;
 use crate::draws;
 use crate::find::of_whole;
+use crate::range::Range;
 use crate::{Kind, Test};
 
 /// A file, as it is written.
@@ -129,7 +131,7 @@ pub(crate) struct Declared {
     golden: Option<String>,
     equals: Option<Value>,
     finite: Option<bool>,
-    in_range: Option<Pair<f64>>,
+    in_range: Option<Range>,
     symmetric_in: Option<Pair<String>>,
     monotone: Option<BTreeMap<String, Direction>>,
     limit: Option<BTreeMap<String, Value>>,
@@ -287,7 +289,7 @@ pub(crate) enum What {
     Golden(String),
     Equals(Value),
     Finite,
-    InRange([f64; 2]),
+    InRange(Range),
     SymmetricIn([String; 2]),
     Monotone(String, Direction),
     Limit { argument: String, toward: f64, through: Vec<f64>, is: Value },
@@ -374,13 +376,15 @@ impl Assertion {
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance, where one is needed.
-    pub(crate) fn tolerance(&self) -> Result<&str, String> {
+    /// The tolerance, where one is needed. Integers and booleans are exact unless it says something else.
+    pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
+        let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
+        let exact = is_exact.then_some("exact");
         let takes_spec =
             matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
         let spec = if takes_spec { "; the first time `spec` says what WGSL allows" } else { "" };
         let missing = || format!("a tolerance is missing, such as tolerance = \"4 ulp\"{spec}");
-        self.test.tolerance.as_deref().ok_or_else(missing)
+        self.test.tolerance.as_deref().or(exact).ok_or_else(missing)
     }
 }
 
@@ -604,7 +608,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
             None => {}
         }
     }
-    all.extend(test.in_range.as_ref().map(|range| What::InRange(range.0)));
+    all.extend(test.in_range.map(What::InRange));
     all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
     let monotone = test.monotone.iter().flatten();
     all.extend(monotone.map(|(name, direction)| What::Monotone(name.clone(), *direction)));
@@ -714,6 +718,9 @@ mod tests {
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = \"0..1\"\n", "write [0, 1], or \"0..<1\""),
+            ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` is no range"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",
                 "brdf.test.toml:4:1",

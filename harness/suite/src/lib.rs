@@ -26,6 +26,7 @@ mod json;
 mod misdeclared;
 mod normalized_text;
 mod numbers;
+mod range;
 mod rows;
 mod run;
 mod table;

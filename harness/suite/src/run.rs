@@ -378,10 +378,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     };
     let all = shapes.len();
     let of_key = || Misdeclared::of("tolerance");
-    let required = || tolerance(assertion.tolerance()?).map_err(of_key());
+    let said = assertion.tolerance(&result);
+    let required = || tolerance(said.clone()?).map_err(of_key());
     let or_exact = || tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_key());
-    let wanted = || criterion(assertion.tolerance()?).map_err(of_key());
-    let plain = test.tolerance.as_deref().and_then(|text| tolerance(text).ok());
+    let wanted = || criterion(said.clone()?).map_err(of_key());
+    let plain = said.as_ref().ok().and_then(|text| tolerance(text).ok());
     let near = plain.as_ref().map_or(Wanted::Near, Wanted::from);
     match what {
         What::AgreesWith(reference) => {
@@ -428,17 +429,15 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
         }
-        What::InRange([least, most]) => {
-            if !(least <= most) {
-                return Err(format!("in_range = [{least}, {most}] has no value").into());
-            }
+        What::InRange(range) => {
+            let range = range.checked()?;
             if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(
                     format!("`in_range` is for numbers, and the result is a {result}").into()
                 );
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
-                .try_stays_within(*least, *most))
+                .try_stays_within(range.bounds()))
         }
         What::SymmetricIn([first, second]) => {
             let [first, second] = [first, second].map(|name| place(&parameters, name));

@@ -21,7 +21,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
         (
             "function = \"count\"\nin_range = [0, 4294967295]\n",
             "m.test.toml:3:1",
-            "no result, or every one, would",
+            "no result, or every one, does",
         ),
         (
             "function = \"half\"\nequals = 1\ntolerance = \"rel 1e300\"\n",

@@ -14,7 +14,7 @@ use crate::value::{Arguments, Scalar, Shape, Shareable};
 /// // One `vec2f`, not two numbers.
 /// let uv = (0.0..=1.0, 0.0..=1.0).compose::<Vec2>();
 /// let package = Package::from_source("m", "fn swap(uv: vec2f) -> vec2f { return uv.yx; }");
-/// package.function("swap").over(uv).stays_within(0.0, 1.0);
+/// package.function("swap").over(uv).stays_within(0.0..=1.0);
 /// ```
 #[derive(Debug)]
 pub struct Composed<D, T> {

@@ -29,7 +29,7 @@ impl<R> LatinHypercube<R> {
     /// # use karat::prelude::*;
     /// let package = Package::from_source("m", "fn sum(x: f32, y: f32) -> f32 { return x + y; }");
     /// let points = LatinHypercube::new((0.0..=1.0, 0.0..=1.0), 256);
-    /// assert_eq!(package.function("sum").over(points).stays_within(0.0, 2.0).cases, 4 + 256); // corners, too
+    /// assert_eq!(package.function("sum").over(points).stays_within(0.0..=2.0).cases, 4 + 256); // corners, too
     /// ```
     pub fn new(ranges: R, points: u32) -> Self
     where

@@ -45,7 +45,7 @@ fn directions_above_the_horizon() {
 #[test]
 fn schlick() {
     let schlick = || SHADERS.function("brdf::schlick").over((0.0..=1.0, 0.0..=1.0)); // f0, cosine
-    schlick().stays_within(0.0, 1.0);
+    schlick().stays_within(0.0..=1.0);
     schlick().is_monotone_in("cosine", Trend::Decreasing, Ulp(2.0));
     let facing = Limit::toward(1.0, [0.5, 0.9, 0.99, 0.999]);
     schlick().at_limit("cosine", facing, |f0: f64, _: f64| f0, Abs(1e-6));
@@ -99,7 +99,7 @@ fn wrapped() {
          }",
     )
     .depends_on("shaders", &SHADERS);
-    glue.function("third").over(Integers(0..=u32::MAX)).stays_within(0.0, 1.0);
+    glue.function("third").over(Integers(0..=u32::MAX)).stays_within(0.0..=1.0);
 }
 
 #[test]

@@ -1,0 +1,91 @@
+//! Bounds of half precision.
+
+use super::Interval;
+use super::chain::power;
+use crate::rules::Half;
+
+/// The greatest `f16`.
+pub(super) const GREATEST: f64 = 65_504.0;
+
+/// The exponents of the least normal `f16` and of the least subnormal one.
+pub(super) const LEAST_NORMAL: i16 = -14;
+pub(super) const LEAST_STEP: i16 = -24;
+
+impl Interval {
+    /// The values of half precision that a result may have which is `how` exact: its exact value lies in this interval.
+    pub(crate) fn halved(self, how: Half) -> Self {
+        let Some((lo, hi)) = self.bounds() else { return self };
+        let normal = power(LEAST_NORMAL);
+        // Behind the next power of two errors are twice as large, which may reach further than those at the end.
+        let by = |ulps: f64| Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
+        match how {
+            Half::Rounded => Self::rounded(lo, hi),
+            Half::Chained(roundings) => {
+                let Some((below, above)) = self.chain.in_half((lo, hi), roundings) else {
+                    return Self { ..Self::UNBOUNDED };
+                };
+                let bounds = Self::rounded(below.min(lo), above.max(hi));
+                if bounds.is_bounded() { Self { chain: self.chain, ..bounds } } else { bounds }
+            }
+            Half::Ulps(ulps) => by(f64::from(ulps)),
+            Half::Root => {
+                // The inverse root has 2 ulp, and its inverse 2.5 and a rounding; arguments below 2^-14 may be 0.
+                let bounds = by(6.0);
+                if lo < normal.sqrt() { bounds.join(Self::point(0.0)) } else { bounds }
+            }
+            Half::Length(components) => {
+                // Half of the relative error of a sum of squares, each rounded, and the root's. A square that is
+                // subnormal is off by a step.
+                let steps = f64::from(components) * power(LEAST_STEP);
+                let hi = (hi * hi + steps).sqrt();
+                let ulps = f64::from(components) + 6.0;
+                let bounds = Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
+                // The sum of squares overflows above the root of 65504, with what rounding adds.
+                match hi > 250.0 {
+                    true => Self::UNBOUNDED,
+                    // Squares below 2^-14 may be 0, each of them.
+                    false if lo < 2.0 * normal.sqrt() => bounds.join(Self::point(0.0)),
+                    false => bounds,
+                }
+            }
+            Half::Power => {
+                let error = |y: f64| {
+                    let x = y.abs().max(power(LEAST_STEP)).log2().abs();
+                    (1.0 + 2.0 * x) * ulp(2.0 * y)
+                };
+                Self::rounded((lo - error(lo)).max(0.0), hi + error(hi))
+            }
+            Half::Logarithm(least) if lo < f64::from(least) => Self::UNBOUNDED,
+            Half::Logarithm(_) => {
+                let error = |y: f64| (3.0 * ulp(2.0 * y)).max(1.0 / 128.0 /* 2^-7 */);
+                Self::rounded(lo - error(lo), hi + error(hi))
+            }
+            Half::Wave => Self::rounded(lo - 1.0 / 128.0, hi + 1.0 / 128.0),
+        }
+    }
+
+    /// Outwards to `f16`, and with zero where a subnormal may be flushed.
+    fn rounded(lo: f64, hi: f64) -> Self {
+        let (lo, hi) = (outwards(lo, -1.0), outwards(hi, 1.0));
+        if !(lo.abs() <= GREATEST && hi.abs() <= GREATEST) {
+            return Self::UNBOUNDED;
+        }
+        let normal = power(LEAST_NORMAL);
+        let lo = if lo > 0.0 && lo < normal { 0.0 } else { lo };
+        let hi = if hi < 0.0 && hi > -normal { 0.0 } else { hi };
+        // Each `f16` is an `f32`.
+        Self::between(lo as f32, hi as f32)
+    }
+}
+
+/// The distance of two `f16` about a number.
+fn ulp(x: f64) -> f64 {
+    let exponent = if x == 0.0 { LEAST_NORMAL } else { (libm::ilogb(x) as i16).max(LEAST_NORMAL) };
+    power(exponent - 10)
+}
+
+/// The nearest multiple of an ulp that isn't nearer to the middle: below with a sign of -1.
+fn outwards(x: f64, sign: f64) -> f64 {
+    let step = ulp(x);
+    sign * (sign * x / step).ceil() * step
+}

@@ -1,0 +1,72 @@
+//! How exact the results of half precision are. WGSL 15.7.4, the column of `f16`.
+
+use super::{Basic, Exponential, FloatRule, Geometry, Trigonometry};
+
+/// How far a result of half precision may be from the exact one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Half {
+    /// Correctly rounded, or exact.
+    Rounded,
+    /// A sum, a product or a quotient, in any order of its operations; so many more of them are rounded within it.
+    Chained(u8),
+    /// Off by so many ulp.
+    Ulps(u8),
+    /// 1 / inverseSqrt: as [`Ulps`](Self::Ulps), and 0 for arguments that may be flushed.
+    Root,
+    /// The root of a sum of squares, of so many components.
+    Length(u8),
+    /// Off by 1 + 2 |x| ulp at x.
+    Power,
+    /// Off by 2^-7, or by 3 ulp outside of [0.5, 2]. The least result is of the least number that isn't flushed.
+    Logarithm(i8),
+    /// Off by 2^-7.
+    Wave,
+}
+
+impl FloatRule {
+    /// How exact it is in half precision. `None`: it is computed of others, and its result alone doesn't tell how far off
+    /// they may have been.
+    pub(crate) fn half(self) -> Option<Half> {
+        use {Basic as B, Exponential as E, Geometry as G, Trigonometry as T};
+        Some(match self {
+            Self::Basic(rule) => match rule {
+                B::Add | B::Subtract | B::Multiply | B::Square | B::Divide => Half::Chained(0),
+                // The product is rounded, too.
+                B::Fma => Half::Chained(1),
+                B::Negate
+                | B::Abs
+                | B::Min
+                | B::Max
+                | B::Clamp
+                | B::Saturate
+                | B::Step
+                | B::Sign => Half::Rounded,
+                B::Sqrt => Half::Root,
+                B::InverseSqrt => Half::Ulps(2),
+                B::Remainder | B::Mix | B::SmoothStep => return None,
+            },
+            Self::Exponential(rule) => match rule {
+                E::Exp | E::Exp2 => Half::Power,
+                // The logarithms of 2^-14.
+                E::Log => Half::Logarithm(-9),
+                E::Log2 => Half::Logarithm(-14),
+                _ => return None,
+            },
+            // Its products are rounded one by one.
+            Self::Geometry(G::Dot2) => Half::Chained(2),
+            Self::Geometry(G::Dot3) => Half::Chained(3),
+            Self::Geometry(G::Dot4) => Half::Chained(4),
+            Self::Geometry(G::Length1) => Half::Rounded,
+            Self::Geometry(G::Length2) => Half::Length(2),
+            Self::Geometry(G::Length3) => Half::Length(3),
+            Self::Geometry(G::Length4) => Half::Length(4),
+            Self::Geometry(_) => return None,
+            Self::Rounding(_) => Half::Rounded,
+            Self::Trigonometry(T::Sin | T::Cos) => Half::Wave,
+            Self::Trigonometry(T::Atan) => Half::Ulps(5),
+            // The factor is rounded, and so is the product.
+            Self::Trigonometry(T::Radians | T::Degrees) => Half::Ulps(3),
+            Self::Trigonometry(_) => return None,
+        })
+    }
+}

@@ -1,0 +1,167 @@
+//! A search for arguments whose result reaches what no result may reach, from those that come nearest to it.
+
+use super::Failure;
+use super::session::Session;
+use crate::value::Scalar;
+
+/// The index of a case that a search has found: above those of all others.
+pub(super) const SEARCHED: u64 = 1 << 62;
+
+/// Cases that are looked at for a beginning, and of these how many are followed.
+const LOOKED_AT: u64 = 4096;
+const FOLLOWED: usize = 8;
+
+/// Rounds, and those without a nearer result after which a search ends.
+const ROUNDS: usize = 24;
+const PATIENCE: usize = 3;
+
+/// Rounds in which what was found becomes simpler.
+const SIMPLER: usize = 64;
+
+/// What is searched for.
+pub(super) struct Goal<'g> {
+    /// How far a result is from it, which is 0 or less where it is reached.
+    pub(super) distance: &'g (dyn Fn(&[u32]) -> f64 + Sync),
+    /// True if arguments with this result fail.
+    pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
+}
+
+impl Session<'_> {
+    /// The simplest arguments that are found to fail; `None`: none are, or the domain doesn't tell which are its own.
+    pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
+        let width = self.stream.width();
+        if width == 0 || self.is_replay() || self.input().is_some() {
+            return Ok(None);
+        }
+        let few = self.count().min(LOOKED_AT).min(self.called.capacity() as u64);
+        let drawn = self.draw(0, few)?;
+        let rows: Vec<Vec<u32>> = drawn.rows().iter().map(<[u32]>::to_vec).collect();
+        let mut near = match self.tried(&rows, goal)? {
+            Ok(failing) => return self.simplified(failing, goal).map(Some),
+            Err(near) => near,
+        };
+        let mut without = 0;
+        for _ in 0..ROUNDS {
+            let least = near.first().map_or(f64::INFINITY, |(distance, _)| *distance);
+            let mut candidates = Vec::new();
+            for (_, row) in &near {
+                for neighbour in self.neighbours(row) {
+                    let is_new = !candidates.contains(&neighbour) && neighbour != *row;
+                    if is_new && self.stream.admits(&neighbour) == Some(true) {
+                        candidates.push(neighbour);
+                    }
+                }
+            }
+            candidates.truncate(self.called.capacity());
+            if candidates.is_empty() {
+                break;
+            }
+            match self.tried(&candidates, goal)? {
+                Ok(failing) => return self.simplified(failing, goal).map(Some),
+                Err(others) => near.extend(others),
+            }
+            near.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+            near.dedup();
+            near.truncate(FOLLOWED);
+            let is_nearer = near.first().is_some_and(|(distance, _)| *distance < least);
+            without = if is_nearer { 0 } else { without + 1 };
+            if without > PATIENCE {
+                break;
+            }
+        }
+        Ok(None)
+    }
+
+    /// The first row that fails, or else those that come nearest.
+    #[expect(clippy::type_complexity, reason = "rows with their distances")]
+    fn tried(
+        &self,
+        rows: &[Vec<u32>],
+        goal: &Goal<'_>,
+    ) -> Result<Result<Vec<u32>, Vec<(f64, Vec<u32>)>>, Failure> {
+        let batch = self.batch(SEARCHED, rows.concat(), rows.len());
+        let results = self.results(&batch, &batch.lanes())?;
+        let mut near = Vec::new();
+        for (case, row) in rows.iter().enumerate() {
+            let result = results.of(case);
+            if (goal.fails)(batch.arguments(case), result) {
+                return Ok(Ok(row.clone()));
+            }
+            near.push(((goal.distance)(result), row.clone()));
+        }
+        near.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        near.truncate(FOLLOWED);
+        Ok(Err(near))
+    }
+
+    /// Rows that differ in one number: by powers of two, by some ulp, or in how near they are to an integer.
+    fn neighbours(&self, row: &[u32]) -> Vec<Vec<u32>> {
+        let mut all = Vec::new();
+        for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
+            let words = match scalar {
+                Scalar::F32 => of_float(f32::from_bits(row[lane])).map(f32::to_bits).to_vec(),
+                Scalar::I32 | Scalar::U32 => [1, 16]
+                    .iter()
+                    .flat_map(|by| [row[lane].wrapping_add(*by), row[lane].wrapping_sub(*by)])
+                    .collect(),
+                Scalar::Bool | Scalar::F16 => Vec::new(),
+            };
+            for word in words {
+                let mut neighbour = row.to_vec();
+                neighbour[lane] = word;
+                all.push(neighbour);
+            }
+        }
+        all
+    }
+
+    /// Simpler arguments that fail as well.
+    fn simplified(&self, row: Vec<u32>, goal: &Goal<'_>) -> Result<Vec<u32>, Failure> {
+        let mut row = row;
+        for _ in 0..SIMPLER {
+            let mut simpler = self.stream.shrink(&row);
+            simpler.truncate(self.called.capacity());
+            if simpler.is_empty() {
+                break;
+            }
+            match self.tried(&simpler, goal)? {
+                Ok(failing) => row = failing,
+                Err(_) => break,
+            }
+        }
+        Ok(row)
+    }
+}
+
+/// Numbers about another one, and small ones of either sign, which a sum with a larger one rounds away.
+fn of_float(x: f32) -> [f32; 20] {
+    const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
+    let nearest = x.round();
+    let towards = |by: f32| nearest + (x - nearest) * by;
+    let by_ulps = |by: i32| {
+        let bits = x.to_bits().cast_signed();
+        f32::from_bits(bits.saturating_add(by).cast_unsigned())
+    };
+    [
+        x / 2.0,
+        x / 16.0,
+        x / 65_536.0, // 2^16
+        x * 2.0,
+        -x,
+        SMALL,
+        -SMALL,
+        SMALL * SMALL,
+        -SMALL * SMALL,
+        nearest,
+        towards(0.5),
+        towards(1.0 / 256.0),
+        nearest.next_up(),
+        nearest.next_down(),
+        by_ulps(1),
+        by_ulps(-1),
+        by_ulps(64),
+        by_ulps(-64),
+        by_ulps(65_536),
+        by_ulps(-65_536),
+    ]
+}

@@ -1,0 +1,71 @@
+//! `in_range`: both ends of a range, of which the last may be left out.
+
+use std::fmt;
+use std::ops::{Bound, RangeBounds};
+
+use serde::Deserialize;
+
+/// `[0, 1]`, or `"0..<1"` without its end.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "toml::Value")]
+pub(crate) struct Range {
+    least: f64,
+    most: f64,
+    /// True if the end is no part of it.
+    half_open: bool,
+}
+
+impl Range {
+    /// Both bounds.
+    pub(crate) fn bounds(self) -> (Bound<f64>, Bound<f64>) {
+        let most = if self.half_open { Bound::Excluded } else { Bound::Included };
+        (Bound::Included(self.least), most(self.most))
+    }
+
+    /// True if a number lies there.
+    pub(crate) fn contains(self, value: f64) -> bool {
+        self.bounds().contains(&value)
+    }
+
+    /// The range, or that there is no number in it.
+    pub(crate) fn checked(self) -> Result<Self, String> {
+        let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
+        if is_some { Ok(self) } else { Err(format!("in_range = {self} has no value")) }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { least, most, half_open } = self;
+        if *half_open { write!(f, "\"{least}..<{most}\"") } else { write!(f, "[{least}, {most}]") }
+    }
+}
+
+impl TryFrom<toml::Value> for Range {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<Self, String> {
+        #[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
+        let number = |value: &toml::Value| {
+            let number = value.as_float().or_else(|| value.as_integer().map(|one| one as f64));
+            number.ok_or_else(|| format!("an end of a range is a number, and this is {value}"))
+        };
+        match &value {
+            toml::Value::Array(list) => match &**list {
+                [least, most] => {
+                    let (least, most) = (number(least)?, number(most)?);
+                    Ok(Self { least, most, half_open: false })
+                }
+                list => Err(format!("a list of two is wanted, and this one has {}", list.len())),
+            },
+            toml::Value::String(text) => {
+                let wanted =
+                    || format!("`{text}` is no range: write [0, 1], or \"0..<1\" without its end");
+                let (least, most) = text.split_once("..<").ok_or_else(wanted)?;
+                let parsed = |end: &str| end.trim().parse::<f64>().map_err(|_| wanted());
+                Ok(Self { least: parsed(least)?, most: parsed(most)?, half_open: true })
+            }
+            other => Err(format!("a range is [0, 1] or \"0..<1\", and this is {other}")),
+        }
+    }
+}
