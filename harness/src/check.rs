@@ -35,6 +35,7 @@ mod parallel;
 mod parameter;
 mod path_tally;
 mod plan;
+mod proof;
 mod property;
 mod quadrature;
 mod recall;

@@ -69,6 +69,10 @@ fn lowering(via: Via) -> Settings {
 /// Rounds after which a loop with a bound is ended, too: a case would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
+/// Rounds of loops of what is to be proved for many arguments at once, where an exit is undecided and where not.
+const FEW_ROUNDS: u64 = 16;
+const MANY_ROUNDS: u64 = 4096;
+
 impl Interpreted {
     /// Lowers a function. What the engine doesn't execute is an error with its place.
     pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
@@ -210,6 +214,23 @@ impl Interpreted {
         self.expect_bounds()?;
         let results = self.call_with::<Intervals>(cases, arguments, options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
+    }
+
+    /// What WGSL allows each lane of the results to be, of all arguments from those of a row to those of another one.
+    /// `None` if a row isn't one of arguments alone.
+    pub(crate) fn bounds_between(
+        &self,
+        cases: usize,
+        rows: [&[u32]; 2],
+    ) -> Result<Option<Vec<Bound>>, ProbeError> {
+        if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
+            return Ok(None);
+        }
+        // What doesn't end soon isn't proved.
+        let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
+        let results = self.lowered.call_between(cases, rows, &self.resources, &options);
+        let results = results.map_err(|stop| stopped(&self.program, &self.name, &stop))?;
+        Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
     /// Results in double precision.

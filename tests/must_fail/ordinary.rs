@@ -73,6 +73,8 @@ fn results_at_the_end_of_a_half_open_range() {
     let part = package(
         "fn part(x: f32) -> f32 { return x - floor(x); }
         fn cell(x: f32) -> f32 { return min(x - floor(x), 0x1.fffffep-1f); }
+        fn peak(x: f32) -> f32 { return select(0.5 * x, 2.0, x == 0.3333); }
+        fn half(x: f32, y: f32) -> f32 { return 0.5 * x * y + 0.125 * (1.0 - x); }
         fn nth(i: u32) -> u32 { return i % 8u; }",
     );
     // 1 - 1e-9 rounds to 1.
@@ -82,10 +84,17 @@ fn results_at_the_end_of_a_half_open_range() {
     let worst = &found.paths[0].worst;
     assert!(worst.searched && found.to_string().contains("worst (found by a search)"), "{found}");
     assert_eq!((f32::from_bits(worst.actual), &*worst.arguments[0].1), (1.0, "-1e-8"));
-    part.function("part").over(-4.0..=4.0).stays_within(0.0..=1.0);
-    part.function("cell").over(-4.0..=4.0).stays_within(0.0..1.0);
+    let closed = part.function("part").over(-4.0..=4.0).stays_within(0.0..=1.0);
+    let cell = part.function("cell").over(-4.0..=4.0).stays_within(0.0..1.0);
     let nth = || part.function("nth").over(Integers(0..=99_u32));
     nth().stays_within(0.0..8.0);
+    let half = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..1.0);
+    let wide = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..=0.625);
+    // About an integer, `x - floor(x)` has bounds from -1 to 1: they don't know that both are one x.
+    assert_eq!([half.proved, wide.proved, closed.proved, cell.proved], [true, true, false, false]);
+    // No case is 0.3333, and it is seen.
+    let peak = part.function("peak").over(0.0..=1.0).stays_within(0.0..=1.0);
+    assert!(!peak.proved);
     disagreement(nth().unrecorded().try_stays_within(0.0..7.0));
     let above = (std::ops::Bound::Excluded(0.0), std::ops::Bound::Unbounded);
     let found = disagreement(nth().unrecorded().try_stays_within(above));

@@ -131,6 +131,12 @@ pub trait Domain: Send + Sync {
         None
     }
 
+    /// Two values between which each component of all values lies; `None` if there are none. A statement is proved
+    /// between them.
+    fn ends(&self) -> Option<(Self::Value, Self::Value)> {
+        None
+    }
+
     /// Values of the domain that are simpler than `value`, the simplest first. A failing case is
     /// replaced by the first of them that fails, again and again until none does. The default is
     /// an empty list.
@@ -222,6 +228,9 @@ impl<D: Domain + ?Sized> Domain for &D {
     fn admits(&self, value: &Self::Value) -> Option<bool> {
         (**self).admits(value)
     }
+    fn ends(&self) -> Option<(Self::Value, Self::Value)> {
+        (**self).ends()
+    }
     fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
         (**self).shrink(value)
     }
@@ -253,6 +262,9 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
     }
     fn nth(&self, index: u64) -> Option<T> {
         (index == 0).then(|| self.0.clone())
+    }
+    fn ends(&self) -> Option<(T, T)> {
+        Some((self.0.clone(), self.0.clone()))
     }
 }
 
@@ -394,6 +406,9 @@ where
     }
     fn admits(&self, value: &Self::Value) -> Option<bool> {
         if (self.keep)(value) { self.domain.admits(value) } else { Some(false) }
+    }
+    fn ends(&self) -> Option<(Self::Value, Self::Value)> {
+        self.domain.ends()
     }
     fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
         self.domain.shrink(value).into_iter().filter(&self.keep).collect()

@@ -124,6 +124,37 @@ impl<'p, A: Rules> Machine<'p, A> {
         machine
     }
 
+    /// Has a register hold its values, those of other words, and all between.
+    pub(crate) fn widen(
+        &mut self,
+        register: u32,
+        scalar: Scalar,
+        words: impl Iterator<Item = u32>,
+    ) {
+        let both = A::undecided();
+        match scalar {
+            Scalar::F32 | Scalar::F16 => {
+                for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
+                    let other = match scalar {
+                        Scalar::F32 => A::float(f32::from_bits(word)),
+                        _ => A::float(half::f16::from_bits(word as u16).to_f32()),
+                    };
+                    *x = A::select_float(both, *x, other);
+                }
+            }
+            Scalar::I32 | Scalar::U32 => {
+                for (x, word) in self.ints.get_mut(register).iter_mut().zip(words) {
+                    *x = A::select_int(both, *x, A::int(word, scalar.signed()));
+                }
+            }
+            Scalar::Bool => {
+                for (x, word) in self.bools.get_mut(register).iter_mut().zip(words) {
+                    *x = A::select_bool(both, *x, A::bool(word != 0));
+                }
+            }
+        }
+    }
+
     /// Sets one scalar of a parameter, for the lanes that `words` gives a word for.
     pub(crate) fn set(&mut self, register: u32, scalar: Scalar, words: impl Iterator<Item = u32>) {
         let flush = self.options.flush;

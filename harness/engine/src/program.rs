@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use naga::valid::ModuleInfo;
 use naga::{Module, ShaderStage, Span};
 
-use crate::arithmetic::Arithmetic;
+use crate::arithmetic::{Arithmetic, Intervals};
 use crate::code::{Binding, Code, Site};
 use crate::lower::{Lower, Settings};
 use crate::machine::{Buffer, Machine, Memory};
@@ -147,7 +147,26 @@ impl Program {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, Stop> {
-        A::call(self, &Call { cases, rows, resources, options }, observer)
+        A::call(self, &Call { cases, rows, to: None, resources, options }, observer)
+    }
+
+    /// Calls the function in intervals, each for all arguments from those of a row to those of another one.
+    ///
+    /// # Errors
+    ///
+    /// As [`call`](Self::call).
+    pub fn call_between(
+        &self,
+        cases: usize,
+        [rows, to]: [&[u32]; 2],
+        resources: &Resources,
+        options: &Options,
+    ) -> Result<Results<Intervals>, Stop> {
+        if to.len() != rows.len() {
+            let width = self.code.parameters.len();
+            return Err(Stop::Rows { found: to.len(), width, cases });
+        }
+        Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, &())
     }
 
     /// [`call`](Self::call), compiled once for each arithmetic.
@@ -156,7 +175,7 @@ impl Program {
         call: &Call<'_>,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, Stop> {
-        let Call { cases, rows, resources, options } = *call;
+        let Call { cases, rows, to, resources, options } = *call;
         if self.entry.is_some() {
             return Err(Stop::Misuse("an entry point is dispatched, not called"));
         }
@@ -188,6 +207,13 @@ impl Program {
             for (k, &(register, scalar)) in self.code.parameters.iter().enumerate() {
                 let column = chunk_rows.iter().skip(k).step_by(width).copied();
                 machine.set(register.index, scalar, column);
+            }
+            if let Some(to) = to {
+                let chunk_rows = &to[first * width..(first + active) * width];
+                for (k, &(register, scalar)) in self.code.parameters.iter().enumerate() {
+                    let column = chunk_rows.iter().skip(k).step_by(width).copied();
+                    machine.widen(register.index, scalar, column);
+                }
             }
             match machine.run::<SEEN>(active, first, memory, observer) {
                 Ok(()) => Ok(self.collect(machine, active)),
@@ -291,6 +317,8 @@ impl Program {
 pub struct Call<'c> {
     pub(crate) cases: usize,
     pub(crate) rows: &'c [u32],
+    /// The other ends of intervals that begin with `rows`.
+    pub(crate) to: Option<&'c [u32]>,
     pub(crate) resources: &'c Resources,
     pub(crate) options: &'c Options,
 }

@@ -16,6 +16,7 @@ pub(super) struct Outcome {
     /// Cases in which something was asserted.
     cases: u64,
     worst: LaneError,
+    proved: bool,
     seed: u64,
     /// How it disagrees, if that is to be told.
     disagreement: Option<PathDisagreement>,
@@ -34,6 +35,7 @@ impl Session<'_> {
             inputs: self.inputs,
             cases: tally.tally.census.judged(),
             worst,
+            proved: tally.is_proved(),
             seed: self.cases.seed,
             disagreement: (told && tally.fails()).then(|| self.path_disagreement(tally)).flatten(),
         })
@@ -125,6 +127,7 @@ impl Plan<'_> {
         if agreeing.is_empty() {
             cases = known_issues.iter().map(|issue| issue.cases).min().unwrap_or(0);
         }
+        let proved = !agreeing.is_empty() && agreeing.iter().all(|(_, one)| one.proved);
         let worst = agreeing.iter().map(|(_, one)| one.worst);
         let worst = worst.max_by(|a, b| a.ratio.total_cmp(&b.ratio)).unwrap_or(LaneError::ZERO);
         let function = agreeing.first().map(|(_, one)| one.function.name.clone());
@@ -133,6 +136,7 @@ impl Plan<'_> {
             cases,
             paths: agreeing.into_iter().map(|(adapter, one)| (adapter, one.worst)).collect(),
             worst,
+            proved,
             known_issues,
         })
     }

@@ -8,12 +8,12 @@ use super::batch::Rows;
 use super::demand::Demand;
 use super::plan::Plan;
 use super::session::{Asserted, Session};
-use super::statement::Distance;
+use super::statement::{Beyond, Holds};
 use super::{Agreement, Calls, Check, Failure, Mismatch, Vacuous};
 use crate::diagnostic::Span;
 use crate::domain::Stream;
 use crate::fixture::Fixtures;
-use crate::interpret::Interpreted;
+use crate::interpret::{Bound as Allowed, Interpreted};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Function, Program};
 use crate::run::or_panic;
@@ -302,11 +302,23 @@ impl Plan<'_> {
                 })
             };
             let distance = |words: &[u32]| distance(range, &lanes, words);
+            let is_within = |bounds: &[Allowed]| {
+                bounds.len() == lanes.len()
+                    && lanes.iter().zip(bounds).all(|(lane, bound)| {
+                        let within = if lane.is_float() { of_floats } else { range };
+                        let is_inside = |(least, most): (f64, f64)| {
+                            within.contains(&least) && within.contains(&most)
+                        };
+                        *lane == Scalar::Bool || bound.ends().is_some_and(is_inside)
+                    })
+            };
             // What is only approached, rounding may reach.
             let is_half_open =
                 [range.0, range.1].iter().any(|end| matches!(end, Bound::Excluded(_)));
-            let towards = is_half_open.then_some(&distance as Distance<'_>);
-            self.states_towards(stream, demand, asserted, (&function.result, &holds), towards)
+            let distance = is_half_open.then_some(&distance as _);
+            let beyond = Beyond { distance, holds: &is_within };
+            let said: (&Shape, Holds<'_>) = (&function.result, &holds);
+            self.states_beyond(stream, demand, asserted, said, Some(&beyond))
         })
     }
 

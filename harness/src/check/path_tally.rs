@@ -23,6 +23,8 @@ pub(super) struct PathTally {
     sample: Option<Sample>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
+    /// True if the statement holds for all arguments, and not only for the cases.
+    proved: bool,
 }
 
 impl PathTally {
@@ -44,11 +46,20 @@ impl PathTally {
             allowed: None,
             sample: None,
             nodes: 0,
+            proved: false,
         }
     }
 
     pub(super) fn with_nodes(self, nodes: u64) -> Self {
         Self { nodes, ..self }
+    }
+
+    pub(super) fn with_proof(self, proved: bool) -> Self {
+        Self { proved: proved && !self.fails(), ..self }
+    }
+
+    pub(super) fn is_proved(&self) -> bool {
+        self.proved
     }
 
     pub(super) fn with_sample(self, sample: Option<Sample>) -> Self {
@@ -68,7 +79,10 @@ impl PathTally {
         PathRecord {
             cases: self.tally.census.judged(),
             failures: self.tally.census.failures,
-            worst: worst.map_or_else(String::new, |measure| measure.to_string()),
+            worst: match self.proved {
+                true => "proved".to_owned(),
+                false => worst.map_or_else(String::new, |measure| measure.to_string()),
+            },
             ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),
             asserted: match self.nodes {
                 0 => asserted.to_owned(),

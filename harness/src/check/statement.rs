@@ -1,5 +1,7 @@
 //! Statements that hold for each case's arguments and result.
 
+use std::cell::OnceCell;
+
 use super::batch::Batch;
 use super::demand::Demand;
 use super::flush::allowing_flushes;
@@ -10,12 +12,18 @@ use super::tally::{Judged, finite};
 use super::{Agreement, Calls, Check, Failure, tolerances};
 use crate::domain::Stream;
 use crate::executor::Running;
+use crate::interpret::Bound;
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// How far the words of a result are from what no result may be.
-pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
+/// What is asked of a statement about results alone, beside the cases.
+pub(super) struct Beyond<'b> {
+    /// How far the words of a result are from what no result may be; `None`: nothing is searched.
+    pub(super) distance: Option<&'b (dyn Fn(&[u32]) -> f64 + Sync)>,
+    /// True if the statement holds for each result between the bounds of its lanes.
+    pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
+}
 
 /// Whether a statement holds for the words of arguments and result.
 pub(super) type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
@@ -84,19 +92,22 @@ impl Plan<'_> {
         asserted: (&'static str, &str),
         said: (&Shape, Holds<'_>),
     ) -> Result<Agreement, Failure> {
-        self.states_towards(stream, demand, asserted, said, None)
+        self.states_beyond(stream, demand, asserted, said, None)
     }
 
-    /// The same; where it holds for each case, results are searched that come nearer to what none may be.
-    pub(super) fn states_towards(
+    /// The same; where it holds for each case, it is proved for all others, or those are searched that come nearer to
+    /// what no result may be.
+    pub(super) fn states_beyond(
         &self,
         stream: &dyn Stream,
         demand: &Demand,
         (verb, statement): (&'static str, &str),
         (shape, holds): (&Shape, Holds<'_>),
-        towards: Option<Distance<'_>>,
+        beyond: Option<&Beyond<'_>>,
     ) -> Result<Agreement, Failure> {
         let asserted = Asserted::new(verb, statement.to_owned());
+        // No path changes it.
+        let proof = OnceCell::new();
         self.conclude(&asserted, stream, demand, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;
             session.called.expect_result(shape, "the statement takes")?;
@@ -114,12 +125,16 @@ impl Plan<'_> {
                 allowing_flushes(&lanes, row, of(row), of)
             };
             let fails = |row: &[u32], actual: &[u32]| !judged(row, actual).measure.passes();
-            let goal = towards.map(|distance| Goal { distance, fails: &fails });
+            let is_proved =
+                beyond.is_some_and(|beyond| *proof.get_or_init(|| session.is_proved(beyond.holds)));
+            let distance = beyond.and_then(|beyond| beyond.distance).filter(|_| !is_proved);
+            let goal = distance.map(|distance| Goal { distance, fails: &fails });
             let mut judge = |batch: &Batch, running: Running<'_>| {
                 let judge = |case: usize, actual: &[u32]| judged(batch.arguments(case), actual);
                 session.judge(batch, running, |_| None, &judge)
             };
-            session.run_searching(&mut judge, goal.as_ref())
+            let sum = session.run_searching(&mut judge, goal.as_ref())?;
+            Ok(sum.with_proof(is_proved))
         })
     }
 }

@@ -31,6 +31,9 @@ pub struct Agreement {
     pub paths: Vec<(Adapter, LaneError)>,
     /// The worst error of all paths.
     pub worst: LaneError,
+    /// True if no implementation that WGSL allows breaks the statement, for any arguments of the domain and not only for
+    /// the cases: [`stays_within`](crate::Check::stays_within) tries to prove it.
+    pub proved: bool,
     /// Paths that fail as was declared. They are not among `paths`.
     pub known_issues: Vec<KnownIssue>,
 }

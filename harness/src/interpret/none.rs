@@ -87,6 +87,14 @@ impl Interpreted {
         match *self {}
     }
 
+    pub(crate) fn bounds_between(
+        &self,
+        _: usize,
+        _: [&[u32]; 2],
+    ) -> Result<Option<Vec<Bound>>, ProbeError> {
+        match *self {}
+    }
+
     pub(crate) fn driver_bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         match *self {}
     }

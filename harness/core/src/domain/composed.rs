@@ -112,6 +112,11 @@ where
         self.members.admits(&members(value))
     }
 
+    fn ends(&self) -> Option<(T, T)> {
+        let (least, most) = self.members.ends()?;
+        Some((whole(&least), whole(&most)))
+    }
+
     fn shrink(&self, value: &T) -> Vec<T> {
         self.members.shrink(&members(value)).iter().map(whole).collect()
     }

@@ -82,6 +82,12 @@ impl Domain for UnitVector {
         Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
     }
 
+    /// With what a length that is rounded may have.
+    fn ends(&self) -> Option<(Vec3, Vec3)> {
+        let most = Vec3::splat(1.0 + LENGTH as f32);
+        Some((-most, most))
+    }
+
     fn shrink(&self, value: &Vec3) -> Vec<Vec3> {
         shrink::directions(*value, |value| self.admits(&value) == Some(true))
     }
@@ -212,6 +218,10 @@ impl Domain for UnitRgb {
 
     fn admits(&self, value: &Vec3) -> Option<bool> {
         Some(value.cmpge(Vec3::ZERO).all() && value.cmple(Vec3::ONE).all())
+    }
+
+    fn ends(&self) -> Option<(Vec3, Vec3)> {
+        Some((Vec3::ZERO, Vec3::ONE))
     }
 
     fn shrink(&self, value: &Vec3) -> Vec<Vec3> {

@@ -44,6 +44,9 @@ trait Words: Send + Sync {
     fn size(&self) -> Option<u64>;
     fn nth(&self, index: u64) -> Option<Vec<u32>>;
     fn admits(&self, words: &[u32]) -> Option<bool>;
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        None
+    }
     /// Simpler values, the simplest first.
     fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>>;
 }
@@ -81,6 +84,10 @@ where
     }
     fn admits(&self, words: &[u32]) -> Option<bool> {
         self.0.admits(&D::Value::load(&mut words.iter()))
+    }
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        let (least, most) = self.0.ends()?;
+        Some([stored(&least), stored(&most)])
     }
     fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>> {
         self.0.shrink(&D::Value::load(&mut words.iter())).iter().map(stored).collect()
@@ -640,6 +647,16 @@ impl Stream for Dynamic {
 
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
         Some(self.at(self.of(origin)?))
+    }
+
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        let mut rows = [Vec::new(), Vec::new()];
+        for part in &self.parts {
+            for (row, own) in rows.iter_mut().zip(part.words.ends()?) {
+                row.extend(own);
+            }
+        }
+        Some(rows)
     }
 
     fn admits(&self, row: &[u32]) -> Option<bool> {

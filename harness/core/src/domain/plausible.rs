@@ -79,6 +79,10 @@ where
         self.all.admits(value)
     }
 
+    fn ends(&self) -> Option<(T, T)> {
+        self.all.ends()
+    }
+
     fn shrink(&self, value: &T) -> Vec<T> {
         self.all.shrink(value)
     }
@@ -111,6 +115,10 @@ impl Domain for Straddling {
 
     fn admits(&self, value: &f32) -> Option<bool> {
         self.0.admits(value)
+    }
+
+    fn ends(&self) -> Option<(f32, f32)> {
+        self.0.ends()
     }
 
     fn shrink(&self, value: &f32) -> Vec<f32> {

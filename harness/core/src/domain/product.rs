@@ -74,6 +74,11 @@ macro_rules! product {
                 None$(.or_else(|| Some(self.$index.emptiness()?.in_part($index))))+
             }
 
+            fn ends(&self) -> Option<(Self::Value, Self::Value)> {
+                let ends = ($(self.$index.ends()?,)+);
+                Some((($(ends.$index.0,)+), ($(ends.$index.1,)+)))
+            }
+
             fn size(&self) -> Option<u64> {
                 Some(1_u64)$(.and_then(|size| size.checked_mul(self.$index.size()?)))+
             }

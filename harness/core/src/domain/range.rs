@@ -71,6 +71,10 @@ impl Domain for RangeInclusive<f32> {
         Some(self.contains(value))
     }
 
+    fn ends(&self) -> Option<(f32, f32)> {
+        (self.start() <= self.end()).then(|| (*self.start(), *self.end()))
+    }
+
     fn shrink(&self, value: &f32) -> Vec<f32> {
         shrink::floats(*value, &[*self.start(), *self.end()], |value| self.contains(&value))
     }
@@ -138,6 +142,10 @@ macro_rules! integer {
 
             fn admits(&self, value: &$integer) -> Option<bool> {
                 Some(self.0.contains(value))
+            }
+
+            fn ends(&self) -> Option<($integer, $integer)> {
+                (self.0.start() <= self.0.end()).then(|| (*self.0.start(), *self.0.end()))
             }
 
             fn shrink(&self, value: &$integer) -> Vec<$integer> {

@@ -53,6 +53,11 @@ pub trait Stream: Send + Sync {
     /// Whether the domain has a value of this row; `None` if it can't tell.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
+    /// Two rows between whose lanes those of all values lie; `None` if there are none.
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        None
+    }
+
     /// The rows of simpler values than this one, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
@@ -256,6 +261,16 @@ impl<D: Domain> Stream for Typed<D> {
     fn admits(&self, row: &[u32]) -> Option<bool> {
         let words = self.words.as_ref()?;
         self.domain.admits(&(words.load)(row))
+    }
+
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        let words = self.words.as_ref()?;
+        let (least, most) = self.domain.ends()?;
+        Some([least, most].map(|value| {
+            let mut row = Vec::new();
+            (words.store)(&value, &mut row);
+            row
+        }))
     }
 
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>> {
