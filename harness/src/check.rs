@@ -53,6 +53,8 @@ mod validity;
 mod verdict;
 pub(crate) mod wgsl_test;
 
+#[cfg(feature = "engine")]
+pub use crate::interpret::hazards::Kind as HazardKind;
 #[doc(inline)]
 pub use crate::value::Reference;
 use demand::Demand;

@@ -202,3 +202,40 @@ fn what_grazes_is_left_out() {
     assert!(error.contains("cosines of at least 1.5, which isn't in 0..=1"), "{error}");
     assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
 }
+
+/// Hazards of some kinds alone, and those that are meant.
+#[test]
+fn hazards_of_a_kind() {
+    use karat::check::HazardKind as Kind;
+    let package = package(
+        "fn capped(x: f32) -> f32 { return min(1.0 / x, 100.0) + pow(x, 5.0); }
+        fn level(k: u32) -> f32 { var levels = array(0.0, 0.5, 1.0); return levels[k]; }",
+    );
+    let capped = || package.function("capped").over(0.0..=1.0).cases(512).unrecorded();
+    let level = || package.function("level").over(Integers(0..=3_u32)).unrecorded();
+    let found = disagreement(capped().try_has_none_of([Kind::Infinite]));
+    assert_eq!((found.check, &*found.assertion), ("has_none_of", "nothing inside is infinite"));
+    // Of the kinds that it has, those that are asked for are shown.
+    assert!(!found.to_string().contains("unbounded by WGSL at"), "{found}");
+    disagreement(capped().try_has_none_of([Kind::Nan, Kind::Infinite]));
+    capped().try_has_none_of([Kind::Nan, Kind::OutOfRange]).expect("it has others");
+    disagreement(level().try_has_none_of([Kind::OutOfRange]));
+    level().try_has_none_of([Kind::Nan]).expect("it has another");
+
+    let meant = "`min` caps it, and 0 to the fifth is 0";
+    disagreement(capped().accept_hazard("1.0 / x", meant).try_has_no_hazards());
+    let both = || capped().accept_hazard("1.0  /  x", meant).accept_hazard("pow(x, 5.0)", meant);
+    both().try_has_no_hazards().expect("both are meant");
+    for (reason, part) in [
+        // An operation that isn't there, a kind that isn't asked for, no reason, and no place for it.
+        (unsuited(both().accept_hazard("2.0 / x", meant).try_has_no_hazards()), "isn't needed"),
+        (unsuited(both().try_has_none_of([Kind::Infinite])), "`pow(x, 5.0)`, which isn't needed"),
+        (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),
+        (unsuited(capped().accept_hazard("1.0 / x", " ").try_has_no_hazards()), "has no reason"),
+        (unsuited(both().try_is_finite()), "does nothing here"),
+        (unsuited(capped().try_has_none_of([Kind::Race])), "called `race`"),
+        (unsuited(capped().try_has_none_of([])), "no hazard that is called `anything`"),
+    ] {
+        assert!(reason.contains(part), "{reason}");
+    }
+}

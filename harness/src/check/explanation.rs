@@ -22,7 +22,7 @@ impl Session<'_> {
                 }
             }
             #[cfg(feature = "engine")]
-            Explained::ByHazards => failure.explanation = self.hazards_of(row),
+            Explained::ByHazards(kinds) => failure.explanation = self.hazards_of(row, kinds),
         }
     }
 

@@ -1,11 +1,13 @@
 //! Functions within which nothing goes wrong.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::batch::Batch;
 use super::demand::Demand;
 use super::plan::Plan;
 use super::session::{Asserted, Explained, Session};
 use super::tally::{Class, Judged};
-use super::{Agreement, Calls, Check, Failure, tolerances};
+use super::{Agreement, Calls, Check, Failure, Mismatch, tolerances};
 use crate::domain::Stream;
 use crate::interpret::hazards::{Found, Kind};
 use crate::run::or_panic;
@@ -40,32 +42,165 @@ impl<V> Check<'_, Calls<V>> {
     /// # Errors
     /// As it panics.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
-        self.plan.hazards(&*self.stream, &self.demand())
+        self.plan.hazards(&*self.stream, &self.demand(), None)
+    }
+
+    /// Checks that no operation inside of the function has a hazard of these kinds; others are left aside.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// use karat::check::HazardKind;
+    ///
+    /// let text = "fn shade(k: u32) -> f32 { var levels = array(0.0, 0.5, 1.0); return pow(levels[k], 5.0); }";
+    /// let package = Package::from_source("m", text);
+    /// // WGSL bounds no `pow` of 0; that is for another day.
+    /// let shade = || package.function("shade").over(Integers(0..=2_u32));
+    /// shade().has_none_of([HazardKind::OutOfRange, HazardKind::Nan]);
+    /// assert!(shade().unrecorded().try_has_none_of([HazardKind::Unbounded]).is_err());
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if an operation has one, if no operation of a function has such a kind, or the engine doesn't
+    /// execute the function.
+    #[track_caller]
+    pub fn has_none_of(self, kinds: impl IntoIterator<Item = Kind>) -> Agreement {
+        or_panic(self.try_has_none_of(kinds))
+    }
+
+    /// [`has_none_of`](Self::has_none_of) without the panic.
+    ///
+    /// # Errors
+    /// As it panics.
+    pub fn try_has_none_of(
+        self,
+        kinds: impl IntoIterator<Item = Kind>,
+    ) -> Result<Agreement, Failure> {
+        let kinds: Vec<Kind> = kinds.into_iter().collect();
+        self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
+    }
+
+    /// Declares that the hazard of an operation is meant, and why. The operation is written as in the function, with single
+    /// spaces. If it has none that is asked for, the check fails until the declaration is removed.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "fn capped(x: f32) -> f32 { return min(1.0 / x, 100.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let capped = package.function("capped").over(0.0..=1.0);
+    /// capped.accept_hazard("1.0 / x", "`min` caps it").has_no_hazards();
+    /// ```
+    pub fn accept_hazard(mut self, text: &str, reason: &str) -> Self {
+        let (text, reason) = (one_line(text), reason.to_owned());
+        self.plan.accepted.push(Accepted { text, reason });
+        self
     }
 }
 
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Kinds of hazards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Kinds(u16);
+
+impl Kinds {
+    /// Those that an operation inside of a function may have.
+    const ALL: [Kind; 8] = [
+        Kind::Nan,
+        Kind::OutOfRange,
+        Kind::ByZero,
+        Kind::Infinite,
+        Kind::Saturated,
+        Kind::EdgesReversed,
+        Kind::LostDigits,
+        Kind::Unbounded,
+    ];
+
+    fn of(kinds: &[Kind]) -> Self {
+        Self(kinds.iter().fold(0, |all, kind| all | 1 << *kind as u16))
+    }
+
+    fn contains(self, kind: Kind) -> bool {
+        self.0 >> kind as u16 & 1 == 1
+    }
+}
+
+/// A hazard that is meant.
+#[derive(Clone, Debug)]
+pub(super) struct Accepted {
+    /// The operation, as its author wrote it.
+    text: String,
+    reason: String,
+}
+
 impl Plan<'_> {
+    /// Wants a verb that looks for hazards where some are accepted.
+    pub(super) fn expect_hazards_asked(&self, asserted: &Asserted) -> Result<(), Failure> {
+        match (self.accepted.first(), asserted.explained) {
+            (None, _) | (_, Explained::ByHazards(_)) => Ok(()),
+            (Some(one), _) => {
+                let wrong =
+                    "does nothing here: `has_no_hazards` and `has_none_of` look for hazards";
+                Err(Mismatch::Accepted(one.text.clone(), wrong).of(&self.function()?))
+            }
+        }
+    }
+
     pub(super) fn hazards(
         &self,
         stream: &dyn Stream,
         demand: &Demand,
+        of: Option<&[Kind]>,
     ) -> Result<Agreement, Failure> {
-        let asserted = Asserted {
-            explained: Explained::ByHazards,
-            ..Asserted::new("has_no_hazards", "nothing goes wrong inside".to_owned())
+        let kinds = Kinds::of(of.unwrap_or(&Kinds::ALL));
+        let names: Vec<&str> = of.unwrap_or_default().iter().map(|kind| kind.name()).collect();
+        let (verb, statement) = match of {
+            None => ("has_no_hazards", "nothing goes wrong inside".to_owned()),
+            Some(_) => ("has_none_of", format!("nothing inside is {}", names.join(" or "))),
         };
+        let asserted =
+            Asserted { explained: Explained::ByHazards(kinds), ..Asserted::new(verb, statement) };
+        let used: Vec<AtomicBool> = self.accepted.iter().map(|_| AtomicBool::default()).collect();
         self.conclude(&asserted, stream, demand, &mut |session| {
-            tolerances::expect_none(&self.tolerance_on, "has_no_hazards", &session.called)?;
+            tolerances::expect_none(&self.tolerance_on, verb, &session.called)?;
+            let function = session.called.function();
+            let mut asked = of.into_iter().flatten();
+            let other = asked.find(|kind| !Kinds::ALL.contains(kind)).map(|kind| kind.name());
+            let none = of.is_some_and(<[Kind]>::is_empty).then_some("anything");
+            if let Some(name) = other.or(none) {
+                return Err(Mismatch::Hazard(name).of(function));
+            }
+            if let Some(one) = self.accepted.iter().find(|one| one.reason.trim().is_empty()) {
+                return Err(Mismatch::Accepted(one.text.clone(), "has no reason").of(function));
+            }
             let witness = session.witness()?;
-            session.run(&mut |batch: &Batch, running| {
-                let found = witness.hazards(batch.cases, &batch.lanes())?.cases;
+            let left_out = |one: &Found| {
+                let (is_out, accepted) = session.leaves_out(one, kinds);
+                if let Some(own) = accepted {
+                    used[own].store(true, Ordering::Relaxed);
+                }
+                is_out
+            };
+            let sum = session.run(&mut |batch: &Batch, running| {
+                let found = witness.hazards_but(batch.cases, &batch.lanes(), &left_out)?;
+                let mut found = found.cases;
+                found.iter_mut().for_each(|case| case.retain(|one| !left_out(one)));
                 let judge = |case: usize, _: &[u32]| Judged {
                     measure: LaneError::statement(found[case].is_empty()),
                     lane: 0,
                     class: found[case].first().map_or(Class::Other, |one| class(one.kind)),
                 };
                 session.judge(batch, running, |_| None, &judge)
-            })
+            })?;
+            let unused = used.iter().position(|used| !used.load(Ordering::Relaxed));
+            match unused.filter(|_| !session.is_replay() && !sum.fails()) {
+                Some(unused) => {
+                    let text = self.accepted[unused].text.clone();
+                    Err(Mismatch::Accepted(text, "isn't needed: remove it").of(function))
+                }
+                None => Ok(sum),
+            }
         })
     }
 }
@@ -90,14 +225,23 @@ fn class(kind: Kind) -> Class {
 
 impl Session<'_> {
     /// What goes wrong for a row, each a name with its text.
-    pub(super) fn hazards_of(&self, row: &[u32]) -> Vec<(&'static str, String)> {
-        let found = self.witness().and_then(|witness| witness.hazards(1, row));
+    pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
+        let left_out = |one: &Found| self.leaves_out(one, kinds).0;
+        let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));
         let found = found.ok().and_then(|mut found| found.cases.pop()).unwrap_or_default();
         let shown = |one: &Found| {
-            let text = one.text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let text = one_line(&one.text);
             let hidden = if one.hidden { "; a later operation hides it" } else { "" };
             ("hazard", format!("{} at `{text}` ({}){hidden}", one.kind.name(), one.span))
         };
-        found.iter().map(shown).collect()
+        found.iter().filter(|one| !left_out(one)).map(shown).collect()
+    }
+
+    /// True of a hazard that isn't asked for or is meant, with which acceptance covers it.
+    fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
+        let text = one_line(&one.text);
+        let accepted = self.accepted.iter().position(|own| own.text == text);
+        let accepted = accepted.filter(|_| kinds.contains(one.kind));
+        (!kinds.contains(one.kind) || accepted.is_some(), accepted)
     }
 }

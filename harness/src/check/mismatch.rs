@@ -49,6 +49,14 @@ pub enum Mismatch {
     /// A range that holds no number, or every one.
     #[error("is to have a result that {0}: no result, or every one, does")]
     Range(String),
+    /// A kind of hazard that no operation of a function has.
+    #[error(
+        "is to have no hazard that is called `{0}`, which no operation inside of a function is"
+    )]
+    Hazard(&'static str),
+    /// A hazard is accepted that no case has, or without a reason.
+    #[error("accepts the hazard of `{0}`, which {1}")]
+    Accepted(String, &'static str),
     /// A tolerance bounds nothing.
     #[error(
         "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \

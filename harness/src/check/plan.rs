@@ -14,6 +14,9 @@ pub(super) struct Plan<'a> {
     pub(super) seed: Option<u64>,
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
+    /// Hazards that are meant.
+    #[cfg(feature = "engine")]
+    pub(super) accepted: Vec<super::hazards::Accepted>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
 }
@@ -21,7 +24,16 @@ pub(super) struct Plan<'a> {
 impl<'a> Plan<'a> {
     pub(super) fn new(probe: Probe<'a>) -> Self {
         let (tolerance_on, known_issues) = Default::default();
-        Self { probe, cases: None, seed: None, tolerance_on, known_issues, recorded: true }
+        Self {
+            probe,
+            cases: None,
+            seed: None,
+            tolerance_on,
+            known_issues,
+            #[cfg(feature = "engine")]
+            accepted: Vec::new(),
+            recorded: true,
+        }
     }
 
     /// A verb's tolerance with those of single paths.

@@ -59,7 +59,7 @@ pub(super) enum Explained {
     ByBounds,
     /// By the operations that go wrong inside.
     #[cfg(feature = "engine")]
-    ByHazards,
+    ByHazards(super::hazards::Kinds),
 }
 
 impl Asserted {
@@ -91,6 +91,9 @@ pub(super) struct Session<'a> {
     pub(super) memory: Option<&'a Memory>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
+    /// Hazards that are meant.
+    #[cfg(feature = "engine")]
+    pub(super) accepted: &'a [super::hazards::Accepted],
 }
 
 /// Judges a batch.
@@ -154,6 +157,8 @@ impl<'a> Session<'a> {
             fixtures,
             memory,
             recorded: plan.recorded,
+            #[cfg(feature = "engine")]
+            accepted: &plan.accepted,
         })
     }
 

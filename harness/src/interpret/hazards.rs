@@ -17,7 +17,9 @@ use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 
 /// What kind of thing goes wrong, the worst first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// It isn't a number.
@@ -224,10 +226,16 @@ macro_rules! recorder {
 recorder!(F32, f32);
 recorder!(F64, f64);
 
-/// The first operation of each lane that may give anything, and whether its operands are to blame for
+/// The operations of each lane that may give anything, in order, and of each whether its operands are to blame for
 /// that: they are known closely, and are where it has no bound.
 #[derive(Default)]
-struct Anything(Mutex<BTreeMap<usize, (usize, bool)>>);
+struct Anything(Mutex<BTreeMap<usize, Vec<(usize, bool)>>>);
+
+/// Such operations that are kept of a lane: those behind the first count where the first is left out.
+const KEPT: usize = 16;
+
+/// True of a hazard that is left out: one behind it is then told in its place.
+pub(crate) type LeftOut<'l> = &'l dyn Fn(&Found) -> bool;
 
 impl Observer<Intervals> for Anything {
     fn floats(&self, lanes: &Lanes<'_, Intervals>) {
@@ -245,7 +253,10 @@ impl Observer<Intervals> for Anything {
                 {
                     let sure = !lanes.operands.is_empty() && operands().all(|x| narrow(&x));
                     let site = std::ptr::from_ref(lanes.site).addr();
-                    first.entry(lane).or_insert((site, sure));
+                    let all = first.entry(lane).or_default();
+                    if all.len() < KEPT && all.iter().all(|(other, _)| *other != site) {
+                        all.push((site, sure));
+                    }
                 }
             }
         }
@@ -280,20 +291,35 @@ impl Twins {
 impl Interpreted {
     /// What goes wrong in each of some cases: of each kind the first.
     pub(crate) fn hazards(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
+        self.hazards_but(cases, rows, &|_| false)
+    }
+
+    /// The same, with those that are left out up to the first of each kind that isn't.
+    pub(crate) fn hazards_but(
+        &self,
+        cases: usize,
+        rows: &[u32],
+        left_out: LeftOut<'_>,
+    ) -> Result<Hazards, ProbeError> {
         let width = rows.len().checked_div(cases).unwrap_or_default();
         let together = TOGETHER / self.lanes();
         let mut found = Hazards { cases: Vec::with_capacity(cases), cut: false };
         for first in (0..cases).step_by(together) {
             let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
-            let part = self.hazards_of_chunk(count, part)?;
+            let part = self.hazards_of_chunk(count, part, left_out)?;
             found.cases.extend(part.cases);
             found.cut |= part.cut;
         }
         Ok(found)
     }
 
-    fn hazards_of_chunk(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
+    fn hazards_of_chunk(
+        &self,
+        cases: usize,
+        rows: &[u32],
+        left_out: LeftOut<'_>,
+    ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
         // What has a bound ends: it may be as long as is still quick to run.
         let fuel = match self.program.most_rounds() {
@@ -316,11 +342,15 @@ impl Interpreted {
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let lost = differ(&result, &shadow, (&scales, &halves));
-            let mut found = self.born(&single, &double, lane, finite, lost);
+            let mut found = self.born(&single, &double, lane, finite, (lost, left_out));
             let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
             found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, finite)));
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
-            if let (Some((site, true)), true) = (anything.get(&lane), found.is_empty()) {
+            let kept = anything.get(&lane).into_iter().flatten();
+            for (site, _) in kept.take_while(|(_, sure)| *sure) {
+                if !found.iter().all(left_out) {
+                    break;
+                }
                 found.extend(self.found(Kind::Unbounded, *site, finite));
             }
             found
@@ -335,19 +365,18 @@ impl Interpreted {
         double: &[Event<f64>],
         lane: usize,
         finite: bool,
-        lost: Option<f64>,
+        (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
-        let found = self.born_of(single, double, lane, finite, &|event, twin| {
-            lost.is_some() && loses(event, twin, lane)
-        });
-        let Some(size) = lost.filter(|_| found.iter().all(|one| one.kind != Kind::LostDigits))
-        else {
+        let loses_own =
+            |event: &Event<f32>, twin: &Event<f64>| lost.is_some() && loses(event, twin, lane);
+        let found = self.born_of(single, double, lane, finite, (&loses_own, left_out));
+        let is_told = |one: &Found| one.kind == Kind::LostDigits && !left_out(one);
+        let Some(size) = lost.filter(|_| !found.iter().any(is_told)) else {
             return found;
         };
         // A difference that is nothing but rounding is at fault where the result is more than that.
-        let more = self.born_of(single, double, lane, finite, &|event, twin| {
-            loses_all(event, twin, lane, size)
-        });
+        let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
+        let more = self.born_of(single, double, lane, finite, (&loses_some, left_out));
         let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
         found.into_iter().chain(lost).collect()
     }
@@ -359,7 +388,7 @@ impl Interpreted {
         double: &[Event<f64>],
         lane: usize,
         finite: bool,
-        loses: &dyn Fn(&Event<f32>, &Event<f64>) -> bool,
+        (loses, left_out): (&dyn Fn(&Event<f32>, &Event<f64>) -> bool, LeftOut<'_>),
     ) -> Vec<Found> {
         let twins = Twins::of(double, lane);
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
@@ -382,7 +411,7 @@ impl Interpreted {
             } else {
                 continue;
             };
-            if found.iter().any(|other| other.kind == kind) {
+            if found.iter().any(|other| other.kind == kind && !left_out(other)) {
                 continue;
             }
             if let Some(mut one) = self.found(kind, event.site, finite) {

@@ -43,6 +43,7 @@
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
 //! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
+//! | `no_hazards = ["nan", "out_of_range"]` | nothing inside has a hazard of these kinds |
 //!
 //! An entry point is a function, too: `function = "fs_main"`, over its inputs. Compute passes are dispatched:
 //!
@@ -78,6 +79,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use karat::check::HazardKind;
 use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::unstable::record::Subject;
 use karat::value::Shape;
@@ -136,7 +138,9 @@ pub(crate) struct Declared {
     monotone: Option<BTreeMap<String, Direction>>,
     limit: Option<BTreeMap<String, Value>>,
     integral: Option<Integral>,
-    no_hazards: Option<bool>,
+    no_hazards: Option<NoHazards>,
+    #[serde(default)]
+    pub(crate) accept_hazard: BTreeMap<String, String>,
 }
 
 /// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as verdicts say it.
@@ -176,6 +180,35 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
         list.try_into().map(Self).map_err(|list: Vec<T>| {
             format!("a list of two is wanted, and this one has {}", list.len())
         })
+    }
+}
+
+/// `true`: of any kind; or a list of kinds.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "Value")]
+struct NoHazards(Option<Vec<HazardKind>>);
+
+impl TryFrom<Value> for NoHazards {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        match value {
+            Value::Boolean(true) => Ok(Self(None)),
+            Value::Boolean(false) => {
+                Err("`no_hazards = false` asserts nothing: leave it out".to_owned())
+            }
+            Value::Array(kinds) => {
+                let kind = |kind: Value| {
+                    let known = kind.try_into();
+                    known.map_err(|error: toml::de::Error| with_nearest(error.message()))
+                };
+                let kinds = kinds.into_iter().map(kind).collect::<Result<_, _>>()?;
+                Ok(Self(Some(kinds)))
+            }
+            other => {
+                Err(format!("`true`, or a list such as [\"nan\"], is wanted, and not {other}"))
+            }
+        }
     }
 }
 
@@ -292,9 +325,15 @@ pub(crate) enum What {
     InRange(Range),
     SymmetricIn([String; 2]),
     Monotone(String, Direction),
-    Limit { argument: String, toward: f64, through: Vec<f64>, is: Value },
+    Limit {
+        argument: String,
+        toward: f64,
+        through: Vec<f64>,
+        is: Value,
+    },
     Integral(Integral),
-    NoHazards,
+    /// Of these kinds; of any without.
+    NoHazards(Option<Vec<HazardKind>>),
 }
 
 /// An assertion of a `[[test]]`.
@@ -402,7 +441,7 @@ impl What {
             Self::Monotone(..) => "monotone",
             Self::Limit { .. } => "limit",
             Self::Integral(_) => "integral",
-            Self::NoHazards => "no_hazards",
+            Self::NoHazards(_) => "no_hazards",
         }
     }
 
@@ -518,12 +557,13 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
 
 /// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
 /// has a `slack` in place of a tolerance.
-const TAKEN: [(&str, &[&str]); 5] = [
+const TAKEN: [(&str, &[&str]); 6] = [
     ("over", &DRAWN),
     ("cases", &DRAWN),
     ("seed", &DRAWN),
     ("tolerance", &WITHIN),
     ("tolerance_on", &WITHIN),
+    ("accept_hazard", &["no_hazards"]),
 ];
 
 /// The assertions whose arguments are drawn: a table has its own.
@@ -600,14 +640,12 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     all.extend(test.table.clone().map(What::Table));
     all.extend(test.golden.clone().map(What::Golden));
     all.extend(test.equals.clone().map(What::Equals));
-    for (name, wanted) in [("finite", test.finite), ("no_hazards", test.no_hazards)] {
-        match wanted {
-            Some(true) if name == "finite" => all.push(What::Finite),
-            Some(true) => all.push(What::NoHazards),
-            Some(false) => return Err(format!("`{name} = false` asserts nothing: leave it out")),
-            None => {}
-        }
+    match test.finite {
+        Some(true) => all.push(What::Finite),
+        Some(false) => return Err("`finite = false` asserts nothing: leave it out".to_owned()),
+        None => {}
     }
+    all.extend(test.no_hazards.clone().map(|NoHazards(kinds)| What::NoHazards(kinds)));
     all.extend(test.in_range.map(What::InRange));
     all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
     let monotone = test.monotone.iter().flatten();
@@ -718,6 +756,13 @@ mod tests {
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = \"nan\"\n", "or a list such as [\"nan\"]"),
+            (
+                "[[test]]\nfunction = \"f\"\nfinite = true\naccept_hazard = { \"1 / x\" = \"why\" }\n",
+                "`accept_hazard` does nothing here",
+            ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0..1\"\n", "write [0, 1], or \"0..<1\""),
             ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` is no range"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),

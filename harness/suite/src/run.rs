@@ -522,8 +522,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 }
             }
         }
-        What::NoHazards => {
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_has_no_hazards())
+        What::NoHazards(kinds) => {
+            let check = settled(probe.over_dynamic(domain(all)?), assertion)?;
+            Ok(match kinds {
+                None => check.try_has_no_hazards(),
+                Some(kinds) => check.try_has_none_of(kinds.iter().copied()),
+            })
         }
     }
 }
@@ -544,6 +548,11 @@ fn settled<'p>(
         for (on, text) in &test.tolerance_on {
             let own: Tolerance = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;
             check = check.tolerance_on(on.as_str(), own);
+        }
+    }
+    if what.takes("accept_hazard") {
+        for (text, reason) in &test.accept_hazard {
+            check = check.accept_hazard(text, reason);
         }
     }
     for (on, reason) in &test.fails_on {
