@@ -18,7 +18,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-pub(crate) use answer::{Answer, Severity};
+pub(crate) use answer::{Answer, Message, Severity};
 use find::Kind;
 pub use find::installed;
 pub use reason::Reason;

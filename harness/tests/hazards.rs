@@ -484,3 +484,27 @@ fn compute_passes_are_looked_through() {
     let race = rare.find(|one| one.kind == Kind::Race).expect("some contents have it");
     assert!(race.guessed && race.violation.is_some(), "{race:#?}");
 }
+
+/// Half precision ends at 65504, and a constant of it stands for its decimal.
+#[test]
+fn halves_overflow_and_lose_digits_of_their_own() {
+    let text = "enable f16;
+        fn capped(x: f32) -> f32 { let y = f16(x); return f32(min(y * y, 100.0h)); }
+        fn into(x: f32) -> f32 { return f32(min(f16(x), 100.0h)); }
+        fn less(x: f32) -> f32 { return f32((1.0h + f16(x)) - 1.0h); }
+        fn tenth(x: f32) -> f32 { return f32(f16(x) * 0.1h); }";
+    let package = Package::from_source("halves", text);
+    let over = |name: &str, range| package.function(name).over(range).cases(500).unrecorded();
+    for (name, range, part) in [
+        ("capped", 255.0..=300.0, "infinite at `y * y`"),
+        ("into", 65_000.0..=70_000.0, "infinite at `f16(x)`"),
+        ("less", 1e-3..=4e-3, "digits lost at `(1.0h + f16(x)) - 1.0h`"),
+    ] {
+        let found = over(name, range).try_has_no_hazards().expect_err("it has one").to_string();
+        assert!(found.contains(part), "{found}");
+    }
+    over("capped", 0.0..=200.0).try_has_no_hazards().expect("it is in range");
+    over("tenth", 0.1..=200.0).try_has_no_hazards().expect("its rounding is that of halves");
+    let tenth = over("tenth", 1.0..=8.0).try_agrees_with(|x: f64| 0.1 * x, Spec.needing(Rel(1e-2)));
+    tenth.expect("0.1h is any number that is rounded to it");
+}

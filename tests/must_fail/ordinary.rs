@@ -73,6 +73,7 @@ fn results_at_the_end_of_a_half_open_range() {
     let part = package(
         "fn part(x: f32) -> f32 { return x - floor(x); }
         fn cell(x: f32) -> f32 { return min(x - floor(x), 0x1.fffffep-1f); }
+        fn angle(x: f32) -> f32 { return atan2(x, -1.0); }
         fn peak(x: f32) -> f32 { return select(0.5 * x, 2.0, x == 0.3333); }
         fn half(x: f32, y: f32) -> f32 { return 0.5 * x * y + 0.125 * (1.0 - x); }
         fn nth(i: u32) -> u32 { return i % 8u; }",
@@ -103,6 +104,9 @@ fn results_at_the_end_of_a_half_open_range() {
         let reason = unsuited(nth().unrecorded().try_stays_within(range));
         assert!(reason.contains("no result, or every one, does"), "{reason}");
     }
+    // A range from 0 has no -0, of which this is -pi.
+    let angle = part.function("angle").over(0.0..=1.0).unrecorded().try_stays_within(0.0..3.2);
+    angle.expect("from 0 on it is pi");
     // Every u32 is below 2^32.
     unsuited(nth().unrecorded().try_stays_within(0.0..4_294_967_296.0));
 }

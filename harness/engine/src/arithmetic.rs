@@ -103,7 +103,8 @@ pub(crate) mod sealed {
 
         fn float(x: f32) -> Self::Float;
         /// Any number that is rounded to this one, if it was likely written as a decimal.
-        fn decimal(x: f32) -> Self::Float {
+        fn decimal(x: f32, half: bool) -> Self::Float {
+            let _ = half;
             Self::float(x)
         }
         fn int(x: u32, signed: bool) -> Self::Int;
@@ -383,15 +384,18 @@ impl Rules for Intervals {
     fn float(x: f32) -> Interval {
         Interval::point(x)
     }
-    fn decimal(x: f32) -> Interval {
+    fn decimal(x: f32, half: bool) -> Interval {
         /// A fraction of this many bits is one that an author writes exactly, such as 0.625.
         const SHORT: u32 = 12;
-        let short = x.to_bits() & ((1 << (24 - SHORT)) - 1) == 0;
+        /// The same of half precision, which has 11.
+        const SHORT_HALF: u32 = 6;
+        let digits = if half { SHORT_HALF } else { SHORT };
+        let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;
         let whole = x == x.trunc() && x.abs() < 16_777_216.0;
-        if short || whole {
-            Interval::point(x)
-        } else {
-            Interval::between(x.next_down(), x.next_up())
+        match (short || whole, half) {
+            (true, _) => Interval::point(x),
+            (false, false) => Interval::between(x.next_down(), x.next_up()),
+            (false, true) => Interval::point(x).halved(Half::Ulps(1)),
         }
     }
     fn int(x: u32, signed: bool) -> Range {

@@ -155,6 +155,12 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
+    /// These bounds of what is left of it without its whole part, which a sum takes off in another order.
+    pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
+        let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
+        Self::outwards(lo - slack, hi + slack)
+    }
+
     /// With zero where one of its values is subnormal.
     pub(crate) fn flushed(self) -> Self {
         let tiny = f32::MIN_POSITIVE;

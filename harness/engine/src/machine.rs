@@ -110,7 +110,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             match register.file {
                 File::Float => {
                     let x = f32::from_bits(constant.word);
-                    let x = if options.decimals { A::decimal(x) } else { A::float(x) };
+                    let half = constant.scalar == Scalar::F16;
+                    let x = if options.decimals { A::decimal(x, half) } else { A::float(x) };
                     let x = if options.flush { A::flush(x) } else { x };
                     machine.floats.get_mut(index).fill(x);
                 }
@@ -261,7 +262,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if SEEN {
                         let (ins, outs) = rule.arity();
                         let (outs, operands) = registers.split_at(outs);
-                        self.show(observer, instruction, case, (outs, &operands[..ins]));
+                        self.show(observer, at, case, (outs, &operands[..ins]));
                     }
                 }
                 Op::Integer(rule) => {
@@ -285,18 +286,22 @@ impl<'p, A: Rules> Machine<'p, A> {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
                     if SEEN {
-                        self.show(observer, instruction, case, (&registers[..rule.arity()], &[]));
+                        self.show(observer, at, case, (&registers[..rule.arity()], &[]));
                     }
                 }
                 Op::Scale(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..2], (1, 1));
                     if SEEN {
-                        self.show(observer, instruction, case, (&registers[..1], &[]));
+                        self.show(observer, at, case, (&registers[..1], &[]));
                     }
                 }
                 Op::ToHalf(half) => {
                     self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x, half)]);
+                    self.after_floats(instruction, &registers[..2], (1, 1));
+                    if SEEN && half == Half::Converted {
+                        self.show(observer, at, case, (&registers[..1], &registers[1..2]));
+                    }
                 }
                 Op::Neighbour(neighbour) => self.floats.write(registers[0], |floats, out| {
                     let of = floats.get(registers[1]);
@@ -365,7 +370,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if code.shape(instruction.op).outs[File::Float as usize] > 0 {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                         if SEEN {
-                            self.show(observer, instruction, case, (&registers[..1], &[]));
+                            self.show(observer, at, case, (&registers[..1], &[]));
                         }
                     }
                     self.report::<SEEN>(observer, instruction, case);
@@ -385,7 +390,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if floats > 0 {
                         self.after_floats(instruction, &registers[..floats + from], (from, floats));
                         if SEEN {
-                            self.show(observer, instruction, case, (&registers[..floats], &[]));
+                            self.show(observer, at, case, (&registers[..floats], &[]));
                         }
                     }
                     self.report::<SEEN>(observer, instruction, case);
@@ -494,19 +499,35 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
+    /// Shows floats that the instruction before `next` gave, rounded to half precision where they are next.
     fn show(
         &self,
         observer: &dyn Observer<A>,
-        instruction: &Instruction,
+        next: usize,
         case: usize,
         (outs, operands): (&[u32], &[u32]),
     ) where
         A: crate::arithmetic::Arithmetic,
     {
-        let columns = |registers: &[u32]| -> Vec<&[A::Float]> {
-            registers.iter().map(|&register| self.floats.get(register)).collect()
+        let (instruction, following) =
+            (&self.code.instructions[next - 1], &self.code.instructions[next..]);
+        let rounded = |out: &u32| {
+            let half = following.iter().take(outs.len()).find_map(|one| match one.op {
+                Op::ToHalf(half) if half.is_of_a_result() => {
+                    (self.code.pool[one.at as usize + 1] == *out).then_some(half)
+                }
+                _ => None,
+            })?;
+            Some(self.floats.get(*out).iter().map(|x| A::to_half(*x, half)).collect::<Vec<_>>())
         };
-        let (floats, operands) = (columns(outs), columns(operands));
+        let rounded: Vec<Option<Vec<A::Float>>> = outs.iter().map(rounded).collect();
+        let floats: Vec<&[A::Float]> = outs
+            .iter()
+            .zip(&rounded)
+            .map(|(out, rounded)| rounded.as_deref().unwrap_or_else(|| self.floats.get(*out)))
+            .collect();
+        let operands: Vec<&[A::Float]> =
+            operands.iter().map(|&register| self.floats.get(register)).collect();
         observer.floats(&Lanes {
             site: self.site(instruction),
             case,

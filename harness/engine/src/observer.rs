@@ -58,7 +58,7 @@ pub trait Observer<A: Arithmetic>: Sync {
         true
     }
 
-    /// An operation gave floats: one for each result, before it is rounded to half precision.
+    /// An operation gave floats: one for each result.
     fn floats(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+/// The index of a case that a search has found: above those of all others.
+pub(super) const SEARCHED: u64 = 1 << 62;
+
 /// Rows of equal width, one after the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows<'r> {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::search::SEARCHED;
+use super::batch::SEARCHED;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;

@@ -1,15 +1,18 @@
 //! A search for arguments whose result reaches what no result may reach, from those that come nearest to it.
 
+use std::collections::HashSet;
+
 use super::Failure;
+use super::batch::SEARCHED;
 use super::session::Session;
 use crate::value::Scalar;
 
-/// The index of a case that a search has found: above those of all others.
-pub(super) const SEARCHED: u64 = 1 << 62;
-
-/// Cases that are looked at for a beginning, and of these how many are followed.
+/// Cases with which a search begins, and how many of the nearest ones it follows.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
+
+/// How far a result is from an aim.
+pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
 
 /// Rounds, and those without a nearer result after which a search ends.
 const ROUNDS: usize = 24;
@@ -18,24 +21,29 @@ const PATIENCE: usize = 3;
 /// Rounds in which what was found becomes simpler.
 const SIMPLER: usize = 64;
 
-/// What is searched for.
+/// The aim of a search.
 pub(super) struct Goal<'g> {
-    /// How far a result is from it, which is 0 or less where it is reached.
-    pub(super) distance: &'g (dyn Fn(&[u32]) -> f64 + Sync),
+    /// How far a result is from it, which is 0 or less where it is reached; `None`: there is no such end.
+    pub(super) distance: Option<Distance<'g>>,
     /// True if arguments with this result fail.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
+    /// True if no arguments do.
+    pub(super) is_proved: &'g dyn Fn() -> bool,
 }
 
 impl Session<'_> {
     /// The simplest arguments that are found to fail; `None`: none are, or the domain doesn't tell which are its own.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
+        let Some(distance) = goal.distance else { return Ok(None) };
         if width == 0 || self.is_replay() || self.input().is_some() {
             return Ok(None);
         }
+        let goal = (distance, goal);
         let few = self.count().min(LOOKED_AT).min(self.called.capacity() as u64);
         let drawn = self.draw(0, few)?;
         let rows: Vec<Vec<u32>> = drawn.rows().iter().map(<[u32]>::to_vec).collect();
+        let mut known: HashSet<Vec<u32>> = rows.iter().cloned().collect();
         let mut near = match self.tried(&rows, goal)? {
             Ok(failing) => return self.simplified(failing, goal).map(Some),
             Err(near) => near,
@@ -44,12 +52,9 @@ impl Session<'_> {
         for _ in 0..ROUNDS {
             let least = near.first().map_or(f64::INFINITY, |(distance, _)| *distance);
             let mut candidates = Vec::new();
-            for (_, row) in &near {
-                for neighbour in self.neighbours(row) {
-                    let is_new = !candidates.contains(&neighbour) && neighbour != *row;
-                    if is_new && self.stream.admits(&neighbour) == Some(true) {
-                        candidates.push(neighbour);
-                    }
+            for neighbour in near.iter().flat_map(|(_, row)| self.neighbours(row)) {
+                if self.stream.admits(&neighbour) == Some(true) && known.insert(neighbour.clone()) {
+                    candidates.push(neighbour);
                 }
             }
             candidates.truncate(self.called.capacity());
@@ -61,7 +66,6 @@ impl Session<'_> {
                 Err(others) => near.extend(others),
             }
             near.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-            near.dedup();
             near.truncate(FOLLOWED);
             let is_nearer = near.first().is_some_and(|(distance, _)| *distance < least);
             without = if is_nearer { 0 } else { without + 1 };
@@ -77,7 +81,7 @@ impl Session<'_> {
     fn tried(
         &self,
         rows: &[Vec<u32>],
-        goal: &Goal<'_>,
+        (distance, goal): (Distance<'_>, &Goal<'_>),
     ) -> Result<Result<Vec<u32>, Vec<(f64, Vec<u32>)>>, Failure> {
         let batch = self.batch(SEARCHED, rows.concat(), rows.len());
         let results = self.results(&batch, &batch.lanes())?;
@@ -87,7 +91,7 @@ impl Session<'_> {
             if (goal.fails)(batch.arguments(case), result) {
                 return Ok(Ok(row.clone()));
             }
-            near.push(((goal.distance)(result), row.clone()));
+            near.push((distance(result), row.clone()));
         }
         near.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         near.truncate(FOLLOWED);
@@ -116,7 +120,11 @@ impl Session<'_> {
     }
 
     /// Simpler arguments that fail as well.
-    fn simplified(&self, row: Vec<u32>, goal: &Goal<'_>) -> Result<Vec<u32>, Failure> {
+    fn simplified(
+        &self,
+        row: Vec<u32>,
+        goal: (Distance<'_>, &Goal<'_>),
+    ) -> Result<Vec<u32>, Failure> {
         let mut row = row;
         for _ in 0..SIMPLER {
             let mut simpler = self.stream.shrink(&row);
@@ -142,7 +150,7 @@ fn of_float(x: f32) -> [f32; 20] {
         let bits = x.to_bits().cast_signed();
         f32::from_bits(bits.saturating_add(by).cast_unsigned())
     };
-    [
+    let all = [
         x / 2.0,
         x / 16.0,
         x / 65_536.0, // 2^16
@@ -163,5 +171,7 @@ fn of_float(x: f32) -> [f32; 20] {
         by_ulps(-64),
         by_ulps(65_536),
         by_ulps(-65_536),
-    ]
+    ];
+    // A range that begins at 0 holds -0, too, which no case of it is.
+    all.map(|x| if x == 0.0 { 0.0 } else { x })
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::batch::{Batch, Rows};
+use super::batch::{Batch, Rows, SEARCHED};
 use super::called::{Called, Fitting};
 use super::cause::cause;
 use super::demand::{Demand, number};
@@ -12,7 +12,7 @@ use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
 use super::sample::Sample;
-use super::search::{Goal, SEARCHED};
+use super::search::Goal;
 use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
@@ -285,7 +285,10 @@ impl<'a> Session<'a> {
             census.remembered = census.cases;
             sum = sum.merge(again);
         }
-        let searched = match goal.filter(|_| !sum.fails()) {
+        let goal = goal.filter(|_| !sum.fails());
+        let is_proved = goal.is_some_and(|goal| (goal.is_proved)());
+        sum = sum.with_proof(is_proved);
+        let searched = match goal.filter(|_| !is_proved) {
             Some(goal) => self.search(goal)?,
             None => None,
         };

@@ -6,7 +6,7 @@ use super::batch::Batch;
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::plan::Plan;
-use super::search::Goal;
+use super::search::{Distance, Goal};
 use super::session::Asserted;
 use super::tally::{Judged, finite};
 use super::{Agreement, Calls, Check, Failure, tolerances};
@@ -17,10 +17,10 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// What is asked of a statement about results alone, beside the cases.
+/// A statement about results alone, beyond the cases.
 pub(super) struct Beyond<'b> {
     /// How far the words of a result are from what no result may be; `None`: nothing is searched.
-    pub(super) distance: Option<&'b (dyn Fn(&[u32]) -> f64 + Sync)>,
+    pub(super) distance: Option<Distance<'b>>,
     /// True if the statement holds for each result between the bounds of its lanes.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
@@ -125,16 +125,20 @@ impl Plan<'_> {
                 allowing_flushes(&lanes, row, of(row), of)
             };
             let fails = |row: &[u32], actual: &[u32]| !judged(row, actual).measure.passes();
-            let is_proved =
-                beyond.is_some_and(|beyond| *proof.get_or_init(|| session.is_proved(beyond.holds)));
-            let distance = beyond.and_then(|beyond| beyond.distance).filter(|_| !is_proved);
-            let goal = distance.map(|distance| Goal { distance, fails: &fails });
+            let is_proved = || {
+                let beyond = beyond.expect("there is a goal");
+                *proof.get_or_init(|| session.is_proved(beyond.holds))
+            };
+            let goal = beyond.map(|beyond| Goal {
+                distance: beyond.distance,
+                fails: &fails,
+                is_proved: &is_proved,
+            });
             let mut judge = |batch: &Batch, running: Running<'_>| {
                 let judge = |case: usize, actual: &[u32]| judged(batch.arguments(case), actual);
                 session.judge(batch, running, |_| None, &judge)
             };
-            let sum = session.run_searching(&mut judge, goal.as_ref())?;
-            Ok(sum.with_proof(is_proved))
+            session.run_searching(&mut judge, goal.as_ref())
         })
     }
 }

@@ -165,7 +165,8 @@ pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
     for (violation, message) in &mut examined.violations {
         let of = passes.passes.iter().find(|pass| pass.name == violation.entry_point);
         if let (ViolationKind::Barrier, Some(pass)) = (violation.kind, of) {
-            message.notes.extend(package.uniformity_by_tint(&pass.program));
+            let at: Vec<&str> = violation.accesses.iter().map(|one| &*one.place).collect();
+            message.notes.extend(package.uniformity_by_tint(&pass.program, &at));
         }
     }
     examined

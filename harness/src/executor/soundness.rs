@@ -148,7 +148,7 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
 ];
 
 /// Of half precision, whose arguments are rounded to it.
-const HALVES: [(&str, usize, usize); 24] = [
+const HALVES: [(&str, usize, usize); 30] = [
     ("a + b", 2, 40),
     ("a - b", 2, 40),
     ("a * b", 2, 40),
@@ -173,6 +173,12 @@ const HALVES: [(&str, usize, usize); 24] = [
     ("(b + b) - 3.0h", 2, 40),
     ("a + b - a", 2, 40),
     ("a * b / c * a", 3, 10),
+    ("fma(a * b, c, a)", 3, 10),
+    ("dot(vec2(a * b, c), vec2(0.7h, 0.3h))", 3, 10),
+    ("fract(a + b + c)", 3, 30),
+    ("length(vec2(a, b))", 2, 10),
+    ("a * 0.1h + 0.7h", 1, 40),
+    ("exp(-a * a)", 1, 40),
 ];
 
 /// What Mesa's drivers return outside of the bounds, and why. It must be so.

@@ -132,13 +132,38 @@ const TOGETHER: usize = 256;
 /// round did so before, as a rule.
 const MOST_EVENTS: usize = 4096;
 
-/// Half of the 24 bits of an `f32`, and of the 11 of an `f16`: a relative error above this has lost them.
-const LOST: f64 = 1.0 / 4096.0;
-const LOST_HALF: f64 = 1.0 / 32.0;
+/// The digits of a format of floats.
+struct Precision {
+    /// Half of its digits: a relative error above this has lost them.
+    lost: f64,
+    /// An operand that is itself this precise isn't the one that loses them.
+    precise: f64,
+    /// Below this share of its operands, a difference is nothing but their rounding, whoever computes it.
+    noise: f64,
+    /// The least number that isn't flushed.
+    least: f64,
+}
 
-/// An operand that is itself this precise isn't what loses them.
-const PRECISE: f64 = 1.0 / 1_048_576.0;
-const PRECISE_HALF: f64 = 1.0 / 256.0;
+impl Precision {
+    fn of(half: bool) -> Self {
+        match half {
+            // 24 bits.
+            false => Self {
+                lost: 1.0 / 4096.0,
+                precise: 1.0 / 1_048_576.0,
+                noise: 1.0 / 16_777_216.0,
+                least: f64::from(f32::MIN_POSITIVE),
+            },
+            // 11 bits.
+            true => Self {
+                lost: 1.0 / 32.0,
+                precise: 1.0 / 256.0,
+                noise: 1.0 / 2048.0,
+                least: 1.0 / 16_384.0,
+            },
+        }
+    }
+}
 
 /// A result that is wrong by this much is, however small it is beside others: 6 %.
 const WRONG: f64 = 1.0 / 16.0;
@@ -157,9 +182,6 @@ const UNDECIDED: u64 = 16;
 
 /// An operand that is known this closely is one number: what makes of it anything is the operation.
 const NARROW: f64 = 1.0 / 1024.0;
-
-/// Below this share of its operands, a difference is nothing but their rounding, whoever computes it.
-const NOISE: f64 = 1.0 / 16_777_216.0;
 
 /// An operation over the lanes of a chunk.
 struct Event<F> {
@@ -444,17 +466,16 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);
     let largest = twin.operands.iter().map(|o| o[lane].abs()).fold(0.0, f64::max);
-    let means_something =
-        shadow.is_finite() && size > NOISE * largest && shadow.abs() > f64::from(f32::MIN_POSITIVE);
-    let (most, least) = if event.half { (LOST_HALF, PRECISE_HALF) } else { (LOST, PRECISE) };
-    let precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
-        x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= least
+    let Precision { lost, precise, noise, least } = Precision::of(event.half);
+    let means_something = shadow.is_finite() && size > noise * largest && shadow.abs() > least;
+    let is_precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
+        x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= precise
     };
     // Constants are rounded to `f32` in both, so that what an operand lacks is what was computed.
     means_something
-        && error(value, shadow) > most
+        && error(value, shadow) > lost
         && !event.operands.is_empty()
-        && event.operands.iter().zip(&twin.operands).all(precise)
+        && event.operands.iter().zip(&twin.operands).all(is_precise)
 }
 
 /// The largest finite value of each float of the results.
@@ -483,10 +504,9 @@ fn differ(
         (Lane::Float(x), Lane::Float(y)) => {
             let error = (f64::from(*x) - y).abs();
             let size = y.abs().max(SMALL * scales[lane]);
-            let most = if halves[lane] { LOST_HALF } else { LOST };
-            let is_lost = y.is_finite()
-                && error > f64::from(f32::MIN_POSITIVE)
-                && (error > most * size || error > WRONG * y.abs());
+            let Precision { lost, least, .. } = Precision::of(halves[lane]);
+            let is_lost =
+                y.is_finite() && error > least && (error > lost * size || error > WRONG * y.abs());
             is_lost.then_some(y.abs())
         }
         _ => None,

@@ -64,12 +64,16 @@ fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Option
         examined.watched.reason =
             format!("in subgroups of {}: {}", schedule.subgroup, small.watched.reason);
     }
+    examined.endless = examined.endless.take().or(small.endless);
+    examined.too_long |= small.too_long;
     for (violation, diagnostic) in small.violations {
         let places = |one: &Violation| -> Vec<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
-        let is_same =
-            |other: &Violation| other.kind == violation.kind && places(other) == places(&violation);
+        let subject = |one: &Violation| (one.entry_point.clone(), one.kind, one.variable.clone());
+        let is_same = |other: &Violation| {
+            subject(other) == subject(&violation) && places(other) == places(&violation)
+        };
         if !examined.violations.iter().any(|(other, _)| is_same(other)) {
             let size = schedule.subgroup;
             let note =

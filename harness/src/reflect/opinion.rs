@@ -8,7 +8,7 @@ use super::{Invalid, Program, ReflectError, native};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::output::counted;
 use crate::package::{Compilers, Package, PackageError};
-use crate::tint::{Answer, Missing, NoVerdict, Question, Reason, Severity, Tint};
+use crate::tint::{Answer, Message, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
 /// The opinion of others than naga.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -341,22 +341,26 @@ impl Opinion {
 }
 
 impl Package {
-    /// Tint's word on uniform control flow in a program of this package, as a note; `None` if Tint isn't here, or has
-    /// no verdict.
-    pub(crate) fn uniformity_by_tint(&self, program: &Program) -> Option<String> {
+    /// Tint's word on uniform control flow at some lines (`file:line:column`) of a program of this package, as a note;
+    /// `None` if Tint isn't here, has no verdict, or objects to something else.
+    pub(crate) fn uniformity_by_tint(&self, program: &Program, at: &[&str]) -> Option<String> {
         let tint = Tint::beside(&self.folder(), false).ok()?;
         let question = Question { text: program.text().to_owned(), ..Question::default() };
         let answer = tint.ask(&[question]).into_iter().next()?.ok()?;
-        let message = answer.messages.into_iter().find(|message| {
-            message.severity != Severity::Info && Reason::of(&message.text) == Reason::Uniformity
-        });
-        let Some(message) = message else {
-            return Some("Tint sees nothing of it: this run alone shows it".to_owned());
-        };
-        let head = message.text.lines().next().unwrap_or_default();
-        let place = message.range.and_then(|range| program.linked.spliced.resolve(range));
-        let place = place.map_or_else(String::new, |span| format!("{span}: "));
-        Some(format!("Tint says so from the text alone: {place}{head}"))
+        let is_own = |message: &&Message| message.severity != Severity::Info;
+        let line = |place: &str| place.rsplit_once(':').map(|(line, _)| line.to_owned());
+        let lines: Vec<_> = at.iter().map(|place| line(place)).collect();
+        for message in answer.messages.iter().filter(is_own) {
+            let place = message.range.clone();
+            let place = place.and_then(|range| program.linked.spliced.resolve(range))?.to_string();
+            if Reason::of(&message.text) == Reason::Uniformity && lines.contains(&line(&place)) {
+                let head = message.text.lines().next().unwrap_or_default();
+                return Some(format!("Tint says so from the text alone: {place}: {head}"));
+            }
+        }
+        // Tint ends at an error of another kind, and then it hasn't looked.
+        let looked = answer.messages.iter().all(|message| !is_own(&message));
+        looked.then(|| "Tint sees nothing of it: this run alone shows it".to_owned())
     }
 
     /// The folder whose `node_modules` it has.

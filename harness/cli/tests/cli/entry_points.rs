@@ -238,7 +238,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\nin_range = [0, 7]",
-            ["actual = 8", "expected = 0 to 7"],
+            ["actual = 8", "expected = [0, 7]"],
         ),
         (
             "add",

@@ -71,6 +71,16 @@ impl Chain {
         }
     }
 
+    /// How far the orders of a sum may be apart.
+    pub(super) fn slack(self, ends: Ends) -> f64 {
+        if !self.is_sum() {
+            return 0.0;
+        }
+        let sum = self.sum(ends);
+        let reach = f64::from(sum.most.max(-sum.least)).max(f64::from(f32::MIN_POSITIVE));
+        2.0 * f64::from(sum.count) * power(libm::ilogb(reach) as i16 - 22)
+    }
+
     fn is_sum(self) -> bool {
         matches!(self, Self::Pair(_) | Self::Sum(_))
     }

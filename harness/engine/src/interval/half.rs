@@ -1,7 +1,7 @@
 //! Bounds of half precision.
 
-use super::Interval;
 use super::chain::power;
+use super::{Interval, REORDERED};
 use crate::rules::Half;
 
 /// The greatest `f16`.
@@ -19,10 +19,12 @@ impl Interval {
         // Behind the next power of two errors are twice as large, which may reach further than those at the end.
         let by = |ulps: f64| Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
         match how {
-            Half::Rounded => Self::rounded(lo, hi),
+            Half::Rounded | Half::Converted | Half::Operand => Self::rounded(lo, hi),
             Half::Chained(roundings) => {
                 let Some((below, above)) = self.chain.in_half((lo, hi), roundings) else {
-                    return Self { ..Self::UNBOUNDED };
+                    let written = Self::rounded(lo, hi);
+                    let cause = if written.is_bounded() { REORDERED } else { 0 };
+                    return Self { cause, ..Self::UNBOUNDED };
                 };
                 let bounds = Self::rounded(below.min(lo), above.max(hi));
                 if bounds.is_bounded() { Self { chain: self.chain, ..bounds } } else { bounds }
@@ -39,21 +41,21 @@ impl Interval {
                 let steps = f64::from(components) * power(LEAST_STEP);
                 let hi = (hi * hi + steps).sqrt();
                 let ulps = f64::from(components) + 6.0;
+                // Squares below 2^-14 may be 0, each of them.
+                let lo = (lo * lo - f64::from(components) * normal).max(0.0).sqrt();
                 let bounds = Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
                 // The sum of squares overflows above the root of 65504, with what rounding adds.
-                match hi > 250.0 {
-                    true => Self::UNBOUNDED,
-                    // Squares below 2^-14 may be 0, each of them.
-                    false if lo < 2.0 * normal.sqrt() => bounds.join(Self::point(0.0)),
-                    false => bounds,
-                }
+                if hi > 250.0 { Self::UNBOUNDED } else { bounds }
             }
             Half::Power => {
                 let error = |y: f64| {
                     let x = y.abs().max(power(LEAST_STEP)).log2().abs();
                     (1.0 + 2.0 * x) * ulp(2.0 * y)
                 };
-                Self::rounded((lo - error(lo)).max(0.0), hi + error(hi))
+                // Where the result is nothing, the argument may be any down to -65504.
+                let any = (1.0 + 2.0 * GREATEST) * power(LEAST_STEP);
+                let more = if lo < power(LEAST_STEP) { any } else { 0.0 };
+                Self::rounded((lo - error(lo)).max(0.0), hi + error(hi).max(more))
             }
             Half::Logarithm(least) if lo < f64::from(least) => Self::UNBOUNDED,
             Half::Logarithm(_) => {

@@ -24,7 +24,15 @@ impl<'m> Lower<'m> {
         half: bool,
     ) -> Lowered<Vec<Reg>> {
         let outs: Vec<Reg> = (0..rule.arity().1).map(|_| self.fresh(File::Float)).collect();
-        self.emit(Op::Float(rule), &outs, ins)?;
+        // Its operands were rounded. Where they go on as the terms of a sum, the rule for halves knows that.
+        let mut ins = ins.to_vec();
+        if half && !rule.is_one_of_a_chain() {
+            let addend = (rule == FloatRule::Basic(Basic::Fma)).then_some(2);
+            for k in (0..ins.len()).filter(|k| addend != Some(*k)) {
+                ins[k] = self.halved(ins[k], Some(Half::Operand))?;
+            }
+        }
+        self.emit(Op::Float(rule), &outs, &ins)?;
         if half && rule.half().is_none() {
             self.code.half.get_or_insert(self.span);
         }
@@ -38,7 +46,7 @@ impl<'m> Lower<'m> {
 
     fn halved(&mut self, register: Reg, half: Option<Half>) -> Lowered<Reg> {
         let Some(half) = half else { return Ok(register) };
-        self.code.sites[self.site as usize].half = true;
+        self.code.sites[self.site as usize].half |= half != Half::Operand;
         let out = self.fresh(File::Float);
         self.emit(Op::ToHalf(half), &[out], &[register])?;
         Ok(out)
@@ -364,9 +372,9 @@ impl<'m> Lower<'m> {
     fn convert_scalar(&mut self, x: Reg, from: Scalar, to: Scalar) -> Lowered<Reg> {
         let half = to == Scalar::F16;
         Ok(match (from, to) {
-            (Scalar::F32, Scalar::F16) => self.rounded(x, true)?,
-            // What follows is a sum of its own, whose terms are of single precision.
-            (Scalar::F16, Scalar::F32) => self.rounded(x, true)?,
+            (Scalar::F32, Scalar::F16) => self.halved(x, Some(Half::Converted))?,
+            // A sum that follows is one of its own, with terms of single precision.
+            (Scalar::F16, Scalar::F32) => self.halved(x, Some(Half::Operand))?,
             (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
             (Scalar::F32 | Scalar::F16, Scalar::I32) => self.integer_of(ToInt::Signed, &[x])?,
             (Scalar::F32 | Scalar::F16, Scalar::U32) => self.integer_of(ToInt::Unsigned, &[x])?,

@@ -347,6 +347,9 @@ fn packed<const N: usize>(_: [Interval; N]) -> Range {
 
 /// 3 ulp about each component.
 fn unpacked<const N: usize>(x: Range, f: impl Fn(u32) -> [f64; N]) -> [Interval; N] {
-    let Some(word) = x.word() else { return [Interval::between(-1.0, 1.0); N] };
+    let Some(word) = x.word() else {
+        let most = Interval::normalized(1.0);
+        return [Interval::normalized(-1.0).join(most); N];
+    };
     f(word).map(Interval::normalized)
 }

@@ -7,6 +7,10 @@ use super::{Basic, Exponential, FloatRule, Geometry, Trigonometry};
 pub enum Half {
     /// Correctly rounded, or exact.
     Rounded,
+    /// The same of a number of another type, which is an operation of its own.
+    Converted,
+    /// A number of half precision already, which goes into an operation: it is no term of a sum in another order.
+    Operand,
     /// A sum, a product or a quotient, in any order of its operations; so many more of them are rounded within it.
     Chained(u8),
     /// Off by so many ulp.
@@ -23,7 +27,19 @@ pub enum Half {
     Wave,
 }
 
+impl Half {
+    /// True if it rounds the result of another operation, which it is a part of.
+    pub(crate) fn is_of_a_result(self) -> bool {
+        !matches!(self, Self::Converted | Self::Operand)
+    }
+}
+
 impl FloatRule {
+    /// True if its operands may be evaluated together with it, in another order.
+    pub(crate) fn is_one_of_a_chain(self) -> bool {
+        self.half() == Some(Half::Chained(0))
+    }
+
     /// How exact it is in half precision. `None`: it is computed of others, and its result alone doesn't tell how far off
     /// they may have been.
     pub(crate) fn half(self) -> Option<Half> {
@@ -52,7 +68,7 @@ impl FloatRule {
                 E::Log2 => Half::Logarithm(-14),
                 _ => return None,
             },
-            // Its products are rounded one by one.
+            // Each of its products is rounded.
             Self::Geometry(G::Dot2) => Half::Chained(2),
             Self::Geometry(G::Dot3) => Half::Chained(3),
             Self::Geometry(G::Dot4) => Half::Chained(4),

@@ -36,7 +36,7 @@ float_rules! {
                 let floor = stepped(x, f64::floor);
                 let fraction = x.sub(floor);
                 [if floor.is_bounded() && floor.lo() != floor.hi() {
-                    Interval::between(0.0, 1.0)
+                    x.with_slack(0.0, 1.0)
                 } else {
                     fraction
                 }]
@@ -49,7 +49,7 @@ float_rules! {
             interval: |[x]| {
                 let whole = stepped(x, f64::trunc);
                 [if whole.is_bounded() && whole.lo() != whole.hi() {
-                    Interval::between(-1.0, 1.0)
+                    x.with_slack(-1.0, 1.0)
                 } else {
                     x.sub(whole)
                 }]

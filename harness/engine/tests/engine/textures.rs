@@ -85,6 +85,10 @@ fn trilinear_filtering_with_each_address_mode() {
             let share = |n: i32| ((k * n) % 307) as f32 / 307.0;
             rows.extend([4.0 * share(59) - 2.0, 4.0 * share(101) - 2.0, 3.5 * share(31) - 0.5]);
         }
+        // Beyond what 31 bits hold, in texels.
+        for u in [-7e8_f32, -4e8, 4e8, 7e8] {
+            rows.extend([u, 0.3, 0.0, 0.3, u, 0.0]);
+        }
         let found = run(&program, &rows, texture(Dimension::D2, [6, 4, 1], 3), linear(address));
         for (row, found) in rows.chunks(3).zip(found.chunks(4)) {
             let [u, v, level] = [0, 1, 2].map(|k| f64::from(row[k]));
