@@ -216,8 +216,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// What WGSL allows each lane of the results to be, of all arguments from those of a row to those of another one.
-    /// `None` if a row isn't one of arguments alone.
+    /// [`driver_bounds`](Self::driver_bounds) of all arguments from those of a row to those of another one. `None` if a row
+    /// isn't one of arguments alone.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -226,7 +226,7 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // What doesn't end soon isn't proved.
+        // No proof waits for a long loop.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options);
         let results = results.map_err(|stop| stopped(&self.program, &self.name, &stop))?;

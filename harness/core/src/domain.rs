@@ -131,8 +131,15 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Two values between which each component of all values lies; `None` if there are none. A statement is proved
-    /// between them.
+    /// Two values between which each component of all values lies; `None` if there are none. `stays_within` proves its
+    /// statement for all that lies between them: others there do no harm, and a value outside would make a proof false.
+    ///
+    /// ```
+    /// use karat::{Domain, UnitRgb};
+    /// use glam::Vec3;
+    ///
+    /// assert_eq!((UnitRgb, 0.5..=2.0).ends(), Some(((Vec3::ZERO, 0.5), (Vec3::ONE, 2.0))));
+    /// ```
     fn ends(&self) -> Option<(Self::Value, Self::Value)> {
         None
     }

@@ -48,15 +48,19 @@ fn shown(range: Bounds) -> String {
     }
 }
 
-/// How far the numbers of a result are from an end that is no part of a range.
-fn distance(range: Bounds, lanes: &[Scalar], words: &[u32]) -> f64 {
+/// How far the numbers of a result are from an end that is no part of a range of integers, or of floats.
+fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) -> f64 {
     let to = |end: Bound<f64>, value: f64, sign: f64| match end {
         Bound::Excluded(end) => sign * (end - value),
         _ => f64::INFINITY,
     };
     let numbers = lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
-    let numbers = numbers.map(|(lane, word)| lane.decode(*word));
-    numbers.map(|x| to(range.0, x, -1.0).min(to(range.1, x, 1.0))).fold(f64::INFINITY, f64::min)
+    let each = numbers.map(|(lane, word)| {
+        let (least, most) = if lane.is_float() { of_floats } else { range };
+        let x = lane.decode(*word);
+        to(least, x, -1.0).min(to(most, x, 1.0))
+    });
+    each.fold(f64::INFINITY, f64::min)
 }
 
 /// True if a number may lie in a range, and a finite one outside of it.
@@ -265,8 +269,12 @@ impl Plan<'_> {
         range: Bounds,
     ) -> Result<Agreement, Failure> {
         let (statement, unsuited_range) = (shown(range), Mismatch::Range(shown(range)));
+        // No `f32` is 2 pi: who writes it means the one nearest to it.
+        #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
+        let nearest = |bound: Bound<f64>| bound.map(|bound| f64::from(bound as f32));
+        let of_floats = (nearest(range.0), nearest(range.1));
         let suited = |function: Function| {
-            if !is_some_and_not_all(range) {
+            if !is_some_and_not_all(range) || !is_some_and_not_all(of_floats) {
                 return Err(unsuited_range.of(&function));
             }
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
@@ -289,10 +297,6 @@ impl Plan<'_> {
         let asserted = ("stays_within", &*statement);
         self.with(begun, asserted, (stream, demand), |function| {
             let lanes = function.result.lanes();
-            // No `f32` is 2 pi: who writes it means the one nearest to it.
-            #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
-            let nearest = |bound: Bound<f64>| bound.map(|bound| f64::from(bound as f32));
-            let of_floats = (nearest(range.0), nearest(range.1));
             let holds = |_: &[u32], words: &[u32]| {
                 let mut numbers =
                     lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
@@ -301,7 +305,7 @@ impl Plan<'_> {
                     false => range.contains(&lane.decode(*word)),
                 })
             };
-            let distance = |words: &[u32]| distance(range, &lanes, words);
+            let distance = |words: &[u32]| distance([range, of_floats], &lanes, words);
             let is_within = |bounds: &[Allowed]| {
                 bounds.len() == lanes.len()
                     && lanes.iter().zip(bounds).all(|(lane, bound)| {
@@ -312,7 +316,7 @@ impl Plan<'_> {
                         *lane == Scalar::Bool || bound.ends().is_some_and(is_inside)
                     })
             };
-            // What is only approached, rounding may reach.
+            // Rounding may reach an end that exact results only approach.
             let is_half_open =
                 [range.0, range.1].iter().any(|end| matches!(end, Bound::Excluded(_)));
             let distance = is_half_open.then_some(&distance as _);

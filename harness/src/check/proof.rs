@@ -4,7 +4,7 @@ use super::session::Session;
 use crate::interpret::Bound;
 use crate::value::Scalar;
 
-/// Boxes of arguments that are looked at.
+/// The most boxes of arguments of a proof.
 const BOXES: usize = 4096;
 
 /// Boxes that run together.
@@ -14,10 +14,8 @@ const TOGETHER: usize = 256;
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
-    /// True if each result that WGSL allows for any arguments of the domain is as is wanted: boxes of arguments are cut in
-    /// two until it is so of each. `false` proves nothing.
-    ///
-    /// Functions that read a resource aren't looked at.
+    /// True if the statement holds for each result that WGSL allows, for any arguments of the domain: halves boxes of
+    /// arguments until it holds for each. `false` proves nothing, and of functions that read a resource it always is.
     pub(super) fn is_proved(&self, holds: &dyn Fn(&[Bound]) -> bool) -> bool {
         if self.is_replay() || !self.called.function().bindings.is_empty() {
             return false;

@@ -256,6 +256,9 @@ struct Anything(Mutex<BTreeMap<usize, Vec<(usize, bool)>>>);
 /// Such operations that are kept of a lane: those behind the first count where the first is left out.
 const KEPT: usize = 16;
 
+/// True of an operation that loses digits, beside the same in double precision.
+type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
+
 /// True of a hazard that is left out: one behind it is then told in its place.
 pub(crate) type LeftOut<'l> = &'l dyn Fn(&Found) -> bool;
 
@@ -410,7 +413,7 @@ impl Interpreted {
         double: &[Event<f64>],
         lane: usize,
         finite: bool,
-        (loses, left_out): (&dyn Fn(&Event<f32>, &Event<f64>) -> bool, LeftOut<'_>),
+        (loses, left_out): (Loses<'_>, LeftOut<'_>),
     ) -> Vec<Found> {
         let twins = Twins::of(double, lane);
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();

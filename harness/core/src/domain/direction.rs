@@ -82,7 +82,7 @@ impl Domain for UnitVector {
         Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
     }
 
-    /// With what a length that is rounded may have.
+    /// A rounded length may be a little more than 1.
     fn ends(&self) -> Option<(Vec3, Vec3)> {
         let most = Vec3::splat(1.0 + LENGTH as f32);
         Some((-most, most))

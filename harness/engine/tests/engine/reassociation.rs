@@ -29,7 +29,7 @@ struct Random {
     format: Format,
 }
 
-/// What a program's floats are.
+/// The floats of a program.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Single,
