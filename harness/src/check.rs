@@ -21,12 +21,15 @@ mod equivariance;
 mod expects;
 mod explanation;
 mod flush;
+mod goal;
 mod golden;
 #[cfg(feature = "engine")]
 mod hazards;
 mod inputs;
 mod integral;
 mod invariance;
+#[cfg(feature = "engine")]
+mod kinds;
 mod limit;
 mod mismatch;
 mod monotone;

@@ -73,6 +73,10 @@ fn results_at_the_end_of_a_half_open_range() {
     let part = package(
         "fn part(x: f32) -> f32 { return x - floor(x); }
         fn cell(x: f32) -> f32 { return min(x - floor(x), 0x1.fffffep-1f); }
+        fn hill(x: f32, y: f32) -> f32 {
+            let d = vec2f(x, y) - vec2f(0.37, 0.61);
+            return 1.0 - dot(d, d);
+        }
         fn angle(x: f32) -> f32 { return atan2(x, -1.0); }
         fn peak(x: f32) -> f32 { return select(0.5 * x, 2.0, x == 0.3333); }
         fn half(x: f32, y: f32) -> f32 { return 0.5 * x * y + 0.125 * (1.0 - x); }
@@ -104,6 +108,9 @@ fn results_at_the_end_of_a_half_open_range() {
         let reason = unsuited(nth().unrecorded().try_stays_within(range));
         assert!(reason.contains("no result, or every one, does"), "{reason}");
     }
+    // A smooth peak.
+    let hill = part.function("hill").over((0.0..=1.0, 0.0..=1.0)).unrecorded();
+    disagreement(hill.try_stays_within(0.0..1.0));
     // A range from 0 has no -0, of which this is -pi.
     let angle = part.function("angle").over(0.0..=1.0).unrecorded().try_stays_within(0.0..3.2);
     angle.expect("from 0 on it is pi");

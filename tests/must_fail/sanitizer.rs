@@ -457,8 +457,8 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     for (entry, kind, part) in [
         ("tail", ViolationKind::Barrier, "a subgroup operation that not every invocation"),
         ("next", ViolationKind::Outside, "isn't in its subgroup"),
-        ("fifth", ViolationKind::Outside, "in subgroups of 4 invocations"),
-        ("room_for_two", ViolationKind::Outside, "in subgroups of 4 invocations"),
+        ("fifth", ViolationKind::Outside, "in subgroups of 4, `fifth` takes the value"),
+        ("room_for_two", ViolationKind::Outside, "in subgroups of 4, `room_for_two` writes"),
     ] {
         let wrong = sum(entry, 32);
         let Err(ComputeError::Violations(found)) = wrong else { panic!("{entry}: {wrong:?}") };

@@ -140,6 +140,7 @@ pub trait Domain: Send + Sync {
     ///
     /// assert_eq!((UnitRgb, 0.5..=2.0).ends(), Some(((Vec3::ZERO, 0.5), (Vec3::ONE, 2.0))));
     /// ```
+    #[doc(hidden)]
     fn ends(&self) -> Option<(Self::Value, Self::Value)> {
         None
     }

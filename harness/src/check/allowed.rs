@@ -31,7 +31,7 @@ impl Allowed<'_> {
         let mut by_bounds = true;
         for (lane, (scalar, bound)) in scalars.iter().zip(bounds).enumerate() {
             let (value, reference) = (scalar.decode(actual[lane]), expected[lane]);
-            let mut found = self.lane(lane, value, reference, bound);
+            let mut found = self.lane((lane, *scalar), value, reference, bound);
             if let (Unit::Conditioning | Unit::Unbounded, Some(tolerance)) =
                 (found.unit, &self.spec_tolerance.otherwise)
                 && !found.passes()
@@ -52,7 +52,14 @@ impl Allowed<'_> {
         worst
     }
 
-    fn lane(&self, lane: usize, value: f64, reference: f64, bound: &Bound) -> LaneError {
+    fn lane(
+        &self,
+        (lane, scalar): (usize, Scalar),
+        value: f64,
+        reference: f64,
+        bound: &Bound,
+    ) -> LaneError {
+        let need = self.spec_tolerance.need_of(scalar);
         let Some((least, most)) = bound.ends() else {
             let (ratio, error) = (f64::INFINITY, f64::INFINITY);
             return LaneError { ratio, error, bound: 0.0, unit: Unit::Unbounded };
@@ -81,14 +88,13 @@ impl Allowed<'_> {
         if least == most {
             return LaneError::ZERO;
         }
-        let needed =
-            [least, most].map(|end| self.spec_tolerance.need.measure_sum(lane, end, reference));
+        let needed = [least, most].map(|end| need.measure_sum(lane, end, reference));
         let widest = needed.into_iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio));
         let widest = widest.unwrap_or(LaneError::ZERO);
         if !widest.passes() {
             return LaneError { unit: Unit::Conditioning, ..widest };
         }
-        let own = self.spec_tolerance.need.measure_sum(lane, value, reference);
+        let own = need.measure_sum(lane, value, reference);
         LaneError { ratio: widest.ratio, ..own }
     }
 }

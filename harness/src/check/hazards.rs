@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::Batch;
 use super::demand::Demand;
+use super::kinds::{Accepted, Kinds};
 use super::plan::Plan;
 use super::session::{Asserted, Explained, Session};
 use super::tally::{Class, Judged};
@@ -98,40 +99,6 @@ impl<V> Check<'_, Calls<V>> {
 
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// Kinds of hazards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Kinds(u16);
-
-impl Kinds {
-    /// Those that an operation inside of a function may have.
-    const ALL: [Kind; 8] = [
-        Kind::Nan,
-        Kind::OutOfRange,
-        Kind::ByZero,
-        Kind::Infinite,
-        Kind::Saturated,
-        Kind::EdgesReversed,
-        Kind::LostDigits,
-        Kind::Unbounded,
-    ];
-
-    fn of(kinds: &[Kind]) -> Self {
-        Self(kinds.iter().fold(0, |all, kind| all | 1 << *kind as u16))
-    }
-
-    fn contains(self, kind: Kind) -> bool {
-        self.0 >> kind as u16 & 1 == 1
-    }
-}
-
-/// A hazard that is meant.
-#[derive(Clone, Debug)]
-pub(super) struct Accepted {
-    /// The operation, as its author wrote it.
-    text: String,
-    reason: String,
 }
 
 impl Plan<'_> {

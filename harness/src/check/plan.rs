@@ -16,7 +16,7 @@ pub(super) struct Plan<'a> {
     pub(super) known_issues: KnownIssues,
     /// Hazards that are meant.
     #[cfg(feature = "engine")]
-    pub(super) accepted: Vec<super::hazards::Accepted>,
+    pub(super) accepted: Vec<super::kinds::Accepted>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
 }

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::Failure;
 use super::batch::SEARCHED;
+use super::goal::{Distance, Goal};
 use super::session::Session;
 use crate::value::Scalar;
 
@@ -11,25 +12,12 @@ use crate::value::Scalar;
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
 
-/// How far a result is from an aim.
-pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
-
 /// Rounds, and those without a nearer result after which a search ends.
 const ROUNDS: usize = 24;
 const PATIENCE: usize = 3;
 
 /// Rounds in which what was found becomes simpler.
 const SIMPLER: usize = 64;
-
-/// The aim of a search.
-pub(super) struct Goal<'g> {
-    /// How far a result is from it, which is 0 or less where it is reached; `None`: there is no such end.
-    pub(super) distance: Option<Distance<'g>>,
-    /// True if arguments with this result fail.
-    pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
-    /// True if no arguments do.
-    pub(super) is_proved: &'g dyn Fn() -> bool,
-}
 
 impl Session<'_> {
     /// The simplest arguments that are found to fail; `None`: none are, or the domain doesn't tell which are its own.
@@ -103,7 +91,9 @@ impl Session<'_> {
         let mut all = Vec::new();
         for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
             let words = match scalar {
-                Scalar::F32 => of_float(f32::from_bits(row[lane])).map(f32::to_bits).to_vec(),
+                Scalar::F32 => {
+                    of_float(f32::from_bits(row[lane])).into_iter().map(f32::to_bits).collect()
+                }
                 Scalar::I32 | Scalar::U32 => [1, 16]
                     .iter()
                     .flat_map(|by| [row[lane].wrapping_add(*by), row[lane].wrapping_sub(*by)])
@@ -141,37 +131,23 @@ impl Session<'_> {
     }
 }
 
-/// Numbers about another one, and small ones of either sign, which a sum with a larger one rounds away.
-fn of_float(x: f32) -> [f32; 20] {
+/// Numbers about another one, at distances that grow from an ulp to an eighth, and small ones of either sign, which a
+/// sum with a larger one rounds away.
+fn of_float(x: f32) -> Vec<f32> {
     const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
+    const ULPS: [i32; 6] = [1, 16, 256, 4096, 65_536, 1 << 20];
     let nearest = x.round();
     let towards = |by: f32| nearest + (x - nearest) * by;
     let by_ulps = |by: i32| {
         let bits = x.to_bits().cast_signed();
         f32::from_bits(bits.saturating_add(by).cast_unsigned())
     };
-    let all = [
-        x / 2.0,
-        x / 16.0,
-        x / 65_536.0, // 2^16
-        x * 2.0,
-        -x,
-        SMALL,
-        -SMALL,
-        SMALL * SMALL,
-        -SMALL * SMALL,
-        nearest,
-        towards(0.5),
-        towards(1.0 / 256.0),
-        nearest.next_up(),
-        nearest.next_down(),
-        by_ulps(1),
-        by_ulps(-1),
-        by_ulps(64),
-        by_ulps(-64),
-        by_ulps(65_536),
-        by_ulps(-65_536),
-    ];
+    let scaled = [x / 2.0, x / 16.0, x / 65_536.0 /* 2^16 */, x * 2.0, -x];
+    let small = [SMALL, -SMALL, SMALL * SMALL, -SMALL * SMALL];
+    let whole =
+        [nearest, nearest.next_up(), nearest.next_down(), towards(0.5), towards(1.0 / 256.0)];
+    let moved = ULPS.into_iter().flat_map(|by| [by_ulps(by), by_ulps(-by)]);
+    let all = scaled.into_iter().chain(small).chain(whole).chain(moved);
     // A range that begins at 0 holds -0, too, which no case of it is.
-    all.map(|x| if x == 0.0 { 0.0 } else { x })
+    all.map(|x| if x == 0.0 { 0.0 } else { x }).collect()
 }

@@ -10,9 +10,9 @@ use super::cause::cause;
 use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
+use super::goal::Goal;
 use super::path_tally::PathTally;
 use super::sample::Sample;
-use super::search::Goal;
 use super::tally::{Described, Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
@@ -59,7 +59,7 @@ pub(super) enum Explained {
     ByBounds,
     /// By the operations that go wrong inside.
     #[cfg(feature = "engine")]
-    ByHazards(super::hazards::Kinds),
+    ByHazards(super::kinds::Kinds),
 }
 
 impl Asserted {
@@ -93,7 +93,7 @@ pub(super) struct Session<'a> {
     pub(super) recorded: bool,
     /// Hazards that are meant.
     #[cfg(feature = "engine")]
-    pub(super) accepted: &'a [super::hazards::Accepted],
+    pub(super) accepted: &'a [super::kinds::Accepted],
 }
 
 /// Judges a batch.

@@ -76,9 +76,10 @@ fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Option
         };
         if !examined.violations.iter().any(|(other, _)| is_same(other)) {
             let size = schedule.subgroup;
-            let note =
-                format!("this is in subgroups of {size} invocations, which a device may have");
-            examined.violations.push((violation, diagnostic.note(note)));
+            let headline = format!("in subgroups of {size}, {}", violation.headline);
+            let note = format!("a device may have subgroups of {size} invocations");
+            let diagnostic = Diagnostic { message: headline.clone(), ..diagnostic }.note(note);
+            examined.violations.push((Violation { headline, ..violation }, diagnostic));
         }
     }
 }

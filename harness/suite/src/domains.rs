@@ -159,7 +159,10 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
-                text.parse::<f64>().map_err(|_| format!("`{text}` is no number"))
+                text.parse::<f64>().map_err(|_| match text.starts_with('<') {
+                    true => "a domain has both its ends: `0..1`, and no `<`".to_owned(),
+                    false => format!("`{text}` is no number"),
+                })
             };
             let range = end(least)?..=end(most)?;
             Part::range(scalar, range)

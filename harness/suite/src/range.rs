@@ -30,14 +30,16 @@ impl Range {
     /// The range, or that there is no number in it.
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
-        if is_some { Ok(self) } else { Err(format!("in_range = {self} has no value")) }
+        let quote = if self.half_open { "\"" } else { "" };
+        let wrong = || format!("in_range = {quote}{self}{quote} has no value");
+        if is_some { Ok(self) } else { Err(wrong()) }
     }
 }
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { least, most, half_open } = self;
-        if *half_open { write!(f, "\"{least}..<{most}\"") } else { write!(f, "[{least}, {most}]") }
+        if *half_open { write!(f, "{least}..<{most}") } else { write!(f, "[{least}, {most}]") }
     }
 }
 

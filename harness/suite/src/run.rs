@@ -584,13 +584,23 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         Value::Boolean(value) => Some(f64::from(u8::from(*value))),
         _ => None,
     };
+    // No integer equals another number.
+    let fits = |scalar: &Scalar, number: f64| match scalar {
+        Scalar::I32 => f64::from(number as i32) == number,
+        Scalar::U32 => f64::from(number as u32) == number,
+        _ => true,
+    };
+    let expect = |scalar: &Scalar, number: f64| match fits(scalar, number) {
+        true => Ok(meant((scalar, number))),
+        false => Err(format!("{number} is no {}, and the result is one", scalar.wgsl())),
+    };
     if let Some(number) = number(value) {
-        return Ok(scalars.iter().map(|scalar| meant((scalar, number))).collect());
+        return scalars.iter().map(|scalar| expect(scalar, number)).collect();
     }
     let list =
         value.as_array().and_then(|list| list.iter().map(number).collect::<Option<Vec<_>>>());
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
-        return Ok(scalars.iter().zip(list).map(meant).collect());
+        return scalars.iter().zip(list).map(|(scalar, number)| expect(scalar, number)).collect();
     }
     // Structs, arrays and matrices: as the shader would have them.
     let words = lanes(shape, value)?;

@@ -269,7 +269,11 @@ impl Part {
     pub fn plausible(scalar: Scalar) -> Self {
         let described = plausible::described(scalar);
         match scalar {
-            Scalar::F32 | Scalar::F16 => Self::of(Plausible::floats(), described),
+            Scalar::F32 => Self::of(Plausible::floats(), described),
+            Scalar::F16 => {
+                let most = plausible::LARGEST_HALF;
+                Self::of(Straddling(-most..=most), described)
+            }
             Scalar::I32 => Self::of(Plausible::<i32>::i32(), described),
             Scalar::U32 => Self::of(Plausible::<u32>::u32(), described),
             Scalar::Bool => Self::any(scalar),

@@ -14,6 +14,9 @@ pub(super) struct Plausible<T>(Vec<T>);
 /// ones soon lose all digits, which says nothing of a shader.
 const LARGEST: f32 = 1_048_576.0;
 
+/// The same of half precision, which has each whole number up to this.
+pub(super) const LARGEST_HALF: f32 = 2048.0;
+
 /// Half of the floats lie from minus this to this.
 const SMALL: f32 = 4.0;
 
@@ -23,7 +26,8 @@ const FEW: u32 = 16;
 /// What a message says of these numbers.
 pub(super) fn described(scalar: Scalar) -> String {
     match scalar {
-        Scalar::F32 | Scalar::F16 => {
+        Scalar::F16 => format!("from -{LARGEST_HALF} to {LARGEST_HALF}"),
+        Scalar::F32 => {
             format!("from -{LARGEST} to {LARGEST}, half of them from -{SMALL} to {SMALL}")
         }
         Scalar::I32 | Scalar::U32 => format!("any, half of them below {FEW}"),
@@ -34,7 +38,8 @@ pub(super) fn described(scalar: Scalar) -> String {
 /// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
 pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     match scalar {
-        Scalar::F32 | Scalar::F16 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),
+        Scalar::F32 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),
+        Scalar::F16 => [0.0, 1.0, LARGEST_HALF].contains(&f32::from_bits(word).abs()),
         Scalar::I32 => [0, 1, -1, i32::MAX, i32::MIN].contains(&word.cast_signed()),
         Scalar::U32 => [0, 1, u32::MAX].contains(&word),
         Scalar::Bool => true,
@@ -159,6 +164,10 @@ impl Domain for Plausible<f32> {
         Some(value.abs() <= LARGEST)
     }
 
+    fn ends(&self) -> Option<(f32, f32)> {
+        Some((-LARGEST, LARGEST))
+    }
+
     fn shrink(&self, value: &f32) -> Vec<f32> {
         shrink::floats(*value, &self.0, |value| value.abs() <= LARGEST)
     }
@@ -192,6 +201,10 @@ macro_rules! integer {
 
             fn admits(&self, _: &$integer) -> Option<bool> {
                 Some(true)
+            }
+
+            fn ends(&self) -> Option<($integer, $integer)> {
+                Some((<$integer>::MIN, <$integer>::MAX))
             }
 
             fn shrink(&self, value: &$integer) -> Vec<$integer> {

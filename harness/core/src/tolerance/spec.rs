@@ -3,16 +3,20 @@
 use std::fmt;
 
 use super::{Abs, Rel, Tolerance, Ulp};
+use crate::value::Scalar;
 
 /// How wide what WGSL allows may be unless a check says otherwise: three decimal digits, which is what
 /// the eye and 8 bits a channel need, and a quarter of what `f32` has.
 const NEED: f64 = 1.0 / 1024.0;
 
+/// The same of `f16`, whose last digit is 2^-10: half of its digits, so that a quotient passes.
+const NEED_HALF: f64 = 1.0 / 32.0;
+
 /// What the WGSL specification allows this very code to return for these very arguments. It is computed
 /// by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
 /// A case passes if both result and reference are inside, and all that is inside is the same to within
-/// 2^-10 relative, or to what [`needing`](Self::needing) says. So a first test needs no number, and
+/// 2^-10 relative (2^-5 of `f16`), or to what [`needing`](Self::needing) says. So a first test needs no number, and
 /// what it accepts doesn't depend on the driver. Cases in which WGSL allows more, or anything, fail: say
 /// with [`or`](Self::or) what is wanted there.
 ///
@@ -142,6 +146,18 @@ impl SpecTolerance {
     /// ```
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { otherwise: Some(tolerance.into()), ..self }
+    }
+}
+
+impl SpecTolerance {
+    /// How far apart results of a type may be that WGSL allows: as its author says, or by the digits of the type.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn need_of(&self, scalar: Scalar) -> Tolerance {
+        match (&self.need, scalar) {
+            (Tolerance::Rel(need), Scalar::F16) if *need == NEED => Tolerance::Rel(NEED_HALF),
+            (need, _) => need.clone(),
+        }
     }
 }
 
