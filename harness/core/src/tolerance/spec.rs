@@ -152,7 +152,6 @@ impl SpecTolerance {
 impl SpecTolerance {
     /// How far apart results of a type may be that WGSL allows: as its author says, or by the digits of the type.
     #[doc(hidden)]
-    #[must_use]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {
         match (&self.need, scalar) {
             (Tolerance::Rel(need), Scalar::F16) if *need == NEED => Tolerance::Rel(NEED_HALF),
