@@ -138,7 +138,7 @@ struct Precision {
     lost: f64,
     /// An operand that is itself this precise isn't the one that loses them.
     precise: f64,
-    /// Below this share of its operands, a difference is nothing but their rounding, whoever computes it.
+    /// Below this share of its operands, a difference is nothing but their rounding.
     noise: f64,
     /// The least number that isn't flushed.
     least: f64,
