@@ -125,6 +125,17 @@ impl<'p, A: Rules> Machine<'p, A> {
         machine
     }
 
+    /// The float of a word of an argument.
+    fn argument(scalar: Scalar, word: u32) -> A::Float {
+        match scalar {
+            Scalar::F16 => {
+                let float = A::float(half::f16::from_bits(word as u16).to_f32());
+                A::to_half(float, Half::Rounded)
+            }
+            _ => A::float(f32::from_bits(word)),
+        }
+    }
+
     /// Has a register hold its values, those of other words, and all between.
     pub(crate) fn widen(
         &mut self,
@@ -136,11 +147,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         match scalar {
             Scalar::F32 | Scalar::F16 => {
                 for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
-                    let other = match scalar {
-                        Scalar::F32 => A::float(f32::from_bits(word)),
-                        _ => A::float(half::f16::from_bits(word as u16).to_f32()),
-                    };
-                    *x = A::select_float(both, *x, other);
+                    *x = A::select_float(both, *x, Self::argument(scalar, word));
                 }
             }
             Scalar::I32 | Scalar::U32 => {
@@ -160,16 +167,11 @@ impl<'p, A: Rules> Machine<'p, A> {
     pub(crate) fn set(&mut self, register: u32, scalar: Scalar, words: impl Iterator<Item = u32>) {
         let flush = self.options.flush;
         match scalar {
-            Scalar::F32 => {
+            Scalar::F32 | Scalar::F16 => {
+                let flush = flush && scalar == Scalar::F32;
                 for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
-                    let float = A::float(f32::from_bits(word));
+                    let float = Self::argument(scalar, word);
                     *x = if flush { A::flush(float) } else { float };
-                }
-            }
-            Scalar::F16 => {
-                for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
-                    let float = A::float(half::f16::from_bits(word as u16).to_f32());
-                    *x = A::to_half(float, Half::Rounded);
                 }
             }
             Scalar::I32 | Scalar::U32 => {

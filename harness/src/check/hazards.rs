@@ -133,10 +133,11 @@ impl Plan<'_> {
             tolerances::expect_none(&self.tolerance_on, verb, &session.called)?;
             let function = session.called.function();
             let mut asked = of.into_iter().flatten();
-            let other = asked.find(|kind| !Kinds::ALL.contains(kind)).map(|kind| kind.name());
-            let none = of.is_some_and(<[Kind]>::is_empty).then_some("anything");
-            if let Some(name) = other.or(none) {
-                return Err(Mismatch::Hazard(name).of(function));
+            let other = asked.find(|kind| !Kinds::ALL.contains(kind));
+            let other = other.map(|kind| format!("the hazard `{}`", kind.name()));
+            let none = of.is_some_and(<[Kind]>::is_empty).then(|| "no kind of hazard".to_owned());
+            if let Some(wrong) = other.or(none) {
+                return Err(Mismatch::Hazard(wrong).of(function));
             }
             if let Some(one) = self.accepted.iter().find(|one| one.reason.trim().is_empty()) {
                 return Err(Mismatch::Accepted(one.text.clone(), "has no reason").of(function));

@@ -49,11 +49,9 @@ pub enum Mismatch {
     /// A range that holds no number, or every one.
     #[error("is to have a result that {0}: no result, or every one, does")]
     Range(String),
-    /// A kind of hazard that no operation of a function has.
-    #[error(
-        "is to have no hazard that is called `{0}`, which no operation inside of a function is"
-    )]
-    Hazard(&'static str),
+    /// No kind of hazard is asked for, or one that no operation of a function has.
+    #[error("is asked for {0}: name kinds that an operation inside of it may have, such as `Nan`")]
+    Hazard(String),
     /// A hazard is accepted that no case has, or without a reason.
     #[error("accepts the hazard of `{0}`, which {1}")]
     Accepted(String, &'static str),

@@ -120,6 +120,10 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// A bound stands for the `f32` nearest to it where results are floats. NaN and infinite results fail.
     ///
+    /// Where the bounds that WGSL gives the function lie in the range for all arguments of the domain, it is
+    /// [`proved`](Agreement::proved). Otherwise, if an end is no part of the range, a search goes from the cases that
+    /// come nearest to it.
+    ///
     /// ```no_run
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");

@@ -6,6 +6,7 @@ use super::Failure;
 use super::batch::SEARCHED;
 use super::goal::{Distance, Goal};
 use super::session::Session;
+use crate::probe::Inputs;
 use crate::value::Scalar;
 
 /// Cases with which a search begins, and how many of the nearest ones it follows.
@@ -24,7 +25,9 @@ impl Session<'_> {
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };
-        if width == 0 || self.is_replay() || self.input().is_some() {
+        // Constants are compiled, each for itself.
+        let is_compiled = self.inputs == Inputs::Constant;
+        if width == 0 || is_compiled || self.is_replay() || self.input().is_some() {
             return Ok(None);
         }
         let goal = (distance, goal);

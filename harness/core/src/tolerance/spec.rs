@@ -147,9 +147,7 @@ impl SpecTolerance {
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
-}
 
-impl SpecTolerance {
     /// How far apart results of a type may be that WGSL allows: as its author says, or by the digits of the type.
     #[doc(hidden)]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {

@@ -71,7 +71,8 @@ impl Chain {
         }
     }
 
-    /// How far the orders of a sum may be apart.
+    /// How far the orders of a sum may be apart: each addition rounds by less than 2^-23 of the largest sum of some
+    /// terms, in this order and in another one, and that may be twice as large as they are.
     pub(super) fn slack(self, ends: Ends) -> f64 {
         if !self.is_sum() {
             return 0.0;

@@ -1,6 +1,6 @@
 //! Whole parts, fractions and exponents of floats.
 
-use super::float_rules;
+use super::{Half, float_rules};
 use crate::interval::Interval;
 
 float_rules! {
@@ -65,7 +65,7 @@ float_rules! {
         Quantize[1, 1] = QuantizeToF16 {
             single: |[x]| [half::f16::from_f32(x).to_f32()],
             double: |[x]| [half::f16::from_f64(x).to_f64()],
-            interval: |[x]| [quantized(x)],
+            interval: |[x]| [x.halved(Half::Rounded)],
         }
     }
 }
@@ -83,20 +83,4 @@ fn mantissa(x: Interval) -> Interval {
         Some(_) => Interval::between(-1.0, 1.0),
         None => Interval::UNBOUNDED,
     }
-}
-
-/// Either neighbour in half precision, whose subnormals may be flushed.
-fn quantized(x: Interval) -> Interval {
-    let Some((lo, hi)) = x.bounds() else { return Interval::UNBOUNDED };
-    let greatest = half::f16::MAX.to_f64();
-    if lo < -greatest || hi > greatest {
-        return Interval::UNBOUNDED;
-    }
-    let steps = |x: f64| 2f64.powi(if x == 0.0 { -24 } else { (libm::ilogb(x) - 10).max(-24) });
-    let below = (lo / steps(lo)).floor() * steps(lo);
-    let above = (hi / steps(hi)).ceil() * steps(hi);
-    let least_normal = half::f16::MIN_POSITIVE.to_f64();
-    let below = if below > 0.0 && below < least_normal { 0.0 } else { below };
-    let above = if above < 0.0 && above > -least_normal { 0.0 } else { above };
-    Interval::outwards(below, above)
 }

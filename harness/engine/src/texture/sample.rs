@@ -113,11 +113,9 @@ impl Texture {
         let Texels::Float(texels) = &self.levels[level as usize] else { return false };
         let size = self.level_size(level);
         let [(left, x, right), (up, y, down)] = [0, 1].map(|k| {
-            let centre = at[k] * f64::from(size[k]) - 0.5;
-            // 31 bits are converted faster than 63. Of what has more the last texel is beyond each edge.
-            let cut = centre as i32;
-            let index = i64::from(cut) - i64::from(f64::from(cut) > centre);
-            let fraction = centre - index as f64;
+            let centre = at[k].clamp(-1e9, 1e9) * f64::from(size[k]) - 0.5;
+            let (below, index) = floor(centre);
+            let fraction = centre - below;
             (1.0 - fraction, index + i64::from(place.offset[k]), fraction)
         });
         let [width, height] = [0, 1].map(|k| i64::from(size[k]));
