@@ -149,12 +149,14 @@ fn masking_is_symmetric_in_v_and_l() {
 /// Correlated heights are seen together more often than independent ones. Heitz 2014, sec. 6.
 #[test]
 fn masking_is_a_probability() {
+    // WGSL grants a division 2.5 ulp, and these are products of two quotients.
+    let rounding = 6.0 * f32::EPSILON;
     for function in
         ["geometry::smith_separable", "geometry::smith_correlated", "geometry::smith_schlick_ggx"]
     {
         PBR.function(function)
             .over((ALPHA, 0.0..=1.0, 0.0..=1.0))
-            .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
+            .satisfies("lies in 0..=1", move |_, g: f32| (0.0..=1.0 + rounding).contains(&g));
     }
     PBR.function("geometry::smith_g1_beckmann")
         .over((ALPHA, 0.0..=1.0))

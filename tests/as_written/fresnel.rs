@@ -15,6 +15,19 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
+/// What was caught, if any driver can show it: those of `families` don't.
+fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
+    let may_agree = |adapter: &Adapter| families.contains(&adapter.family());
+    match result {
+        Ok(agreement) if agreement.paths.iter().all(|(adapter, _)| may_agree(adapter)) => None,
+        result => {
+            let found = caught(result);
+            assert!(found.agreeing.iter().all(|(adapter, _)| may_agree(adapter)), "{found}");
+            Some(found)
+        }
+    }
+}
+
 /// The half vector is the view vector where a mirror is seen at normal incidence. A fifth of
 /// vectors that were normalised in f32 have a product with themselves that rounds to above 1, and
 /// there the power is NaN: 20 % of the cases.
@@ -28,16 +41,9 @@ fn pow_of_a_cosine_above_one() {
         .over(seen)
         .unrecorded()
         .try_agrees_with(|f0: glam::DVec3, _: glam::DVec3, _: glam::DVec3| f0, Abs(1e-6));
-    // The power of a negative number is undefined in WGSL. SwiftShader has a small one, so this
-    // mistake doesn't show there.
-    let is_swiftshader = |adapter: &Adapter| adapter.family() == "swiftshader";
-    if let Ok(Agreement { paths, .. }) = &result
-        && paths.iter().all(|(adapter, _)| is_swiftshader(adapter))
-    {
-        return;
-    }
-    let found = caught(result);
-    assert!(found.agreeing.iter().all(|(adapter, _)| is_swiftshader(adapter)), "{found}");
+    // The power of a negative number is undefined in WGSL. SwiftShader and NVIDIA have a small one, so
+    // this mistake doesn't show there.
+    let Some(found) = caught_but_on(&["swiftshader", "nvidia"], result) else { return };
     for path in &found.paths {
         let share = path.census.nan as f64 / path.census.cases as f64;
         assert!((0.1..0.3).contains(&share), "{share} are NaN on {}", path.adapter);
@@ -52,12 +58,13 @@ fn pow_is_less_accurate() {
     // V.H is the z of H.
     let seen = (UnitRgb, Hemisphere).map(|(f0, h)| (f0, Vec3::Z, h));
     let schlick = |f0, _: glam::DVec3, h: glam::DVec3| fresnel::schlick(f0, h.z);
-    let found = caught(
-        PBR.function("as_written::fresnel::schlick")
-            .over(seen)
-            .unrecorded()
-            .try_agrees_with(schlick, Ulp(11.0)),
-    );
+    let result = PBR
+        .function("as_written::fresnel::schlick")
+        .over(seen)
+        .unrecorded()
+        .try_agrees_with(schlick, Ulp(11.0));
+    // NVIDIA multiplies where the exponent is a constant; the engine rounds what f64 has.
+    let Some(found) = caught_but_on(&["nvidia", "karat"], result) else { return };
     for path in &found.paths {
         let (actual, expected) = (f32::from_bits(path.worst.actual), path.worst.expected);
         #[expect(clippy::cast_possible_truncation, reason = "an ulp is one of f32")]

@@ -19,6 +19,10 @@ use crate::settings;
 /// (`LP_MAX_TGSI_LOOP_ITERATIONS` in its sources), on Vulkan and on GL.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
+/// wgpu says that OpenGL 3.3 has compute shaders where the driver has `GL_ARB_compute_shader`, as
+/// NVIDIA's does, and naga writes none for that version. So one is compiled.
+const NO_WORK: &str = "@compute @workgroup_size(1) fn work() {}";
+
 /// How long a poll's callback is waited for before polling again.
 const CALLBACK: Duration = Duration::from_millis(5);
 
@@ -177,7 +181,7 @@ impl Device {
         let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
         let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
-        Ok(Self {
+        let opened = Self {
             path,
             adapter,
             device,
@@ -187,7 +191,17 @@ impl Device {
             subgroups,
             pipelines,
             turns,
-        })
+        };
+        match path.api() == Api::Gl
+            && opened.compute_pipeline(NO_WORK, "work", &Overrides::default()).is_err()
+        {
+            true => Err(unavailable(format!(
+                "wgpu compiles no compute shaders for it: OpenGL needs version 4.3, OpenGL ES 3.1, and \
+                 this driver gives {}",
+                opened.adapter.driver
+            ))),
+            false => Ok(opened),
+        }
     }
 
     /// Waits until no other thread uses the device, where a driver serves one thread at a time: wgpu
