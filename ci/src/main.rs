@@ -82,6 +82,10 @@ enum Task {
     /// Each has to fail as its crate was released, and to pass with the change that mends it. The pages
     /// go to docs/found.
     Found,
+    /// Ask each path for each operator and builtin function, and write what it computes otherwise
+    ///
+    /// The pages go to docs/divergences; those of drivers that aren't here stay as they are.
+    Divergences,
     /// Read the shaders of published crates: what opens, links, validates and can be called.
     ///
     /// The crates are fetched by cargo and not compiled. The table goes to docs/corpus.md.
@@ -152,6 +156,7 @@ fn main() -> ExitCode {
         Task::Corpus { list, routes: true, json, .. } => {
             step::verdict(corpus::run_routes(list, json))
         }
+        Task::Divergences => step::verdict(matrix::divergences()),
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Package => packages::run(),

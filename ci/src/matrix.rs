@@ -1,8 +1,8 @@
 //! `cargo ci matrix`: every translation of the shader library, as the documentation has it.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 
-use crate::{command, demo, setup};
+use crate::{command, demo, setup, swiftshader};
 
 /// Where the table goes.
 const PAGE: &str = "docs/translations.md";
@@ -15,4 +15,22 @@ pub(crate) fn run() -> Result<()> {
     command::run(karat.arg(command::root().join("shaders")).arg("--markdown").arg(&page))?;
     ensure!(page.is_file(), "{PAGE} wasn't written");
     Ok(())
+}
+
+/// What each path computes otherwise than WGSL says: those that are usual here, and SwiftShader.
+pub(crate) fn divergences() -> Result<()> {
+    setup::install_missing()?;
+    setup::install_browser()?;
+    setup::install_validators()?;
+    let ask = |paths: &str| {
+        let example =
+            ["run", "--locked", "--package", "karat", "--features", "routes", "--example"];
+        let mut asked = command::cargo(&example);
+        asked.arg("divergences").arg("--").arg(command::root().join("docs/divergences"));
+        asked.env("KARAT_PATHS", paths);
+        asked
+    };
+    command::run(&mut ask("cpu,cpu:fma,cpu:ftz,vulkan,gl,vulkan:glsl,vulkan:hlsl"))?;
+    let manifest = swiftshader::manifest().context("no Chromium with SwiftShader is here")?;
+    command::run(ask("vulkan").env("VK_DRIVER_FILES", manifest))
 }
