@@ -1,7 +1,7 @@
 //! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
 //!
 //! A condition stands before an import, a directive, a declaration, a group of declarations in
-//! braces, a member, a parameter, a statement or a case. Where it doesn't hold, all of that is
+//! braces, a member, a parameter, a statement, a group of statements in braces, or a case. Where it doesn't hold, all of that is
 //! removed from the text; where it holds, only the condition is.
 
 use std::collections::BTreeMap;
@@ -34,8 +34,8 @@ pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// How many brackets that stay are open.
-    depth: usize,
+    /// The brackets that are open, but for those of groups.
+    open: Vec<usize>,
 }
 
 impl Conditions {
@@ -47,7 +47,7 @@ impl Conditions {
     ) -> Result<Self, PackageError> {
         let reader = Reader { file, tokens, brackets, features };
         let mut found =
-            Self { live: Vec::new(), removed: Vec::new(), inactive: Vec::new(), depth: 0 };
+            Self { live: Vec::new(), removed: Vec::new(), inactive: Vec::new(), open: Vec::new() };
         // Where a chain of `@if`, `@elif` may go on, and whether one of its conditions held.
         let mut chains: BTreeMap<usize, bool> = BTreeMap::new();
         // Closing braces of groups, which go with their opening ones.
@@ -62,8 +62,8 @@ impl Conditions {
                 at = reader.attributes(at, &mut chains, &mut closing, &mut found)?;
             } else {
                 match tokens[at].kind {
-                    Kind::Symbol(b'(' | b'[' | b'{') => found.depth += 1,
-                    Kind::Symbol(b')' | b']' | b'}') => found.depth -= 1,
+                    Kind::Symbol(b'(' | b'[' | b'{') => found.open.push(at),
+                    Kind::Symbol(b')' | b']' | b'}') => drop(found.open.pop()),
                     _ => {}
                 }
                 found.live.push(tokens[at]);
@@ -130,6 +130,12 @@ impl Reader<'_> {
         if let Some(second) = conditions.next() {
             return Err(self.error(second, "a second condition; join both with `&&`"));
         }
+        if !self.takes_condition(start, found.open.last().copied()) {
+            let message = "a condition stands before an import, a directive, a declaration, a member, \
+                           a parameter, a statement or a case, and nowhere else: put it before all of \
+                           the statement or declaration";
+            return Err(self.error(&condition, message));
+        }
         if at >= self.tokens.len() {
             return Err(self.error(&condition, "nothing follows this condition"));
         }
@@ -194,13 +200,25 @@ impl Reader<'_> {
                 found.live.extend_from_slice(&self.tokens[attribute.clone()]);
             }
         }
-        // Braces that nothing encloses hold declarations; inside of a function, statements.
-        if self.is(at, b'{') && found.depth == 0 {
+        // Braces group declarations, and statements: what they hold is declared around them.
+        if self.is(at, b'{') {
             found.removed.push(self.tokens[at].range());
             closing.push(self.brackets[at]);
             return Ok(at + 1);
         }
         Ok(at)
+    }
+
+    /// Whether an attribute of a condition may stand at a token: in a list of statements, declarations,
+    /// members or parameters. `open` is the innermost bracket around it.
+    fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
+        let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
+        let of = |keyword: &str| open.is_some_and(|open| open > 1 && self.text(open - 2) == keyword);
+        match open {
+            Some(open) if self.is(open, b'(') => of("fn") && after(b"(,"),
+            Some(_) if of("struct") => after(b"{,"),
+            _ => after(b"{};"),
+        }
     }
 
     /// The token after what begins at `at`.
