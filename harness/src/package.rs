@@ -36,6 +36,7 @@ mod splice;
 pub(crate) mod stage;
 mod syntax;
 pub(crate) mod test_items;
+mod values;
 pub(crate) mod workspace;
 
 use std::borrow::Cow;

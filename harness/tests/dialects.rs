@@ -497,7 +497,7 @@ fn other_preprocessors_are_named() {
     2 |     return {{ value }};
       |            ^^
       |
-      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+      = hand Karat the expanded text: `[values]` and a line `value = 64`, or a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("{% if fast %}\nfn f() -> f32 { return 1.0; }\n{% endif %}"), "f"), @r#"
     error: a template's placeholder isn't WGSL: a template engine expands it
@@ -639,4 +639,108 @@ fn karat_toml_is_read_again_when_it_changes() {
         write("karat.toml", text);
         package.function("a::f").over(0.5..=1.0).agrees_with(|x: f64| sign * x, Ulp(0.0));
     }
+}
+
+/// Statements under a condition, a group of which declares for what follows; and places that have no condition.
+#[test]
+fn conditions_stand_where_wesl_has_them() {
+    let text = "@if(A) { const K = 2.0; @if(!A) const L = 1.0; } @else { const K = 3.0; }
+struct S { @if(A) a: f32, @else b: f32, c: f32 }
+fn h(@if(A) x: f32, @else y: f32, z: f32) -> f32 { @if(A) return x + z; @else return y - z; }
+fn f(x: f32) -> f32 {
+    @if(A) { let s = K * x; @if(B) { var t = s; t += 1.0; } @else let t = s; } @else { let s = 0.0; let t = K; }
+    var sum = s + t;
+    switch 1 { @if(A) case 1 { sum += 1.0; } @else default { sum += 2.0; } @if(A) default { } }
+    @if(B) for (var i = 0; i < 2; i++) { @if(A) sum += 1.0; }
+    loop { @if(A) break; @else { sum += 1.0; break; } @if(A) continuing { break if true; } }
+    @if(A) if x > 0.5 { sum += h(1.0, 2.0); } else { @if(B) sum -= 1.0; }
+    return sum;
+}";
+    let at = |features: &[&str], x: f64| {
+        let package = features.iter().fold(one(text), |package, name| package.feature(name, true));
+        let expected = match features {
+            [] => 6.0,
+            ["A"] => 4.0 * x + 1.0 + if x > 0.5 { 3.0 } else { 0.0 },
+            _ => 4.0 * x + 1.0 + 1.0 + 2.0 + if x > 0.5 { 3.0 } else { -1.0 },
+        };
+        package.function("f").over(Just(x as f32)).agrees_with(move |_: f64| expected, Ulp(1.0))
+    };
+    at(&[], 0.0);
+    for x in [0.25, 0.75] {
+        at(&["A"], x);
+        at(&["A", "B"], x);
+    }
+    for wrong in [
+        "fn f(x: f32) -> f32 { return @if(A) x; }",
+        "fn f(x: f32) -> f32 { return max(@if(A) x, 1.0); }",
+        "fn f(x: f32) -> f32 { return max(x, @if(A) 1.0); }",
+        "fn f(x: f32) -> f32 { var a: @if(A) f32 = x; return a; }",
+        "fn f(x: f32) -> f32 { var a: array<f32, @if(A) 4>; return a[0]; }",
+        "fn f(x: f32) -> f32 { for (@if(A) var i = 0; i < 2; i++) { } return x; }",
+        "fn f(x: f32) -> @if(A) f32 { return x; }",
+    ] {
+        let said = error(&one(wrong).feature("A", true), "f");
+        assert!(
+            said.contains("and nowhere else: put it before all of the statement"),
+            "{wrong}: {said}"
+        );
+    }
+}
+
+/// What an engine's own code puts into a text, by number.
+#[test]
+fn values_stand_for_placeholders() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    let package = || Package::open(folder.path()).expect("a folder");
+    write(
+        "a.wgsl",
+        "// {N}\nconst B = BLOCK;\nfn f(x: f32) -> f32 { return {N} * x + {{ M }} + B; }\n",
+    );
+    let said = error(&package(), "a::f");
+    assert!(
+        said.contains("a template's placeholder isn't WGSL")
+            && said.contains("`[values]` and a line `M = 64`"),
+        "{said}"
+    );
+    write("karat.toml", "[values]\nN = 2.0\nM = \"0.5\"\nBLOCK = 64\n");
+    package().function("a::f").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x + 64.5, Ulp(1.0));
+    write("b.wgsl", "fn g(x: f32) -> f32 { return {N} + y; }\n");
+    let said = error(&package(), "b::g");
+    assert!(said.contains("b.wgsl, with its values>:1:3"), "{said}");
+    for (text, message) in [
+        ("[values]\nN = [1]\n", "the value of `N` is a text, a number"),
+        ("[values]\nN = \"a\\nb\"\n", "the value of `N` is of one line"),
+        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` is no name"),
+        ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` lists names of features"),
+    ] {
+        write("karat.toml", text);
+        let said = error(&package(), "a::f");
+        assert!(said.contains(message), "{text}: {said}");
+    }
+}
+
+/// All of them in one message; but for those that the engine sets for all of its modules.
+#[test]
+fn features_that_nothing_asks_about() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    write("a.wgsl", "@if(FAST) fn g() {}\nfn f(x: f32) -> f32 { return x * f32(BLOCK); }\n");
+    let package = || Package::open(folder.path()).expect("a folder");
+    let set = package().feature("FASTT", true).feature("BLOCK", 64).feature("ENGINE", true);
+    let said = error(&set, "a::f");
+    assert!(
+        said.contains("asks about the features `BLOCK`, `ENGINE`, `FASTT` (did you mean `FAST`?)"),
+        "{said}"
+    );
+    assert!(said.ends_with("[values]\nBLOCK = 64"), "{said}");
+    write(
+        "karat.toml",
+        "[features]\nENGINE = true\nset_by_engine = [\"ENGINE\"]\n[values]\nBLOCK = 64\n",
+    );
+    package().function("a::f").over(0.0..=1.0).agrees_with(|x: f64| 64.0 * x, Ulp(1.0));
 }

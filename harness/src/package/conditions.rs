@@ -213,7 +213,8 @@ impl Reader<'_> {
     /// members or parameters. `open` is the innermost bracket around it.
     fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
         let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
-        let of = |keyword: &str| open.is_some_and(|open| open > 1 && self.text(open - 2) == keyword);
+        let of =
+            |keyword: &str| open.is_some_and(|open| open > 1 && self.text(open - 2) == keyword);
         match open {
             Some(open) if self.is(open, b'(') => of("fn") && after(b"(,"),
             Some(_) if of("struct") => after(b"{,"),

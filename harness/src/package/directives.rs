@@ -93,7 +93,7 @@ pub(super) fn read(
     features: &Features,
 ) -> Result<Option<Directed>, PackageError> {
     let text = &file.text;
-    if !text.contains('#') && !text.contains("{%") && !text.contains("{{") {
+    if !text.contains('#') && !foreign::may_be_template(text) {
         return Ok(None);
     }
     let tokens = lex(text);

@@ -141,16 +141,21 @@ pub enum PackageError {
     },
     /// A feature that nothing asks about.
     #[error(
-        "nothing in package `{package}` or in what it imports asks about the feature `{feature}`{}{}",
-        did_you_mean(nearest), if known.is_empty() { String::new() } else { format!("; it asks about {known}") }
+        "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}",
+        if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
+        if known.is_empty() { String::new() } else { format!("; it asks about {known}") },
+        bare.as_ref().map_or_else(String::new, |name| format!(
+            "\n`{name}` is a name in the text, which no feature replaces: write what stands for it into karat.toml \
+             beside the modules\n\n[values]\n{name} = 64"
+        ))
     )]
     UnknownFeature {
-        /// What was set.
-        feature: String,
+        /// What was set, each with the closest name there is.
+        unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,
-        /// The closest name there is.
-        nearest: Option<String>,
+        /// One of them that a module has as a name of its own.
+        bare: Option<String>,
         /// The features that it asks about.
         known: String,
     },
@@ -187,6 +192,20 @@ pub enum PackageError {
     /// A syntax error, a failed import or an import cycle, shown in the author's file.
     #[error("{0}")]
     Shader(Box<Diagnostic>),
+}
+
+/// Names with what each may have been meant as.
+fn listed(unknown: &[(String, Option<String>)]) -> String {
+    match unknown {
+        [(name, near)] => format!("`{name}`{}", did_you_mean(near)),
+        all => {
+            let one = |(name, near): &(String, Option<String>)| match near {
+                Some(near) => format!("`{name}` (did you mean `{near}`?)"),
+                None => format!("`{name}`"),
+            };
+            all.iter().map(one).collect::<Vec<_>>().join(", ")
+        }
+    }
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

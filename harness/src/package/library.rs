@@ -516,6 +516,17 @@ impl Package {
     }
 }
 
+impl Package {
+    /// A module as its file has it, before anything expands it.
+    pub(super) fn written(&self, module: &str) -> Result<String, PackageError> {
+        match self.find(&ModulePath::root(module).components) {
+            Some(Place::File(path)) => Ok(read_utf8(&path)?.text),
+            Some(Place::Memory(_, text)) => Ok(text.to_owned()),
+            None => Ok(String::new()),
+        }
+    }
+}
+
 pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let file = shown(path);
     let bytes = read_file(path)

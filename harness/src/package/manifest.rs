@@ -15,6 +15,7 @@ use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
 use super::limits::Limits;
+use super::values::{self, Values};
 use super::workspace::{self, Kind};
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
@@ -32,6 +33,10 @@ pub(super) struct Manifest {
     dependencies: BTreeMap<String, Dependency>,
     /// Features that are set, unless a test or the command line sets them otherwise.
     pub(super) features: Features,
+    /// Features that the engine sets, whether or not a module asks about them.
+    pub(super) set_by_engine: BTreeSet<String>,
+    /// What stands for placeholders.
+    values: Values,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
     preprocess: Vec<String>,
@@ -126,6 +131,8 @@ struct Written {
     dependencies: BTreeMap<String, Dependency>,
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
+    #[serde(default)]
+    values: BTreeMap<String, toml::Value>,
     preprocess: Option<Vec<String>>,
     #[serde(default)]
     matrix: Vec<KnownRows>,
@@ -180,7 +187,7 @@ impl Package {
     /// ```
     #[must_use]
     pub fn is_printed(&self) -> bool {
-        Manifest::of(self).is_ok_and(|manifest| manifest.expands())
+        Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())
     }
 }
 
@@ -190,6 +197,8 @@ pub(crate) struct Declared {
     file: String,
     /// Paths of inputs that weren't seen yet: `alpha`, `params.groups`.
     inputs: Vec<String>,
+    /// Values that no module has a place for yet.
+    values: Vec<String>,
     /// Functions whose hazards are accepted: `module::name`, `module::*`.
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
@@ -220,6 +229,7 @@ impl Package {
         Ok(Some(Declared {
             file: shown(&read.file),
             inputs: manifest.hazards.inputs.into_keys().collect(),
+            values: manifest.values.into_keys().collect(),
             functions: accepted.flat_map(|one| one.functions).collect(),
             rows: manifest.matrix.into_iter().flat_map(|known| known.rows).collect(),
             names: Vec::new(),
@@ -236,6 +246,13 @@ impl Declared {
         linked: &str,
     ) -> Result<(), PackageError> {
         let module = package.parsed(name)?;
+        if !self.values.is_empty() {
+            let all = self.values.iter().map(|name| (name.clone(), String::new())).collect();
+            let written = package.written(name)?;
+            let seen: Vec<String> =
+                values::used(&written, &all).into_iter().map(str::to_owned).collect();
+            self.values.retain(|name| !seen.contains(name));
+        }
         let inactive = module.inactive.iter().map(|one| one.name.as_str());
         let path = |item: &str| match name {
             "" => item.to_owned(),
@@ -259,7 +276,9 @@ impl Declared {
             None => !self.names.contains(name),
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
-        let reason = if let Some(name) = self.inputs.first() {
+        let reason = if let Some(name) = self.values.first() {
+            format!("`[values]` says what `{name}` stands for, and no module has this name")
+        } else if let Some(name) = self.inputs.first() {
             format!("the input `{name}` is declared, and nothing in the package has this name")
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
@@ -316,7 +335,8 @@ impl Manifest {
         let written = toml::from_str(text);
         let Written {
             dependencies,
-            features,
+            mut features,
+            values,
             preprocess,
             matrix,
             inputs,
@@ -338,6 +358,15 @@ impl Manifest {
                 )));
             }
         }
+        let set_by_engine = match features.remove("set_by_engine") {
+            None => BTreeSet::new(),
+            Some(names) => names.try_into().map_err(|_| {
+                error("`set_by_engine` lists names of features: [\"FAST\"]".to_owned())
+            })?,
+        };
+        let value = |(name, own): (String, toml::Value)| Ok((values::value(&name, &own)?, name));
+        let values = values.into_iter().map(value).map(|read| read.map(|(own, name)| (name, own)));
+        let values = values.collect::<Result<_, String>>().map_err(error)?;
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
@@ -391,6 +420,8 @@ impl Manifest {
                     read,
                     dependencies,
                     features,
+                    set_by_engine,
+                    values,
                     preprocess: command.unwrap_or_default(),
                     matrix,
                     hazards,
@@ -445,12 +476,30 @@ impl Manifest {
 
     /// Whether modules are what a program prints.
     pub(super) fn expands(&self) -> bool {
-        !self.preprocess.is_empty()
+        !self.preprocess.is_empty() || !self.values.is_empty()
     }
 
-    /// A module as it is, or as the package's program prints it; once in a process for the same text, until
+    /// A module as it is, or expanded: by the package's program, and with its values; the program runs once in a process for the same text, until
     /// it is [forgotten](workspace::refresh).
     pub(super) fn expanded(
+        &self,
+        root: &Path,
+        path: &Path,
+        source: SourceFile,
+    ) -> Result<SourceFile, PackageError> {
+        let source = self.printed(root, path, source)?;
+        if values::used(&source.text, &self.values).is_empty() {
+            return Ok(source);
+        }
+        // In brackets, as texts are that are in no file: columns are those behind the values.
+        let name = match source.name.strip_prefix('<').and_then(|name| name.strip_suffix('>')) {
+            Some(printed) => format!("<{printed}, with its values>"),
+            None => format!("<{}, with its values>", source.name),
+        };
+        Ok(SourceFile { name, text: values::substituted(&source.text, &self.values) })
+    }
+
+    fn printed(
         &self,
         root: &Path,
         path: &Path,

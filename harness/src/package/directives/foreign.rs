@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 use crate::package::PackageError;
-use crate::package::lexer::Token;
+use crate::package::lexer::{Kind, Token};
 
 /// A place that only a template has: `{% if %}`, `{{ name }}`.
 pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
@@ -21,7 +21,32 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
             |(inside, _): (&str, &str)| !inside.trim().is_empty() && !inside.contains([';', '{']);
         touching(pair, b'{', b'{') && inner.is_some_and(is_placeholder)
     });
-    block.or(placeholder).map(|pair| pair[0].range().start..pair[1].range().end)
+    let pair = block.or(placeholder).map(|pair| pair[0].range().start..pair[1].range().end);
+    pair.or_else(|| one_brace(text, tokens))
+}
+
+/// Whether a text has bytes of a placeholder, in comments as well.
+pub(super) fn may_be_template(text: &str) -> bool {
+    let is_part = |c: char| c == '_' || c.is_alphanumeric();
+    text.split('{').skip(1).any(|after| {
+        let rest = after.trim_start_matches(is_part);
+        after.is_empty()
+            || after.starts_with('%')
+            || rest.len() < after.len() && rest.starts_with('}')
+    })
+}
+
+/// `{name}`: a block of WGSL ends its statements with `;`. An import lists names so, after `::`, and `#{name}` is a
+/// value of `naga_oil`'s.
+fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
+    let found = tokens.windows(3).enumerate().find(|(at, three)| {
+        let before = at.checked_sub(1).map_or("", |before| &text[tokens[before].range()]);
+        let touch = three[0].range().end == three[1].range().start
+            && three[1].range().end == three[2].range().start;
+        let is_one = three[0].is(b'{') && three[1].kind == Kind::Word && three[2].is(b'}');
+        is_one && touch && !matches!(before, ":" | "#")
+    });
+    found.map(|(_, three)| three[0].range().start..three[2].range().end)
 }
 
 /// What Karat doesn't expand, with what to do.
@@ -31,12 +56,24 @@ pub(super) fn unknown(
     what: &str,
     whose: &str,
 ) -> PackageError {
+    let values = match placeholder(&file.text[range.start..]) {
+        Some(name) => format!("`[values]` and a line `{name} = 64`, or "),
+        None => String::new(),
+    };
     let span = Span { file: Arc::clone(file), range };
     let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} expands it"))
         .at(span, "")
-        .note(
-            "hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, \
-             or `Package::from_modules` in Rust",
-        );
+        .note(format!(
+            "hand Karat the expanded text: {values}a `preprocess` command in karat.toml beside the modules, \
+             or `Package::from_modules` in Rust"
+        ));
     PackageError::Shader(Box::new(diagnostic))
+}
+
+/// The name of `{name}` and of `{{ name }}`.
+fn placeholder(text: &str) -> Option<&str> {
+    let (name, _) = text.strip_prefix('{')?.split_once('}')?;
+    let name = name.trim_start_matches('{').trim();
+    let is_name = name.chars().all(|c| c == '_' || c.is_alphanumeric());
+    (is_name && !name.is_empty()).then_some(name)
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
+use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
 
@@ -24,9 +25,11 @@ impl Library {
         let package = self.package(0);
         let root = package.root();
         let features = self.features(0);
-        let names = features
-            .keys()
-            .filter(|name| workspace::get::<Asked>(&(root.clone(), (*name).clone())).is_none());
+        let by_engine = &self.manifest(0)?.set_by_engine;
+        let names = features.keys().filter(|name| {
+            !by_engine.contains(*name)
+                && workspace::get::<Asked>(&(root.clone(), (*name).clone())).is_none()
+        });
         let names: Vec<&String> = names.collect();
         if names.is_empty() {
             return Ok(());
@@ -46,13 +49,22 @@ impl Library {
         let own = asked_in(0);
         let others: BTreeSet<String> =
             self.all().into_iter().skip(1).flat_map(&mut asked_in).collect();
-        if let Some(name) =
-            names.iter().find(|name| !own.contains(**name) && !others.contains(**name))
-        {
+        let is_unknown = |name: &&&String| !own.contains(**name) && !others.contains(**name);
+        let unknown: Vec<&String> = names.iter().filter(is_unknown).copied().collect();
+        if !unknown.is_empty() {
+            let near =
+                |name: &String| nearest(name, own.iter().map(String::as_str)).map(str::to_owned);
+            let modules = package.modules().unwrap_or_default();
+            let texts = modules.iter().filter_map(|module| package.written(module).ok());
+            let texts: Vec<String> = texts.collect();
+            let is_bare = |name: &&&String| {
+                let value = Values::from([((**name).clone(), String::new())]);
+                texts.iter().any(|text| !values::used(text, &value).is_empty())
+            };
             return Err(unreadable.unwrap_or_else(|| PackageError::UnknownFeature {
-                feature: (*name).clone(),
+                bare: unknown.iter().find(is_bare).map(|name| (*name).clone()),
+                unknown: unknown.into_iter().map(|name| (name.clone(), near(name))).collect(),
                 package: package.name(),
-                nearest: nearest(name, own.iter().map(String::as_str)).map(str::to_owned),
                 known: own.iter().cloned().collect::<Vec<_>>().join(", "),
             }));
         }
