@@ -17,9 +17,10 @@
 //! }
 //! ```
 
+mod lowered;
 mod passes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
 
@@ -38,6 +39,8 @@ use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed};
 use crate::value::format_f32;
+use lowered::Callers;
+pub use lowered::Lowered;
 
 /// Inputs of each function. With three arguments of six edges each, that leaves 800 draws.
 const CASES: usize = 1024;
@@ -92,6 +95,9 @@ pub struct Hazard {
     /// Why `karat.toml` accepts it, where those are asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
+    /// Why it is less than others, if it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lowered: Option<Lowered>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
     /// Of a compute pass what the sanitizer found.
@@ -110,6 +116,8 @@ pub struct Hazards {
     pub skipped: Vec<(String, String)>,
     /// The worst first; one a line and kind.
     pub found: Vec<Hazard>,
+    /// Hazards that a later operation drops in each case, or that no caller's arguments cause.
+    pub lowered: Vec<Hazard>,
     /// Hazards of fewer than one case in a hundred, whose arguments were drawn by their types alone and are
     /// neither 0, 1, -1 nor an end of their range.
     pub rare: Vec<Hazard>,
@@ -265,6 +273,7 @@ impl Request {
         let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut drawn = Drawn::default();
         let mut unseen = Unseen::default();
+        let mut whole = BTreeSet::new();
         for (name, seen) in each {
             match seen {
                 Err(why) => skipped.push((name, why)),
@@ -273,6 +282,9 @@ impl Request {
                     unseen.inputs += cut;
                     unseen.functions += usize::from(cut > 0);
                     unseen.in_part += usize::from(in_part);
+                    if cut == 0 && !in_part {
+                        whole.insert(name);
+                    }
                     for hazard in own {
                         add(&mut rare, hazard);
                     }
@@ -289,6 +301,10 @@ impl Request {
         }
         if self.only.is_empty() {
             expect_names(&inputs, &drawn)?;
+        }
+        let callers = Callers::of(&self.package, whole);
+        for hazard in found.values_mut() {
+            hazard.lowered = callers.lower(hazard, &rare);
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
@@ -312,8 +328,11 @@ impl Request {
             let order = rank(a).cmp(&rank(b)).then(b.cases.0.cmp(&a.cases.0));
             order.then_with(|| a.location.cmp(&b.location))
         });
+        let lowered =
+            found.extract_if(.., |hazard| hazard.lowered.is_some() && hazard.accepted.is_none());
+        let lowered = lowered.collect();
         rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
-        Ok(Hazards { package, functions, skipped, found, rare, accepted, drawn, unseen })
+        Ok(Hazards { package, functions, skipped, found, lowered, rare, accepted, drawn, unseen })
     }
 
     /// Looks for hazards in a function.
@@ -449,6 +468,7 @@ impl Look<'_> {
                             operands: operands(one),
                             guessed: false,
                             accepted: None,
+                            lowered: None,
                             also: Vec::new(),
                             violation: None,
                         };
@@ -488,6 +508,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         operands: Vec::new(),
         guessed: true,
         accepted: None,
+        lowered: None,
         also: Vec::new(),
         violation: None,
     }
@@ -583,6 +604,19 @@ impl AcceptedHazard {
 }
 
 impl Hazard {
+    /// What others write alike: the operation without its names and numbers.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn gamma(c: f32) -> f32 { return pow(c, 2.2); }");
+    /// assert_eq!(package.hazards().run()?.found[0].idiom(), "pow(_, #)");
+    /// # Ok::<(), karat::unstable::hazards::HazardError>(())
+    /// ```
+    #[must_use]
+    pub fn idiom(&self) -> String {
+        lowered::idiom(&self.text)
+    }
+
     /// The lines below the first: where it came from, what it means and what else shows it.
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
@@ -613,8 +647,8 @@ impl Hazard {
         if let Some((single, double)) = &self.values {
             write!(f, ": {single} in f32, {double} in f64")?;
         }
-        if self.hidden {
-            write!(f, "; the result is finite, as a later operation hides it")?;
+        if let Some(lowered) = self.lowered {
+            write!(f, "; {}", lowered.about())?;
         }
         if let Some(reason) = &self.accepted {
             write!(f, "\n    accepted: {reason}")?;
@@ -637,8 +671,7 @@ impl Hazard {
 
 impl fmt::Display for Hazard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let hidden = if self.hidden { ", hidden" } else { "" };
-        writeln!(f, "{}{hidden}: {}  at {}", self.kind.name(), self.text, self.location)?;
+        writeln!(f, "{}: {}  at {}", self.kind.name(), self.text, self.location)?;
         self.write_details(f)
     }
 }
@@ -648,12 +681,13 @@ impl fmt::Display for Hazards {
         for hazard in &self.found {
             writeln!(f, "{hazard}\n")?;
         }
-        let Self { package, functions, found, accepted, .. } = self;
+        let Self { package, functions, found, lowered, accepted, .. } = self;
         write!(
             f,
-            "{package}: {} in {}, {accepted} accepted",
+            "{package}: {} in {}, {} lowered, {accepted} accepted",
             counted(found.len(), "hazard"),
-            counted(*functions, "function")
+            counted(*functions, "function"),
+            lowered.len()
         )
     }
 }

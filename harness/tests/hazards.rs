@@ -2,10 +2,11 @@
 
 use karat::check::Failure;
 use karat::prelude::*;
-use karat::unstable::hazards::{Hazard, HazardError, Kind};
+use karat::unstable::hazards::{Hazard, HazardError, Kind, Lowered};
 
 fn found(text: &str) -> Vec<Hazard> {
-    Package::from_source("planted", text).hazards().run().expect("it is looked at").found
+    let hazards = Package::from_source("planted", text).hazards().run().expect("it is looked at");
+    [hazards.found, hazards.lowered].concat()
 }
 
 /// The hazard of a kind at an operation, which has to be there.
@@ -13,6 +14,52 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     let all = found(text);
     let one = all.iter().find(|hazard| hazard.kind == kind && hazard.text == operation);
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {all:#?}")).clone()
+}
+
+/// What a `select` or a branch drops, what no caller gives, and bits that were made up.
+#[test]
+fn hazards_that_matter_less_are_lowered() {
+    let safe = "fn safe(s: vec3f) -> vec3f { return select(vec3f(0.0, 0.0, 1.0), normalize(s), dot(s, s) > 0.0); }";
+    assert_eq!(at(safe, Kind::Nan, "normalize(s)").lowered, Some(Lowered::Hidden));
+    let seen =
+        "fn seen(s: vec3f) -> vec3f { return select(vec3f(1.0), normalize(s), s.x >= 0.0); }";
+    assert_eq!(at(seen, Kind::Nan, "normalize(s)").lowered, None);
+    let bits = "fn f(word: u32) -> f32 { return 2.0 * bitcast<f32>(word); }";
+    assert_eq!(at(bits, Kind::Nan, "bitcast<f32>(word)").lowered, Some(Lowered::Bits));
+
+    let inverse = "fn inverse(x: f32) -> f32 { return 1.0 / x; }\n";
+    let with = |more: &str| at(&format!("{inverse}{more}"), Kind::Infinite, "1.0 / x").lowered;
+    assert_eq!(with(""), None);
+    let good = "fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }\n";
+    assert_eq!(with(good), Some(Lowered::Callers));
+    let shaded =
+        "@fragment fn fs(@location(0) t: f32) -> @location(0) vec4f { return vec4f(good(t)); }\n";
+    assert_eq!(with(&format!("{good}{shaded}")), Some(Lowered::Callers));
+    // One of the callers is enough, wherever it stands.
+    let bad = "fn bad(y: f32) -> f32 { return inverse(y); }\n";
+    assert_eq!(with(&format!("{good}{shaded}{bad}")), None);
+    let bad = "@fragment fn gs(@location(0) t: f32) -> @location(0) vec4f { return vec4f(inverse(t)); }\n";
+    assert_eq!(with(&format!("{good}{bad}")), None);
+    // A caller that isn't looked at may give anything.
+    let unseen = "var<private> p: f32; fn unseen(x: f32) { p = inverse(2.0 + abs(x)); }\n";
+    assert_eq!(with(&format!("{good}{unseen}")), None);
+}
+
+/// A module that isn't valid may call each name that it has.
+#[test]
+fn modules_that_are_not_valid_may_call() {
+    let modules = |broken: &'static str| {
+        let a = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
+                 fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }";
+        Package::from_modules("p", [("a", a), ("b", broken)])
+            .hazards()
+            .run()
+            .expect("it is looked at")
+    };
+    assert!(modules("fn h(x: f32) -> f32 { return none(x); }").found.is_empty());
+    let calls =
+        modules("import package::a::inverse; fn h(x: f32) -> f32 { return inverse(none(x)); }");
+    assert_eq!(calls.found.len(), 1, "{calls}");
 }
 
 #[test]
@@ -40,7 +87,7 @@ fn each_is_found_where_it_is_born() {
     at(angle, Kind::Nan, "acos(dot(n, l))");
 
     let hidden = "fn f(n: vec3f, l: vec3f) -> f32 { return max(acos(dot(n, l) * 1.5), 0.0); }";
-    assert!(at(hidden, Kind::Nan, "acos(dot(n, l) * 1.5)").hidden);
+    assert_eq!(at(hidden, Kind::Nan, "acos(dot(n, l) * 1.5)").lowered, Some(Lowered::Hidden));
 
     let cavity = "fn f(n_dot_h: f32, n_dot_v: f32, v_dot_h: f32) -> f32 {\n    \
                   return min(1.0, 2.0 * n_dot_h * n_dot_v / v_dot_h);\n}";

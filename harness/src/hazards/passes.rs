@@ -61,6 +61,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             operands: Vec::new(),
             guessed: variant > 0,
             accepted: None,
+            lowered: None,
             also: Vec::new(),
             violation: None,
         };

@@ -327,7 +327,10 @@ impl Reader<'_> {
     ) -> Result<(), PackageError> {
         let start = at + 1 + word_end;
         let rest = self.text()[start..line.end].trim().trim_end_matches(';').trim().to_owned();
-        let file = rest.strip_prefix('<').and_then(|rest| rest.strip_suffix('>'));
+        let within = |open: char, close: char| {
+            rest.strip_prefix(open)?.strip_suffix(close).filter(|file| !file.contains(close))
+        };
+        let file = within('<', '>').or_else(|| within('"', '"'));
         let include = match file {
             Some(file) => Some(Include::File(file.to_owned())),
             None if !rest.is_empty()

@@ -38,12 +38,14 @@ impl Program {
         count
     }
 
-    /// The functions that one calls, by their authors' paths.
+    /// The functions that one, or an entry point, calls, by their authors' paths.
     pub(crate) fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
-        let found = functions.iter().find(|(_, one)| one.name.as_deref() == Some(name));
+        let found =
+            functions.iter().map(|(_, one)| one).find(|one| one.name.as_deref() == Some(name));
+        let entry = self.checked.module.entry_points.iter().find(|entry| entry.name == name);
         let mut called = BTreeSet::new();
-        if let Some((_, function)) = found {
+        if let Some(function) = found.or(entry.map(|entry| &entry.function)) {
             walk(&function.body, false, &mut |statement, _, _| {
                 if let Statement::Call { function, .. } = statement
                     && let Some(name) = &functions[*function].name

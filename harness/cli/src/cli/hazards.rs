@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::unstable::hazards::{Hazard, HazardError, Hazards, Kind, Unseen};
+use karat::unstable::hazards::{Hazard, HazardError, Hazards, Kind, Lowered, Unseen};
 use karat::unstable::made_up::Drawn;
 use karat::unstable::output::counted;
 
@@ -25,6 +25,10 @@ pub(super) struct Args {
     /// Only functions whose name contains this; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
+    /// Only hazards of this kind: `nan`, `infinite`, `out_of_range`, `by_zero`, `lost_digits`, `unbounded`, ...;
+    /// may be repeated
+    #[arg(long = "kind", value_name = "KIND", value_parser = kind)]
+    kinds: Vec<Kind>,
     /// What arguments of a name are: `roughness=0.05..1`; may be repeated
     #[arg(long = "input", value_name = "NAME=LEAST..MOST", value_parser = input)]
     inputs: Vec<(String, RangeInclusive<f64>)>,
@@ -47,6 +51,12 @@ pub(super) struct Args {
 
 /// The range of an input by name.
 type Input = (String, RangeInclusive<f64>);
+
+/// A kind as JSON, and as `no_hazards` of a `*.test.toml` has it.
+fn kind(text: &str) -> Result<Kind, String> {
+    let name = serde_json::Value::String(text.replace('-', "_"));
+    serde_json::from_value(name).map_err(|error| error.to_string())
+}
 
 /// `roughness=0.05..1`
 fn input(text: &str) -> Result<Input, String> {
@@ -79,19 +89,31 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 found => break found?,
             }
         };
-        all.push(found);
+        let mut found = found;
+        let others = keep_kinds(&mut found, &args.kinds);
+        all.push((found, others));
     }
     let of_none = unknown.into_values().find(|errors| errors.len() == packages.len());
     if let Some(error) = of_none.and_then(|errors| errors.into_iter().next()) {
         return Err(error.into());
     }
     match args.json {
-        true => write_json(&all, out)?,
-        false => all.iter().try_for_each(|hazards| write_text(hazards, args.all, out))?,
+        true => write_json(&all.iter().map(|(hazards, _)| hazards).collect::<Vec<_>>(), out)?,
+        false => {
+            all.iter()
+                .try_for_each(|(hazards, others)| write_text(hazards, *others, args.all, out))?;
+        }
     }
-    let mut found = all.iter().flat_map(|hazards| &hazards.found);
+    let mut found = all.iter().flat_map(|(hazards, _)| &hazards.found);
     let good = found.all(|hazard| hazard.accepted.is_some());
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// Keeps hazards of some kinds, or all if none is named. Returns how many of others there were.
+fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
+    let Hazards { found, lowered, rare, .. } = hazards;
+    let is_other = |hazard: &mut Hazard| !kinds.is_empty() && !kinds.contains(&hazard.kind);
+    [found, lowered, rare].into_iter().map(|list| list.extract_if(.., is_other).count()).sum()
 }
 
 /// Looks for hazards in a package, with these inputs.
@@ -117,23 +139,23 @@ fn look(
     Ok(found)
 }
 
-fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let Hazards { package, functions, skipped, found, rare, accepted, drawn, unseen } = hazards;
-    let shown = if all { found.len() } else { found.len().min(terminal::size().rows / LINES) };
-    for hazard in &found[..shown] {
-        write_one(hazard, out)?;
-    }
-    if shown < found.len() {
-        writeln!(out, "{} more: --all shows them\n", found.len() - shown)?;
-    }
+fn write_text(
+    hazards: &Hazards,
+    others: usize,
+    all: bool,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let Hazards { package, functions, skipped, found, lowered, rare, accepted, drawn, unseen } =
+        hazards;
     if all {
-        for hazard in rare {
-            write_one(hazard, out)?;
+        for hazard in found.iter().chain(lowered).chain(rare) {
+            write_one(hazard, &[], out)?;
         }
         for (name, why) in skipped {
             writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
         }
     } else {
+        write_idioms(found, out)?;
         write_reasons(skipped, out)?;
     }
     write_drawn(drawn, all, out)?;
@@ -146,11 +168,29 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
             counted(rare.len(), "rarer hazard")
         )?;
     }
+    if !lowered.is_empty() && !all {
+        let of = |why: Lowered| lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
+        writeln!(
+            out,
+            "{DIM}{} lowered: a later operation drops {} in each case, {} read made-up bits, and no caller's \
+             arguments cause {}; --all shows them{DIM:#}",
+            counted(lowered.len(), "hazard"),
+            of(Lowered::Hidden),
+            of(Lowered::Bits),
+            of(Lowered::Callers)
+        )?;
+    }
     let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
     let style = if open == 0 { GOOD } else { BAD };
     write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
     if !rare.is_empty() {
         write!(out, " and {}", counted(rare.len(), "rarer one"))?;
+    }
+    if !lowered.is_empty() {
+        write!(out, " and {} lowered", lowered.len())?;
+    }
+    if others > 0 {
+        write!(out, " and {others} of other kinds")?;
     }
     write!(out, " in {}", counted(*functions, "function"))?;
     if *accepted > 0 {
@@ -203,7 +243,29 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
+/// Prints the first hazard of each idiom, with how many others are like it, as far as a screen goes.
+fn write_idioms(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
+    let mut idioms: Vec<Vec<&Hazard>> = Vec::new();
+    for hazard in found {
+        let is_like =
+            |first: &&Hazard| first.kind == hazard.kind && first.idiom() == hazard.idiom();
+        match idioms.iter_mut().find(|alike| alike.first().is_some_and(is_like)) {
+            Some(alike) => alike.push(hazard),
+            None => idioms.push(vec![hazard]),
+        }
+    }
+    let shown = idioms.len().min(terminal::size().rows / LINES);
+    for alike in &idioms[..shown] {
+        write_one(alike[0], &alike[1..], out)?;
+    }
+    let left: usize = idioms[shown..].iter().map(Vec::len).sum();
+    if left > 0 {
+        writeln!(out, "{left} more: --all shows them\n")?;
+    }
+    Ok(())
+}
+
+fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     let style = match hazard.kind {
         Kind::Nan
         | Kind::OutOfRange
@@ -211,15 +273,24 @@ fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
         | Kind::Barrier
         | Kind::ByZero
         | Kind::Infinite
-            if !hazard.hidden =>
+            if hazard.lowered.is_none() =>
         {
             BAD
         }
         _ => KNOWN,
     };
     let (kind, operation, place) = (hazard.kind.name(), &hazard.text, &hazard.location);
-    let hidden = if hazard.hidden { ", hidden" } else { "" };
-    writeln!(out, "{style}{kind}{hidden}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
-    writeln!(out, "{DIM}{}{DIM:#}\n", hazard.details())?;
+    let lowered = if hazard.lowered.is_some() { ", lowered" } else { "" };
+    writeln!(out, "{style}{kind}{lowered}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
+    writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
+    if let [next, ..] = alike {
+        let (count, like) = (alike.len(), hazard.idiom());
+        writeln!(
+            out,
+            "{DIM}    {count} more of the form {like}, the next at {}{DIM:#}",
+            next.location
+        )?;
+    }
+    writeln!(out)?;
     Ok(())
 }

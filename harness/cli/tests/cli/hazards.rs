@@ -30,18 +30,55 @@ fn hazards_are_told_with_their_line() {
     }
     let found = json(&karat(folder.path(), &["hazards", "--json"]).out);
     assert_eq!(found[0]["found"][1]["kind"], "unbounded");
+    let unbounded = karat(folder.path(), &["hazards", "--kind", "unbounded"]);
+    let said = "shaders: 1 hazard and 1 of other kinds in 2 functions";
+    assert!(unbounded.code == Some(1) && unbounded.out.contains(said), "{unbounded:?}");
+    karat(folder.path(), &["hazards", "--kind", "lost-digits"]).good();
     karat(folder.path(), &["hazards", "--only", "lambert"]).good();
     karat(folder.path(), &["hazards", "--input", "v_dot_h=0..0.999"]).good();
     for (wrong, message) in [
         (&["--input", "v_dot_g=0..1"][..], "did you mean `v_dot_h`?"),
         (&["--input", "v_dot_h=1..0"], "1 to 0 is no range"),
         (&["--input", "v_dot_h"], "write NAME=LEAST..MOST"),
+        (&["--kind", "nann"], "unknown variant `nann`, expected one of `nan`"),
         (&["--only", "nothing"], "no function of package `shaders` can be looked at"),
         (&["--cases", "0"], "0 is not in 1..=65536"),
     ] {
         let error = karat(folder.path(), &[&["hazards"], wrong].concat()).error();
         assert!(error.contains(message), "{error}");
     }
+}
+
+/// The first of those that are written alike, with a count; what is lowered is counted, and `--all` shows all.
+#[test]
+fn alike_hazards_are_one_line() {
+    let hash = |name: &str, number: &str| {
+        format!(
+            "fn {name}(p: vec2f) -> f32 {{ return fract(sin(dot(p, vec2f({number}, 78.2))) * 43758.5); }}\n"
+        )
+    };
+    let safe = "fn safe(s: vec3f) -> vec3f { return select(vec3f(1.0), normalize(s), dot(s, s) > 0.0); }\n";
+    let folder =
+        shaders(&[&*hash("a", "12.9"), &hash("b", "39.3"), &hash("c", "3.1"), safe].concat());
+    let ran = karat(folder.path(), &["hazards"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "    2 more of the form ",
+        "78.2",
+        " lowered: a later operation drops 1 in each case",
+        "and 1 lowered in",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
+    }
+    assert!(!ran.out.contains("normalize(s)"), "{}", ran.out);
+    let all = karat(folder.path(), &["hazards", "--all"]);
+    assert!(
+        all.out.contains("NaN, lowered  normalize(s)") && all.out.contains("39.3"),
+        "{}",
+        all.out
+    );
+    let alone = shaders(safe);
+    karat(alone.path(), &["hazards"]).good();
 }
 
 /// A name that means a number says nothing of a truth value.
