@@ -13,7 +13,7 @@ use crate::reflect::Program;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Lowered {
-    /// The result is finite in each case: a `select`, `clamp`, `max` or branch drops the value.
+    /// The result is finite in each case: a `select` or a branch drops the value, or `clamp`, `min` or `max` an infinity.
     Hidden,
     /// It reads the bits of a number, and these were drawn at random.
     Bits,

@@ -117,6 +117,23 @@ pub(crate) struct Found {
     pub(crate) operands: Vec<f32>,
 }
 
+/// What of a case doesn't reach its result.
+#[derive(Clone, Copy, Debug)]
+struct Drops {
+    infinity: bool,
+    /// Only a `select`, a branch or nothing at all sees it: `max` and `clamp` of a NaN may return either
+    /// operand (WGSL, section 17.5), so that the next driver may show what this one hides.
+    nan: bool,
+}
+
+/// Whether an operation makes a number of a NaN.
+fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
+    events.iter().any(|event| {
+        let has_nan = event.operands.iter().any(|operand| operand[lane].is_nan());
+        event.active[lane] && has_nan && !event.values[lane].is_nan()
+    })
+}
+
 /// The findings in each case.
 pub(crate) struct Hazards {
     /// Of each kind the first, case by case.
@@ -366,17 +383,18 @@ impl Interpreted {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
+            let drops = Drops { infinity: finite, nan: finite && !absorbs_nan(&single, lane) };
             let lost = differ(&result, &shadow, (&scales, &halves));
-            let mut found = self.born(&single, &double, lane, finite, (lost, left_out));
+            let mut found = self.born(&single, &double, lane, drops, (lost, left_out));
             let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
-            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, finite)));
+            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, drops)));
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                found.extend(self.found(Kind::Unbounded, *site, finite));
+                found.extend(self.found(Kind::Unbounded, *site, drops));
             }
             found
         });
@@ -389,19 +407,19 @@ impl Interpreted {
         single: &[Event<f32>],
         double: &[Event<f64>],
         lane: usize,
-        finite: bool,
+        drops: Drops,
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let loses_own =
             |event: &Event<f32>, twin: &Event<f64>| lost.is_some() && loses(event, twin, lane);
-        let found = self.born_of(single, double, lane, finite, (&loses_own, left_out));
+        let found = self.born_of(single, double, lane, drops, (&loses_own, left_out));
         let is_told = |one: &Found| one.kind == Kind::LostDigits && !left_out(one);
         let Some(size) = lost.filter(|_| !found.iter().any(is_told)) else {
             return found;
         };
         // A difference that is nothing but rounding is at fault where the result is more than that.
         let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
-        let more = self.born_of(single, double, lane, finite, (&loses_some, left_out));
+        let more = self.born_of(single, double, lane, drops, (&loses_some, left_out));
         let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
         found.into_iter().chain(lost).collect()
     }
@@ -412,7 +430,7 @@ impl Interpreted {
         single: &[Event<f32>],
         double: &[Event<f64>],
         lane: usize,
-        finite: bool,
+        drops: Drops,
         (loses, left_out): (Loses<'_>, LeftOut<'_>),
     ) -> Vec<Found> {
         let twins = Twins::of(double, lane);
@@ -439,7 +457,7 @@ impl Interpreted {
             if found.iter().any(|other| other.kind == kind && !left_out(other)) {
                 continue;
             }
-            if let Some(mut one) = self.found(kind, event.site, finite) {
+            if let Some(mut one) = self.found(kind, event.site, drops) {
                 let pair = twin.map(|twin| (value, twin.values[lane]));
                 one.values = pair.filter(|_| kind == Kind::LostDigits);
                 one.operands = operands().collect();
@@ -450,11 +468,15 @@ impl Interpreted {
     }
 
     /// A hazard at an operation, in the author's file.
-    fn found(&self, kind: Kind, site: usize, hidden: bool) -> Option<Found> {
+    fn found(&self, kind: Kind, site: usize, drops: Drops) -> Option<Found> {
         let sites = self.lowered.sites();
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
         let (span, text) = super::author_of(&self.program, site)?;
-        let hidden = hidden && matches!(kind, Kind::Nan | Kind::Infinite);
+        let hidden = match kind {
+            Kind::Nan => drops.nan,
+            Kind::Infinite => drops.infinity,
+            _ => false,
+        };
         Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
     }
 }
