@@ -14,6 +14,7 @@ mod command;
 mod corpus;
 mod demo;
 mod full;
+mod glams;
 mod licence;
 mod lint;
 mod matrix;
@@ -82,6 +83,8 @@ enum Task {
     /// Each has to fail as its crate was released, and to pass with the change that mends it. The pages
     /// go to docs/found.
     Found,
+    /// Test a project on each glam that karat has a feature for, and one on mint
+    Glams,
     /// Ask each path for each operator and builtin function, and write what it computes otherwise
     ///
     /// The pages go to docs/divergences; those of drivers that aren't here stay as they are.
@@ -156,6 +159,7 @@ fn main() -> ExitCode {
         Task::Corpus { list, routes: true, json, .. } => {
             step::verdict(corpus::run_routes(list, json))
         }
+        Task::Glams => step::verdict(glams::run()),
         Task::Divergences => step::verdict(matrix::divergences()),
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),

@@ -83,6 +83,8 @@ pub mod unstable;
 
 use karat_core::{diagnostic, expectation, lines, output, settings};
 
+#[doc(no_inline)]
+pub use glam;
 #[doc(inline)]
 pub use karat_core::shareable;
 

@@ -175,6 +175,34 @@ pub trait Domain: Send + Sync {
         Map { domain: self, map }
     }
 
+    /// The same values as another type of the same shape: a vector of another glam, or of mint.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use karat::prelude::*;
+    ///
+    /// // In an engine on glam 0.29, with karat's feature `glam-029`: `cast::<engine::Vec3>()`.
+    /// let normals = UnitVector.cast::<Vec3>();
+    /// # let _ = normals;
+    /// ```
+    ///
+    /// # Panics
+    /// If the other type has another shape.
+    #[track_caller]
+    fn cast<T: Shareable>(self) -> Map<Self, fn(Self::Value) -> T>
+    where
+        Self: Sized,
+        Self::Value: Shareable,
+    {
+        let (own, other) = (Self::Value::shape(), T::shape());
+        assert!(own == other, "a `{own}` is no `{other}`: `cast` keeps the shape");
+        self.map(|value| {
+            let mut lanes = Vec::new();
+            value.store(&mut lanes);
+            T::load(&mut lanes.iter())
+        })
+    }
+
     /// Values of a structure or a vector, made of its members' domains in their order. Unlike
     /// [`map`](Domain::map), it knows which values it has, so that they are simplified and tied like others.
     ///

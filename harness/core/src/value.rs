@@ -7,6 +7,7 @@
 //! signature that naga reflects: the three are compared before anything is dispatched.
 
 mod differing;
+mod glams;
 mod mirror;
 mod quad;
 mod reference;

@@ -73,20 +73,7 @@ macro_rules! vector {
     )*};
 }
 
-vector! {
-    DVec2, f64, 2, F32, |v| v;
-    DVec3, f64, 3, F32, |v| v;
-    DVec4, f64, 4, F32, |v| v;
-    IVec2, i32, 2, I32, f64::from;
-    IVec3, i32, 3, I32, f64::from;
-    IVec4, i32, 4, I32, f64::from;
-    UVec2, u32, 2, U32, f64::from;
-    UVec3, u32, 3, U32, f64::from;
-    UVec4, u32, 4, U32, f64::from;
-    BVec2, bool, 2, Bool, |v| f64::from(u8::from(v));
-    BVec3, bool, 3, Bool, |v| f64::from(u8::from(v));
-    BVec4, bool, 4, Bool, |v| f64::from(u8::from(v));
-}
+pub(super) use vector as mirror_vector;
 
 macro_rules! matrix {
     ($($mirror:ty, $order:literal;)*) => {$(
@@ -102,11 +89,43 @@ macro_rules! matrix {
     )*};
 }
 
-matrix! {
-    DMat2, 2;
-    DMat3, 3;
-    DMat4, 4;
+/// The `f64` twins of a version of glam, where its names and these macros are in scope.
+macro_rules! mirrored {
+    () => {
+        mirror_vector! {
+            DVec2, f64, 2, F32, |v| v;
+            DVec3, f64, 3, F32, |v| v;
+            DVec4, f64, 4, F32, |v| v;
+            IVec2, i32, 2, I32, f64::from;
+            IVec3, i32, 3, I32, f64::from;
+            IVec4, i32, 4, I32, f64::from;
+            UVec2, u32, 2, U32, f64::from;
+            UVec3, u32, 3, U32, f64::from;
+            UVec4, u32, 4, U32, f64::from;
+            BVec2, bool, 2, Bool, |v| f64::from(u8::from(v));
+            BVec3, bool, 3, Bool, |v| f64::from(u8::from(v));
+            BVec4, bool, 4, Bool, |v| f64::from(u8::from(v));
+        }
+
+        mirror_matrix! {
+            DMat2, 2;
+            DMat3, 3;
+            DMat4, 4;
+        }
+    };
 }
+
+pub(super) use matrix as mirror_matrix;
+#[cfg(any(
+    feature = "glam-029",
+    feature = "glam-030",
+    feature = "glam-031",
+    feature = "glam-032",
+    feature = "glam-033"
+))]
+pub(super) use mirrored;
+
+mirrored! {}
 
 impl<T: Mirror, const N: usize> Mirror for [T; N] {
     fn shape() -> Shape {

@@ -26,7 +26,8 @@ use super::{Mirror, Scalar, Shape};
     message = "`{Self}` can't be passed to a WGSL function",
     label = "not a WGSL value",
     note = "use f32, i32, u32, bool, half::f16, glam's f32 vectors and matrices, arrays of them, \
-            or declare a structure with `karat::shareable!`"
+            or declare a structure with `karat::shareable!`. Vectors of another glam need a feature of karat, \
+            such as `glam-029`"
 )]
 pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// The same value in `f64`: what a reference receives.
@@ -47,7 +48,7 @@ pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
 }
 
 #[inline]
-fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
+pub(super) fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
     match lanes.next() {
         Some(lane) => *lane,
         None => 0,
@@ -58,7 +59,7 @@ fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
 // more: so it is compiled here, whole, and never in the tests that call it.
 
 /// A scalar as a word: what vectors are made of.
-trait Word: Copy {
+pub(super) trait Word: Copy {
     fn word(self) -> u32;
     fn of(word: u32) -> Self;
 }
@@ -136,20 +137,7 @@ macro_rules! vector {
     )*};
 }
 
-vector! {
-    Vec2, DVec2, f32, 2, F32, |v| v.as_dvec2();
-    Vec3, DVec3, f32, 3, F32, |v| v.as_dvec3();
-    Vec4, DVec4, f32, 4, F32, |v| v.as_dvec4();
-    IVec2, IVec2, i32, 2, I32, |v| v;
-    IVec3, IVec3, i32, 3, I32, |v| v;
-    IVec4, IVec4, i32, 4, I32, |v| v;
-    UVec2, UVec2, u32, 2, U32, |v| v;
-    UVec3, UVec3, u32, 3, U32, |v| v;
-    UVec4, UVec4, u32, 4, U32, |v| v;
-    BVec2, BVec2, bool, 2, Bool, |v| v;
-    BVec3, BVec3, bool, 3, Bool, |v| v;
-    BVec4, BVec4, bool, 4, Bool, |v| v;
-}
+pub(super) use vector as shareable_vector;
 
 macro_rules! matrix {
     ($($host:ty, $mirror:ty, $order:literal, $lanes:literal, $widen:ident;)*) => {$(
@@ -175,11 +163,43 @@ macro_rules! matrix {
     )*};
 }
 
-matrix! {
-    Mat2, DMat2, 2, 4, as_dmat2;
-    Mat3, DMat3, 3, 9, as_dmat3;
-    Mat4, DMat4, 4, 16, as_dmat4;
+/// The vectors and matrices of a version of glam, where its names and these macros are in scope.
+macro_rules! shared {
+    () => {
+        shareable_vector! {
+            Vec2, DVec2, f32, 2, F32, |v| v.as_dvec2();
+            Vec3, DVec3, f32, 3, F32, |v| v.as_dvec3();
+            Vec4, DVec4, f32, 4, F32, |v| v.as_dvec4();
+            IVec2, IVec2, i32, 2, I32, |v| v;
+            IVec3, IVec3, i32, 3, I32, |v| v;
+            IVec4, IVec4, i32, 4, I32, |v| v;
+            UVec2, UVec2, u32, 2, U32, |v| v;
+            UVec3, UVec3, u32, 3, U32, |v| v;
+            UVec4, UVec4, u32, 4, U32, |v| v;
+            BVec2, BVec2, bool, 2, Bool, |v| v;
+            BVec3, BVec3, bool, 3, Bool, |v| v;
+            BVec4, BVec4, bool, 4, Bool, |v| v;
+        }
+
+        shareable_matrix! {
+            Mat2, DMat2, 2, 4, as_dmat2;
+            Mat3, DMat3, 3, 9, as_dmat3;
+            Mat4, DMat4, 4, 16, as_dmat4;
+        }
+    };
 }
+
+pub(super) use matrix as shareable_matrix;
+#[cfg(any(
+    feature = "glam-029",
+    feature = "glam-030",
+    feature = "glam-031",
+    feature = "glam-032",
+    feature = "glam-033"
+))]
+pub(super) use shared;
+
+shared! {}
 
 impl<T: Shareable, const N: usize> Shareable for [T; N] {
     type Mirror = [T::Mirror; N];

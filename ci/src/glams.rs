@@ -1,0 +1,88 @@
+//! `cargo ci glams`: a project on each glam that karat has a feature for, and one on mint, with a test of its own types.
+
+use std::fmt::Write as _;
+
+use anyhow::{Context, Result};
+
+use crate::command;
+
+/// Versions, as features and packages name them.
+const VERSIONS: [&str; 5] = ["029", "030", "031", "032", "033"];
+
+/// Writes the project below `target`, and runs its tests.
+pub(crate) fn run() -> Result<()> {
+    let root = command::root();
+    let folder = root.join("target/glams");
+    let features: Vec<String> =
+        VERSIONS.iter().map(|version| format!("\"glam-{version}\"")).collect();
+    let mut manifest = format!(
+        "[package]\nname = \"glams\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n[dependencies]\nmint = \"0.5\"\n\
+         karat = {{ path = {:?}, features = [{}, \"mint\"] }}\n",
+        root.join("harness"),
+        features.join(", ")
+    );
+    let mut tests = String::from(MINT);
+    for version in VERSIONS {
+        let number = version.trim_start_matches('0');
+        writeln!(manifest, "glam_{version} = {{ package = \"glam\", version = \"0.{number}\" }}")?;
+        tests += &TEST.replace("VERSION", version);
+    }
+    let write = |name: &str, text: &str| {
+        let file = folder.join(name);
+        std::fs::create_dir_all(folder.join("src"))?;
+        std::fs::write(&file, text).with_context(|| format!("can't write `{}`", file.display()))
+    };
+    write("Cargo.toml", &manifest)?;
+    write("src/lib.rs", &tests)?;
+    // The same versions as here, of all that both have.
+    std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
+    let mut test = command::cargo(&["test", "--manifest-path"]);
+    test.arg(folder.join("Cargo.toml")).env("KARAT_PATHS", "cpu");
+    command::run(&mut test)
+}
+
+/// An engine's own vectors, in and out: those of a domain, and what a reference takes and gives.
+const TEST: &str = r#"
+#[cfg(test)]
+mod glam_VERSION_is_the_engines {
+    use glam_VERSION::{DVec3, Mat3, Vec3};
+    use karat::prelude::*;
+
+    const TEXT: &str = "fn turned(v: vec3f, k: f32) -> vec3f { return k * v.yzx; }
+                        fn applied(m: mat3x3f, v: vec3f) -> vec3f { return m * v; }";
+
+    #[test]
+    fn a_first_test() {
+        let package = Package::from_source("engine", TEXT);
+        let reference = |v: DVec3, k: f64| k * DVec3::new(v.y, v.z, v.x);
+        package.function("turned").over((UnitVector.cast::<Vec3>(), 0.0..=2.0)).agrees_with(reference, Ulp(1.0));
+        let wrong = |v: DVec3, k: f64| k * v;
+        let off = package.function("turned").over((UnitVector.cast::<Vec3>(), 0.0..=2.0));
+        assert!(off.unrecorded().try_agrees_with(wrong, Ulp(1.0)).is_err());
+        let fixed = Just((Mat3::IDENTITY, Vec3::new(1.0, 2.0, 3.0)));
+        package.function("applied").over(fixed).satisfies("is v", |(_, v): (Mat3, Vec3), result: Vec3| v == result);
+    }
+}
+"#;
+
+const MINT: &str = r#"
+#[cfg(test)]
+mod mint_is_the_engines {
+    use karat::prelude::*;
+    use mint::Vector3;
+
+    #[test]
+    fn a_first_test() {
+        let package = Package::from_source("engine", "fn turned(v: vec3f) -> vec3f { return v.yzx; }");
+        let reference = |v: Vector3<f64>| Vector3 { x: v.y, y: v.z, z: v.x };
+        package.function("turned").over(UnitVector.cast::<Vector3<f32>>()).agrees_with(reference, Ulp(0.0));
+    }
+
+    #[test]
+    fn karat_has_its_own() {
+        let package = Package::from_source("engine", "fn turned(v: vec3f) -> vec3f { return v.yzx; }");
+        let reference = |v: karat::glam::DVec3| karat::glam::DVec3::new(v.y, v.z, v.x);
+        package.function("turned").over(UnitVector).agrees_with(reference, Ulp(0.0));
+    }
+}
+"#;
