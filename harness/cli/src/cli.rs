@@ -19,6 +19,7 @@ mod init;
 mod list;
 mod loader;
 mod lsp;
+mod manual;
 mod matrix;
 mod patience;
 mod preview;
@@ -288,6 +289,8 @@ enum Command {
     Render(karat_gallery::RenderArguments),
     /// Write an EXR image as a tone-mapped PNG, to look at it
     Preview(preview::Args),
+    /// Build the manual of the karat that your project uses, and open it in a browser
+    Manual(manual::Args),
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -410,6 +413,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Review(args) => review::run(&args, out),
         Command::Render(args) => render::run(args, out),
         Command::Preview(args) => preview::run(&args, out),
+        Command::Manual(args) => manual::run(&args, out),
         Command::Completions { shell } => {
             // The generator panics where it can't write, so it writes to memory.
             let mut script = Vec::new();
