@@ -81,8 +81,8 @@ pub struct Hazard {
     pub arguments: Vec<(String, String)>,
     /// How many cases, of how many.
     pub cases: (usize, usize),
-    /// Whether the result is finite all the same in that case: a later `max`, `clamp`, `select` or
-    /// branch hides it.
+    /// True if the result is finite all the same in each case: a `select` or a branch drops the value, or a
+    /// later operation bounds an infinity.
     pub hidden: bool,
     /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
     pub values: Option<(String, String)>,
@@ -303,8 +303,12 @@ impl Request {
             expect_names(&inputs, &drawn)?;
         }
         let callers = Callers::of(&self.package, whole);
+        let mut of_kind: BTreeSet<(String, Kind)> = BTreeSet::new();
+        for hazard in found.values().chain(rare.values()) {
+            of_kind.extend(hazard.functions().map(|function| (function.to_owned(), hazard.kind)));
+        }
         for hazard in found.values_mut() {
-            hazard.lowered = callers.lower(hazard, &rare);
+            hazard.lowered = callers.lower(hazard, &of_kind);
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
@@ -522,10 +526,10 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
         }
         std::collections::btree_map::Entry::Occupied(mut place) => {
             let known = place.get_mut();
-            // Who knows its arguments says more; who needs fewer is closer to it.
-            let (better, other) = match (known.guessed, known.arguments.len())
-                <= (hazard.guessed, hazard.arguments.len())
-            {
+            // That it shows says more than that it is hidden, and known arguments more than guessed ones. A function
+            // with fewer of them is closer to it.
+            let rank = |one: &Hazard| (one.hidden, one.guessed, one.arguments.len());
+            let (better, other) = match rank(known) <= rank(&hazard) {
                 true => (known.clone(), hazard),
                 false => (hazard, known.clone()),
             };
@@ -573,8 +577,7 @@ impl AcceptedHazard {
             Some(module) => module.ends_with("::") && function.starts_with(module),
             None => name == function,
         };
-        let functions = || std::iter::once(&hazard.function).chain(&hazard.also);
-        self.functions.iter().any(|name| functions().any(|function| is(name, function)))
+        self.functions.iter().any(|name| hazard.functions().any(|function| is(name, function)))
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 
@@ -604,6 +607,11 @@ impl AcceptedHazard {
 }
 
 impl Hazard {
+    /// All functions in which the operation goes wrong.
+    pub(super) fn functions(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.function).chain(&self.also).map(String::as_str)
+    }
+
     /// What others write alike: the operation without its names and numbers.
     ///
     /// ```

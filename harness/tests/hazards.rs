@@ -45,6 +45,58 @@ fn hazards_that_matter_less_are_lowered() {
     assert_eq!(with(&format!("{good}{unseen}")), None);
 }
 
+/// Where something uses the value, or one of several functions shows it, a hazard stays.
+#[test]
+fn hazards_that_show_somewhere_are_not_lowered() {
+    for text in [
+        "fn lit(a: f32) -> f32 { return select(0.0, 1.0, sqrt(a) > 0.5); }",
+        "fn hit(a: f32) -> bool { return sqrt(a) < 1.0; }",
+        "fn part(a: f32) -> f32 { if sqrt(a) < 0.5 { return 1.0; } return 0.0; }",
+        "fn whole(a: f32) -> i32 { return i32(sqrt(a)); }",
+        "fn packed(a: f32) -> u32 { return pack2x16float(vec2f(sqrt(a), 1.0)); }",
+        "fn bits(a: f32) -> u32 { return bitcast<u32>(sqrt(a)); }",
+        "fn own(a: f32) -> f32 { let s = sqrt(a); if s != s { return 0.0; } return s; }",
+        "fn cut(a: f32) -> f32 { let s = sqrt(a); var t = 0.0; for (var i = 0; i < 5000; i++) { t += 1.0; } \
+         return max(s, 0.0) + t; }",
+    ] {
+        assert_eq!(at(text, Kind::Nan, "sqrt(a)").lowered, None, "{text}");
+    }
+    let inverse = "fn inverse(x: f32) -> f32 { return 1.0 / x; }\n";
+    for more in [
+        // The function between knows its argument; the other way to it doesn't.
+        "fn mid(roughness: f32) -> f32 { return inverse(roughness); }
+         fn good(roughness: f32) -> f32 { return mid(0.5 + roughness); }
+         @fragment fn gs(@location(0) t: f32) -> @location(0) vec4f { return vec4f(inverse(t)); }",
+        "fn capped(roughness: f32) -> f32 { return min(inverse(roughness), 100.0); }
+         fn open(q: f32) -> f32 { return inverse(q); }",
+        // The first of a kind stands before it.
+        "fn caller(x: f32) -> f32 { return 1.0/x + inverse(x); }",
+    ] {
+        assert_eq!(
+            at(&format!("{inverse}{more}"), Kind::Infinite, "1.0 / x").lowered,
+            None,
+            "{more}"
+        );
+    }
+    // A pass doesn't look for what WGSL doesn't bound.
+    let pass = "fn schlick(x: f32) -> f32 { return pow(1.0 - x, 5.0); }
+        @group(0) @binding(0) var<storage, read_write> out: array<f32>;
+        @compute @workgroup_size(4) fn main(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&out) { out[id.x] = schlick(out[id.x]); }
+        }";
+    assert_eq!(at(pass, Kind::Unbounded, "pow(1.0 - x, 5.0)").lowered, None);
+    let difference =
+        "fn f(x: f32) -> f32 { let i = 1.0 / abs(x); return clamp(i - i, -1.0, 1.0); }";
+    assert_eq!(at(difference, Kind::Infinite, "1.0 / abs(x)").lowered, None);
+    let bits = "fn f(word: u32, d: f32) -> f32 { return bitcast<f32>(word) / d; }";
+    assert_eq!(at(bits, Kind::Infinite, "bitcast<f32>(word) / d").lowered, None);
+    let masked = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
+        @compute @workgroup_size(4) fn main(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&out) { out[id.x] = max(sqrt(-1.0 - abs(out[id.x])), 0.0); }
+        }";
+    assert_eq!(at(masked, Kind::Nan, "sqrt(-1.0 - abs(out[id.x]))").lowered, None);
+}
+
 /// A module that isn't valid may call each name that it has.
 #[test]
 fn modules_that_are_not_valid_may_call() {

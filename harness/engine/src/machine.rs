@@ -275,14 +275,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                         });
                     }
                     rule.run::<A>(&mut self.ints, registers);
-                    self.show_other::<SEEN>(observer, instruction, case, File::Int, registers[0]);
+                    let shown = (File::Int, registers[0], &[][..]);
+                    self.show_other::<SEEN>(observer, instruction, case, shown);
                 }
                 Op::ToInt(rule) => {
                     if SEEN {
                         self.report_conversion(observer, instruction, case, rule, registers);
                     }
                     rule.run::<A>(&self.floats, &mut self.ints, registers);
-                    self.show_other::<SEEN>(observer, instruction, case, File::Int, registers[0]);
+                    let shown = (File::Int, registers[0], &registers[1..]);
+                    self.show_other::<SEEN>(observer, instruction, case, shown);
                 }
                 Op::FromInt(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
@@ -320,11 +322,14 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::IsNan
                 | Op::IsInf => {
                     self.decide(instruction.op, registers);
-                    self.show_other::<SEEN>(observer, instruction, case, File::Bool, registers[0]);
+                    let of_floats = matches!(instruction.op, Op::CompareFloat(_) | Op::IsNan);
+                    let operands = if of_floats { &registers[1..] } else { &[] };
+                    let shown = (File::Bool, registers[0], operands);
+                    self.show_other::<SEEN>(observer, instruction, case, shown);
                 }
                 Op::Select(file) => {
                     self.select(file, registers);
-                    self.show_other::<SEEN>(observer, instruction, case, file, registers[0]);
+                    self.show_other::<SEEN>(observer, instruction, case, (file, registers[0], &[]));
                 }
                 Op::Move(File::Float) => self.floats.copy(registers[0], registers[1]),
                 Op::Move(File::Int) => self.ints.copy(registers[0], registers[1]),
@@ -541,21 +546,22 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Shows a result that isn't a new float.
+    /// Shows a result that isn't a new float, with the floats that it was computed from.
     #[inline]
     fn show_other<const SEEN: bool>(
         &self,
         observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
-        file: File,
-        register: u32,
+        (file, register, operands): (File, u32, &[u32]),
     ) where
         A: crate::arithmetic::Arithmetic,
     {
         if !SEEN {
             return;
         }
+        let operands: Vec<&[A::Float]> =
+            operands.iter().map(|&register| self.floats.get(register)).collect();
         let floats = (file == File::Float).then(|| self.floats.get(register));
         let ints = (file == File::Int).then(|| self.ints.get(register));
         let bools = (file == File::Bool).then(|| self.bools.get(register));
@@ -563,7 +569,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             site: self.site(instruction),
             case,
             floats: floats.as_slice(),
-            operands: &[],
+            operands: &operands,
             ints: ints.as_slice(),
             bools: bools.as_slice(),
             active: self.active(),

@@ -13,7 +13,8 @@ use crate::reflect::Program;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Lowered {
-    /// The result is finite in each case: a `select` or a branch drops the value, or `clamp`, `min` or `max` an infinity.
+    /// The result is finite in each case: a `select` or a branch drops the value, or `clamp`, `min` or `max` bounds an
+    /// infinity.
     Hidden,
     /// It reads the bits of a number, and these were drawn at random.
     Bits,
@@ -26,9 +27,11 @@ impl Lowered {
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {
-            Self::Hidden => "a later operation drops it in each case",
+            Self::Hidden => "a later operation drops it in each case that was drawn",
             Self::Bits => "each word is some number, and this one was made up",
-            Self::Callers => "no function that leads here calls it with such arguments",
+            Self::Callers => {
+                "no function that leads here called it with such arguments, of those that were drawn"
+            }
         }
     }
 }
@@ -84,40 +87,66 @@ impl Callers {
         roots
     }
 
-    /// Why a hazard is less than others, if it is. `rare` are those that were found seldom.
+    /// Why a hazard is less than others, if it is. `of_kind` has each function with the kinds of hazards in it.
     pub(super) fn lower(
         &self,
         hazard: &Hazard,
-        rare: &BTreeMap<(String, Kind), Hazard>,
+        of_kind: &BTreeSet<(String, Kind)>,
     ) -> Option<Lowered> {
         if hazard.hidden {
             return Some(Lowered::Hidden);
         }
-        // Each word is a float in some case, if bits are drawn at random.
-        if hazard.guessed && hazard.text.starts_with("bitcast<f") {
+        let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
+        if is_float && hazard.guessed && reads_bits(&hazard.text) {
             return Some(Lowered::Bits);
         }
-        let name = hazard.function.rsplit("::").next().unwrap_or_default();
-        if !self.complete || self.unsure.contains(name) {
+        let may_be_called = |function: &str| {
+            let name = function.rsplit("::").next().unwrap_or_default();
+            !self.complete || self.unsure.contains(name)
+        };
+        // Of the other kinds a function or a pass reports some alone: that a caller has none says nothing.
+        let is_seen = is_float || matches!(hazard.kind, Kind::ByZero | Kind::OutOfRange);
+        if !is_seen || hazard.functions().any(may_be_called) {
             return None;
         }
-        let roots = self.roots(&hazard.function);
-        let seldom = rare.get(&(hazard.location.clone(), hazard.kind));
-        let have = [Some(hazard), seldom].into_iter().flatten();
-        let have: BTreeSet<&str> = have
-            .flat_map(|one| std::iter::once(&one.function).chain(&one.also))
-            .map(String::as_str)
-            .collect();
-        let none = roots.iter().all(|root| self.whole.contains(*root) && !have.contains(root));
-        (!roots.is_empty() && none).then_some(Lowered::Callers)
+        let mut all = BTreeSet::new();
+        for function in hazard.functions() {
+            let roots = self.roots(function);
+            if roots.is_empty() {
+                return None;
+            }
+            all.extend(roots);
+        }
+        // Of each kind the first operation alone is reported: another one may stand before this one.
+        let is_clean = |root: &str| {
+            self.whole.contains(root) && !of_kind.contains(&(root.to_owned(), hazard.kind))
+        };
+        all.into_iter().all(is_clean).then_some(Lowered::Callers)
     }
 }
 
-/// The shape of an operation, for those that many write alike: names that aren't called, and numbers, are left out.
+/// True of `bitcast<f32>(..)` of a variable, a member or an element, and of nothing else.
+fn reads_bits(text: &str) -> bool {
+    let inner = text.strip_prefix("bitcast<f32>(").and_then(|rest| rest.strip_suffix(')'));
+    let Some(inner) = inner else { return false };
+    let mut depth = 0_usize;
+    inner.chars().all(|c| {
+        match c {
+            '[' => depth += 1,
+            ']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth > 0 || matches!(c, ']' | '.' | '_') || c.is_alphanumeric()
+    })
+}
+
+/// The shape of an operation, for those that many write alike: names that aren't called, and numbers, are left out;
+/// types and members of results stay.
 /// `fract(sin(dot(uv, vec2(12.9898, 78.233))) * 43758.5453)` is `fract(sin(dot(_, vec2(#, #))) * #)`.
 pub(super) fn idiom(text: &str) -> String {
     let is_part = |c: char| c == '_' || c == '.' || c.is_alphanumeric();
     let (mut shape, mut rest) = (String::new(), text);
+    let is_template = |after: &str| after.starts_with('<') && after.contains(">(");
     while let Some(first) = rest.chars().next() {
         if !is_part(first) {
             shape.push(first);
@@ -127,7 +156,10 @@ pub(super) fn idiom(text: &str) -> String {
         let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
         let (word, after) = rest.split_at(end);
         match first {
-            _ if after.starts_with('(') => shape.push_str(word),
+            _ if after.starts_with('(') || is_template(after) || shape.ends_with('<') => {
+                shape.push_str(word)
+            }
+            '.' if shape.ends_with([')', ']']) => shape.push_str(word),
             '0'..='9' | '.' => shape.push('#'),
             _ => shape.push('_'),
         }
@@ -138,7 +170,24 @@ pub(super) fn idiom(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::idiom;
+    use super::{idiom, reads_bits};
+
+    #[test]
+    fn bits_are_read_of_one_word() {
+        for text in
+            ["bitcast<f32>(word)", "bitcast<f32>(info[i + 3u])", "bitcast<f32>(a.b[c[i]].d)"]
+        {
+            assert!(reads_bits(text), "{text}");
+        }
+        for text in [
+            "bitcast<f32>(word) / d",
+            "bitcast<f32>(0x5f3759dfu - (bitcast<u32>(x) >> 1u))",
+            "bitcast<f32>(a) * bitcast<f32>(b)",
+            "bitcast<vec2f>(a)",
+        ] {
+            assert!(!reads_bits(text), "{text}");
+        }
+    }
 
     #[test]
     fn operations_of_one_shape_are_alike() {
@@ -149,6 +198,9 @@ mod tests {
         assert_eq!(idiom(&hash("uv", "12.9898")), idiom(&hash("p", ".5")));
         assert_eq!(idiom("pow(c, 2.2)"), idiom("pow(color.rgb, 2.4)"));
         assert_ne!(idiom("pow(c, 2.2)"), idiom("pow(2.2, c)"));
+        assert_eq!(idiom("normalize(v).x"), "normalize(_).x");
+        assert_eq!(idiom("bitcast<f32>(a.b[i + 3u])"), "bitcast<f32>(_[_ + #])");
+        assert_ne!(idiom("vec3<f32>(a)"), idiom("bitcast<f32>(a)"));
         assert_ne!(idiom("a / b"), idiom("a * b"));
     }
 }

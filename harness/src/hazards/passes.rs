@@ -111,7 +111,9 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             };
             let likely = likely && !by_size && !of_content;
             let to = if likely { &mut found } else { &mut rare };
-            to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
+            let hidden = hazard.hidden;
+            let known = to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
+            known.hidden &= hidden;
         }
         if let Err(reason) = inside {
             // With its findings it was looked at, but not to its end.

@@ -117,16 +117,9 @@ pub(crate) struct Found {
     pub(crate) operands: Vec<f32>,
 }
 
-/// What of a case doesn't reach its result.
-#[derive(Clone, Copy, Debug)]
-struct Drops {
-    infinity: bool,
-    /// Only a `select`, a branch or nothing at all sees it: `max` and `clamp` of a NaN may return either
-    /// operand (WGSL, section 17.5), so that the next driver may show what this one hides.
-    nan: bool,
-}
-
-/// Whether an operation makes a number of a NaN.
+/// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
+/// anything, since implementations may take it that there are none (WGSL, section 15.7.2): the next driver may
+/// show what this one hides.
 fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     events.iter().any(|event| {
         let has_nan = event.operands.iter().any(|operand| operand[lane].is_nan());
@@ -217,11 +210,13 @@ struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     /// Operations whose operands are a fault: the case, the kind and the operation.
     wrong: Mutex<BTreeSet<(usize, Kind, usize)>>,
+    /// Lanes in which a NaN decides a comparison, or becomes an integer.
+    decided: Mutex<BTreeSet<usize>>,
 }
 
 impl<F> Default for Recorder<F> {
     fn default() -> Self {
-        Self { events: Mutex::default(), wrong: Mutex::default() }
+        Self { events: Mutex::default(), wrong: Mutex::default(), decided: Mutex::default() }
     }
 }
 
@@ -252,6 +247,17 @@ macro_rules! recorder {
                         active: lanes.active.to_vec(),
                     }));
                 }
+            }
+
+            fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
+                // A condition selects floats of floats: that is no use of them.
+                if !lanes.floats.is_empty() {
+                    return;
+                }
+                let nan = |lane: &usize| lanes.operands.iter().any(|all| all[*lane].is_nan());
+                let used = (0..lanes.active.len()).filter(|lane| lanes.active[*lane] && nan(lane));
+                let mut decided = self.decided.lock().unwrap_or_else(PoisonError::into_inner);
+                decided.extend(used);
             }
 
             fn fault(&self, one: &Faulty<'_>) {
@@ -377,28 +383,32 @@ impl Interpreted {
         let scales = scales(&shadows, cases * self.lanes());
         let halves = shadows.halves();
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let decided = single.decided.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
+        let cut = single.len() >= MOST_EVENTS;
         // Of a quad the pixel that the arguments are given for.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
-            let drops = Drops { infinity: finite, nan: finite && !absorbs_nan(&single, lane) };
+            let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
+            // What an infinity became is no number, either: `clamp(inf - inf, 0.0, 1.0)`.
+            let dropped = finite && !is_used;
             let lost = differ(&result, &shadow, (&scales, &halves));
-            let mut found = self.born(&single, &double, lane, drops, (lost, left_out));
+            let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
             let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
-            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, drops)));
+            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, dropped)));
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                found.extend(self.found(Kind::Unbounded, *site, drops));
+                found.extend(self.found(Kind::Unbounded, *site, dropped));
             }
             found
         });
-        Ok(Hazards { cases: each.collect(), cut: single.len() >= MOST_EVENTS })
+        Ok(Hazards { cases: each.collect(), cut })
     }
 
     /// Of each kind the first operation of a lane that is at fault.
@@ -407,19 +417,19 @@ impl Interpreted {
         single: &[Event<f32>],
         double: &[Event<f64>],
         lane: usize,
-        drops: Drops,
+        dropped: bool,
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let loses_own =
             |event: &Event<f32>, twin: &Event<f64>| lost.is_some() && loses(event, twin, lane);
-        let found = self.born_of(single, double, lane, drops, (&loses_own, left_out));
+        let found = self.born_of(single, double, lane, dropped, (&loses_own, left_out));
         let is_told = |one: &Found| one.kind == Kind::LostDigits && !left_out(one);
         let Some(size) = lost.filter(|_| !found.iter().any(is_told)) else {
             return found;
         };
         // A difference that is nothing but rounding is at fault where the result is more than that.
         let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
-        let more = self.born_of(single, double, lane, drops, (&loses_some, left_out));
+        let more = self.born_of(single, double, lane, dropped, (&loses_some, left_out));
         let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
         found.into_iter().chain(lost).collect()
     }
@@ -430,7 +440,7 @@ impl Interpreted {
         single: &[Event<f32>],
         double: &[Event<f64>],
         lane: usize,
-        drops: Drops,
+        dropped: bool,
         (loses, left_out): (Loses<'_>, LeftOut<'_>),
     ) -> Vec<Found> {
         let twins = Twins::of(double, lane);
@@ -457,7 +467,7 @@ impl Interpreted {
             if found.iter().any(|other| other.kind == kind && !left_out(other)) {
                 continue;
             }
-            if let Some(mut one) = self.found(kind, event.site, drops) {
+            if let Some(mut one) = self.found(kind, event.site, dropped) {
                 let pair = twin.map(|twin| (value, twin.values[lane]));
                 one.values = pair.filter(|_| kind == Kind::LostDigits);
                 one.operands = operands().collect();
@@ -468,15 +478,11 @@ impl Interpreted {
     }
 
     /// A hazard at an operation, in the author's file.
-    fn found(&self, kind: Kind, site: usize, drops: Drops) -> Option<Found> {
+    fn found(&self, kind: Kind, site: usize, dropped: bool) -> Option<Found> {
         let sites = self.lowered.sites();
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
         let (span, text) = super::author_of(&self.program, site)?;
-        let hidden = match kind {
-            Kind::Nan => drops.nan,
-            Kind::Infinite => drops.infinity,
-            _ => false,
-        };
+        let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
         Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
     }
 }

@@ -83,7 +83,8 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let site = sites.find(|one| std::ptr::from_ref(*one).addr() == address);
             let author = site.and_then(|site| author_of(&pass.program, site));
             let Some((span, text)) = author.filter(|_| kind != Kind::OutOfRange) else { continue };
-            let hidden = finite && matches!(kind, Kind::Nan | Kind::Infinite);
+            // The operations behind a NaN aren't kept here, and one of them may depend on it.
+            let hidden = finite && kind == Kind::Infinite;
             let found = Found { kind, span, text, hidden, values: None, operands: fault.operands };
             let invocation = pass.invocation(size, fault.case);
             all.push(FoundInPass { found, invocation, count: fault.count });

@@ -104,7 +104,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 .try_for_each(|(hazards, others)| write_text(hazards, *others, args.all, out))?;
         }
     }
-    let mut found = all.iter().flat_map(|(hazards, _)| &hazards.found);
+    // Lowered ones come last, and are hazards: what was drawn doesn't prove that they never show.
+    let mut found =
+        all.iter().flat_map(|(hazards, _)| hazards.found.iter().chain(&hazards.lowered));
     let good = found.all(|hazard| hazard.accepted.is_some());
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
@@ -169,19 +171,17 @@ fn write_text(
         )?;
     }
     if !lowered.is_empty() && !all {
-        let of = |why: Lowered| lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
-        writeln!(
-            out,
-            "{DIM}{} lowered: a later operation drops {} in each case, {} read made-up bits, and no caller's \
-             arguments cause {}; --all shows them{DIM:#}",
-            counted(lowered.len(), "hazard"),
-            of(Lowered::Hidden),
-            of(Lowered::Bits),
-            of(Lowered::Callers)
-        )?;
+        let reasons =
+            [Lowered::Hidden, Lowered::Bits, Lowered::Callers].into_iter().filter_map(|why| {
+                let count = lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
+                (count > 0).then(|| format!("{count}: {}", why.about()))
+            });
+        let (counted, reasons) =
+            (counted(lowered.len(), "lowered hazard"), reasons.collect::<Vec<_>>().join("; "));
+        writeln!(out, "{DIM}{counted}: --all shows them ({reasons}){DIM:#}")?;
     }
     let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
-    let style = if open == 0 { GOOD } else { BAD };
+    let style = if open == 0 && lowered.is_empty() { GOOD } else { BAD };
     write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
     if !rare.is_empty() {
         write!(out, " and {}", counted(rare.len(), "rarer one"))?;
@@ -246,13 +246,13 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
 /// Prints the first hazard of each idiom, with how many others are like it, as far as a screen goes.
 fn write_idioms(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut idioms: Vec<Vec<&Hazard>> = Vec::new();
+    let mut known = BTreeMap::new();
     for hazard in found {
-        let is_like =
-            |first: &&Hazard| first.kind == hazard.kind && first.idiom() == hazard.idiom();
-        match idioms.iter_mut().find(|alike| alike.first().is_some_and(is_like)) {
-            Some(alike) => alike.push(hazard),
-            None => idioms.push(vec![hazard]),
+        let at = *known.entry((hazard.kind, hazard.idiom())).or_insert(idioms.len());
+        if at == idioms.len() {
+            idioms.push(Vec::new());
         }
+        idioms[at].push(hazard);
     }
     let shown = idioms.len().min(terminal::size().rows / LINES);
     for alike in &idioms[..shown] {

@@ -372,9 +372,10 @@ fn hazards(all: &[Hazards]) -> Markup {
                 "What can go wrong inside of functions, over arguments that names and types suggest, whether or not \
                  a test sees it: " code { "karat hazards" } "."
             }
-            @for Hazards { package, functions, found, accepted, .. } in all {
+            @for Hazards { package, functions, found, lowered, accepted, .. } in all {
                 p {
                     (package) ": " (found.len()) " in " (counted(*functions, "function"))
+                    @if !lowered.is_empty() { ", " (lowered.len()) " lowered" }
                     @if *accepted > 0 { ", " (accepted) " accepted" }
                 }
                 @for hazard in found { pre class="row" { (hazard) } }
