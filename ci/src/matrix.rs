@@ -17,7 +17,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// What each path computes otherwise than WGSL says: those that are usual here, and SwiftShader.
+/// Asks the usual paths, and SwiftShader, for each operator and builtin function.
 pub(crate) fn divergences() -> Result<()> {
     setup::install_missing()?;
     setup::install_browser()?;

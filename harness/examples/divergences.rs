@@ -1,4 +1,4 @@
-//! What drivers, and naga's translations, compute otherwise than WGSL says.
+//! Lists the expressions that drivers, and naga's translations, compute otherwise than WGSL says.
 //!
 //! `cargo run --example divergences -- docs/divergences` asks each path of `KARAT_PATHS` for each operator and
 //! builtin function, and writes a page a path and driver; `cargo ci divergences` does that. Pages of drivers
@@ -25,7 +25,7 @@ struct Question {
     ask: fn(&Package) -> Result<Agreement, Failure>,
 }
 
-/// What a path answered.
+/// The answer of a path.
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
@@ -143,7 +143,7 @@ const QUESTIONS: &[Question] = questions! {
         |x: f64| x.clamp(-2_147_483_648.0, 2_147_483_520.0).trunc() as i32, EXACTLY;
     "u32(x)", (x: f32) -> u32, OneOf(vec![0.0, -1.0, 0.9, 1.5, 3e9, 5e9, -1e20, 1e20]),
         |x: f64| x.clamp(0.0, 4_294_967_040.0).trunc() as u32, EXACTLY;
-    "f32(a)", (a: i32) -> f32, Integers(i32::MIN..=i32::MAX), |a: i32| f64::from(a), Ulp(0.5);
+    "f32(a)", (a: i32) -> f32, Integers(i32::MIN..=i32::MAX), |a: i32| f64::from(a), Ulp(1.0);
     "a + b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_add, EXACTLY;
     "a * b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_mul, EXACTLY;
     "-a", (a: i32) -> i32, edges(), i32::wrapping_neg, EXACTLY;
@@ -175,7 +175,7 @@ const QUESTIONS: &[Question] = questions! {
         |v: DVec2| v, EXACTLY;
 };
 
-/// Section 17.3.12: bits from `offset` on, of which the highest is the sign.
+/// `extractBits`, section 17.5: bits from `offset` on, of which the highest is the sign.
 fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -184,7 +184,7 @@ fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     }
 }
 
-/// Section 17.3.13: `b`'s lowest bits in place of `a`'s from `offset` on.
+/// `insertBits`, section 17.5: `b`'s lowest bits in place of `a`'s from `offset` on.
 fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -299,7 +299,7 @@ fn page(adapter: &Adapter, answers: &[Answer]) -> String {
     let differ = answers.iter().filter(|answer| !matches!(answer, Answer::Agrees)).count();
     let mut page = format!(
         "# `{}` on {}\n\n{}. It computes {differ} of {} \
-         expressions otherwise than WGSL says; `cargo ci divergences` asked. [What these pages are](README.md)\n",
+         expressions otherwise than WGSL says, or not at all; `cargo ci divergences` asked. [About these pages](README.md)\n",
         adapter.path,
         adapter.name,
         adapter.driver,
@@ -329,7 +329,7 @@ fn row(path: &PathDisagreement) -> String {
     format!("{share:.1} % | {} | {} | {} ", arguments.join(", "), case.result, wanted(case))
 }
 
-/// What WGSL allows for a case.
+/// The values that WGSL allows for a case.
 fn wanted(case: &CaseFailure) -> String {
     let allowed = case.explanation.iter().find(|(name, _)| *name == "WGSL");
     match (allowed, case.scalar, case.expected) {

@@ -612,7 +612,7 @@ impl Hazard {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
 
-    /// What others write alike: the operation without its names and numbers.
+    /// The form of the operation, which others share: its text without names and numbers.
     ///
     /// ```
     /// # use karat::prelude::*;

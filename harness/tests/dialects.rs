@@ -619,6 +619,15 @@ fn a_file_is_included_beside_a_module_of_its_name() {
         ],
     );
     package.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    let imported = Package::from_modules(
+        "m",
+        [
+            ("lib/part", "fn g(x: f32) -> f32 { return 3.0 * x; }\n"),
+            ("user", "#import \"lib/part.wgsl\"\nfn f(x: f32) -> f32 { return g(x); }\n"),
+        ]
+        .map(|(name, text)| (name.replace('/', "::"), text.to_owned())),
+    );
+    imported.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 3.0 * x, Ulp(1.0));
 }
 
 /// In one process, too: a program of what `karat.toml` said before is never taken.
@@ -687,7 +696,40 @@ fn f(x: f32) -> f32 {
     }
 }
 
-/// What an engine's own code puts into a text, by number.
+/// Where a condition would take along what isn't its own, or leave half of it.
+#[test]
+fn conditions_end_where_they_should() {
+    for (wrong, message) in [
+        ("fn f(@if(A) x: f32 @else y: f32) -> f32 { return 1.0; }", "a `,` is missing before this"),
+        (
+            "struct T { @if(A) a: f32 @else b: f32, c: f32 } fn f(t: T) -> f32 { return t.c; }",
+            "a `,` is missing before",
+        ),
+        (
+            "struct S { @if(A) { a: f32, } d: f32 } fn f(s: S) -> f32 { return s.d; }",
+            "give each member or parameter",
+        ),
+        (
+            "fn f(x: f32) -> f32 { var r = 1.0; @if(A) { if x > 1.0 { r = 2.0; } } else { r = 3.0; } return r; }",
+            "an `else` follows no group",
+        ),
+    ] {
+        for on in [true, false] {
+            let package = one(wrong).feature("A", on);
+            let said = error(&package, "f");
+            assert!(said.contains(message), "{wrong}: {said}");
+        }
+    }
+    // An attribute of a group has nothing to stand before.
+    let group = "fn f(x: f32) -> f32 { @if(A) @diagnostic(off, derivative_uniformity) { let y = 2.0 * x; } return y; }";
+    one(group)
+        .feature("A", true)
+        .function("f")
+        .over(0.0..=1.0)
+        .agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+}
+
+/// Text that an engine's own code puts into a module.
 #[test]
 fn values_stand_for_placeholders() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -16,7 +16,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {all:#?}")).clone()
 }
 
-/// What a `select` or a branch drops, what no caller gives, and bits that were made up.
+/// A `select` drops one, no caller gives the arguments of another, and bits were made up.
 #[test]
 fn hazards_that_matter_less_are_lowered() {
     let safe = "fn safe(s: vec3f) -> vec3f { return select(vec3f(0.0, 0.0, 1.0), normalize(s), dot(s, s) > 0.0); }";

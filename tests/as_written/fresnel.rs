@@ -15,7 +15,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// What was caught, if any driver can show it: those of `families` don't.
+/// The disagreement, if any driver can show it: those of `families` don't.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {

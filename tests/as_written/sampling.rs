@@ -86,8 +86,9 @@ fn sines_of_smooth_surfaces_are_lost() {
     let lost = |path: &karat::check::PathDisagreement| {
         path.worst.expected.is_some_and(|expected| {
             let actual = f64::from(f32::from_bits(path.worst.actual));
-            // Or not a number, on NVIDIA: the root is one of a number below 0 there.
-            actual.is_nan() || (actual - expected).abs() >= 0.9 * expected
+            // NVIDIA takes the root of a number below 0.
+            let is_nan = actual.is_nan() && path.adapter.family() == "nvidia";
+            is_nan || (actual - expected).abs() >= 0.9 * expected
         })
     };
     assert!(found.paths.iter().all(lost), "{found}");

@@ -392,7 +392,7 @@ impl Interpreted {
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
-            // What an infinity became is no number, either: `clamp(inf - inf, 0.0, 1.0)`.
+            // An infinity may have become a NaN: `clamp(inf - inf, 0.0, 1.0)`.
             let dropped = finite && !is_used;
             let lost = differ(&result, &shadow, (&scales, &halves));
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));

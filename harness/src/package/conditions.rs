@@ -130,7 +130,20 @@ impl Reader<'_> {
         if let Some(second) = conditions.next() {
             return Err(self.error(second, "a second condition; join both with `&&`"));
         }
-        if !self.takes_condition(start, found.open.last().copied()) {
+        let open = found.open.last().copied();
+        if self.is_list(open) && self.is(at, b'{') {
+            let message = "groups in braces hold declarations or statements: give each member or parameter a \
+                           condition of its own";
+            return Err(self.error(&condition, message));
+        }
+        if self.is(at, b'{') && self.text(self.brackets[at] + 1) == "else" {
+            let range = self.brackets[at] + 1..self.brackets[at] + 2;
+            return Err(self.error(
+                &range,
+                "an `else` follows no group: the group isn't there when it is read",
+            ));
+        }
+        if !self.takes_condition(start, open) {
             let message = "a condition stands before an import, a directive, a declaration, a member, \
                            a parameter, a statement or a case, and nowhere else: put it before all of \
                            the statement or declaration";
@@ -147,6 +160,13 @@ impl Reader<'_> {
         let end = self.end(at).ok_or_else(|| {
             self.error(&condition, "what this condition stands before doesn't end")
         })?;
+        // A type has no attributes, whatever is in its brackets.
+        let mut tokens = at + 1..end;
+        if let Some(next) =
+            tokens.find(|token| self.is(*token, b'@')).filter(|_| self.is_list(open))
+        {
+            return Err(self.error(&(next..next + 2), "a `,` is missing before this"));
+        }
         let holds = match (self.text(condition.start + 1), chains.get(&start)) {
             ("if", _) => {
                 let holds = self.evaluate(&condition)?;
@@ -193,15 +213,17 @@ impl Reader<'_> {
             }
             return Ok(end);
         }
+        // Of a group nothing is left that another attribute could stand before.
+        let is_group = self.is(at, b'{');
         for attribute in &run {
-            if *attribute == condition {
+            if *attribute == condition || is_group {
                 found.removed.push(self.bytes(attribute));
             } else {
                 found.live.extend_from_slice(&self.tokens[attribute.clone()]);
             }
         }
         // Braces group declarations, and statements: what they hold is declared around them.
-        if self.is(at, b'{') {
+        if is_group {
             found.removed.push(self.tokens[at].range());
             closing.push(self.brackets[at]);
             return Ok(at + 1);
@@ -209,15 +231,22 @@ impl Reader<'_> {
         Ok(at)
     }
 
-    /// Whether an attribute of a condition may stand at a token: in a list of statements, declarations,
+    /// True if a bracket holds the members of a structure or the parameters of a function.
+    fn is_list(&self, open: Option<usize>) -> bool {
+        let of = |open: usize, keyword: &str| open > 1 && self.text(open - 2) == keyword;
+        open.is_some_and(|open| match self.is(open, b'(') {
+            true => of(open, "fn"),
+            false => of(open, "struct"),
+        })
+    }
+
+    /// True if an attribute of a condition may stand at a token: in a list of statements, declarations,
     /// members or parameters. `open` is the innermost bracket around it.
     fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
         let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
-        let of =
-            |keyword: &str| open.is_some_and(|open| open > 1 && self.text(open - 2) == keyword);
         match open {
-            Some(open) if self.is(open, b'(') => of("fn") && after(b"(,"),
-            Some(_) if of("struct") => after(b"{,"),
+            Some(_) if self.is_list(open) => after(b"({,"),
+            Some(open) if self.is(open, b'(') => false,
             _ => after(b"{};"),
         }
     }

@@ -150,7 +150,7 @@ pub enum PackageError {
         ))
     )]
     UnknownFeature {
-        /// What was set, each with the closest name there is.
+        /// The names that were set, each with the closest one there is.
         unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,

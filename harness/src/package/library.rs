@@ -517,13 +517,11 @@ impl Package {
 }
 
 impl Package {
-    /// A module as its file has it, before anything expands it.
-    pub(super) fn written(&self, module: &str) -> Result<String, PackageError> {
-        match self.find(&ModulePath::root(module).components) {
-            Some(Place::File(path)) => Ok(read_utf8(&path)?.text),
-            Some(Place::Memory(_, text)) => Ok(text.to_owned()),
-            None => Ok(String::new()),
-        }
+    /// A module as its file has it, or as a program prints it, before values replace anything.
+    pub(super) fn before_values(&self, module: &str) -> Result<String, PackageError> {
+        let manifest = Manifest::of(self)?.without_values();
+        let components = ModulePath::root(module).components;
+        Ok(self.load(&components, &Overlay::of(self)?, &manifest)?.text)
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) struct Manifest {
     pub(super) features: Features,
     /// Features that the engine sets, whether or not a module asks about them.
     pub(super) set_by_engine: BTreeSet<String>,
-    /// What stands for placeholders.
+    /// Texts that stand for placeholders.
     values: Values,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
@@ -248,9 +248,9 @@ impl Declared {
         let module = package.parsed(name)?;
         if !self.values.is_empty() {
             let all = self.values.iter().map(|name| (name.clone(), String::new())).collect();
-            let written = package.written(name)?;
+            let text = package.before_values(name)?;
             let seen: Vec<String> =
-                values::used(&written, &all).into_iter().map(str::to_owned).collect();
+                values::used(&text, &all).into_iter().map(str::to_owned).collect();
             self.values.retain(|name| !seen.contains(name));
         }
         let inactive = module.inactive.iter().map(|one| one.name.as_str());
@@ -475,6 +475,16 @@ impl Manifest {
     }
 
     /// Whether modules are what a program prints.
+    /// This one without its values.
+    pub(super) fn without_values(self) -> Self {
+        Self { values: Values::new(), ..self }
+    }
+
+    /// True if a text stands for a name.
+    pub(super) fn stands_for(&self, name: &str) -> bool {
+        self.values.contains_key(name)
+    }
+
     pub(super) fn expands(&self) -> bool {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }

@@ -1,6 +1,6 @@
 //! `[values]` of `karat.toml`: what stands for a placeholder, or for a name that the engine's own code replaces.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::lexer::{Kind, Token, lex};
@@ -20,9 +20,18 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
         toml::Value::String(text) if text.contains(['\n', '\r']) => Err(format!(
             "the value of `{name}` is of one line, so that lines stay those of the file"
         )),
+        toml::Value::String(text) if text.contains("//") || text.contains("/*") => {
+            Err(format!("the value of `{name}` has a comment, which would hide what follows it"))
+        }
         toml::Value::String(text) => Ok(text.clone()),
+        // `a -N` is no `a --1`.
+        toml::Value::Integer(number) if *number < 0 => Ok(format!("({number})")),
         toml::Value::Integer(number) => Ok(number.to_string()),
+        toml::Value::Float(number) if !number.is_finite() => {
+            Err(format!("WGSL has no literal for the value of `{name}`"))
+        }
         // A float of WGSL has a point or an exponent, and so has TOML's.
+        toml::Value::Float(number) if *number < 0.0 => Ok(format!("({number:?})")),
         toml::Value::Float(number) => Ok(format!("{number:?}")),
         toml::Value::Boolean(on) => Ok(on.to_string()),
         _ => Err(format!("the value of `{name}` is a text, a number, `true` or `false`")),
@@ -30,14 +39,13 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
 }
 
 /// A text with its values: for each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and for the
-/// bare name. Comments stay, and so do members and attributes that are called like a value.
+/// bare name. These stay, whatever they are called: comments, directives, conditions, imports, attributes, members,
+/// and what is declared.
 pub(super) fn substituted(text: &str, values: &Values) -> String {
-    let tokens = lex(text);
     let (mut result, mut done) = (String::with_capacity(text.len()), 0);
-    for at in places(text, &tokens, values) {
-        let (range, value) = at;
+    for (range, name) in places(text, &lex(text), values) {
         result.push_str(&text[done..range.start]);
-        result.push_str(value);
+        result.push_str(&values[name]);
         done = range.end;
     }
     result.push_str(&text[done..]);
@@ -45,26 +53,24 @@ pub(super) fn substituted(text: &str, values: &Values) -> String {
 }
 
 /// The values that a text has a place for.
-pub(super) fn used<'v>(text: &str, values: &'v Values) -> Vec<&'v str> {
-    let tokens = lex(text);
-    let at = |name: &String| tokens.iter().any(|token| &text[token.range()] == name);
-    values.keys().filter(|name| at(name)).map(String::as_str).collect()
+pub(super) fn used<'v>(text: &str, values: &'v Values) -> BTreeSet<&'v str> {
+    places(text, &lex(text), values).into_iter().map(|(_, name)| name).collect()
 }
 
+/// Each place of a value, with the value's name.
 fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<usize>, &'v str)> {
+    let of = |at: usize| &text[tokens[at].range()];
     let is = |at: Option<usize>, symbol: &str| {
         at.and_then(|at| tokens.get(at)).is_some_and(|token| &text[token.range()] == symbol)
     };
     let mut found = Vec::new();
     for (at, token) in tokens.iter().enumerate() {
-        let Some(value) = values.get(&text[token.range()]) else { continue };
-        if token.kind != Kind::Word || is(at.checked_sub(1), ".") || is(at.checked_sub(1), "@") {
-            continue;
-        }
+        let Some((name, _)) = values.get_key_value(of(at)) else { continue };
         let mut around = at..at + 1;
         let before = |around: &Range<usize>| around.start.checked_sub(1);
         // An import lists names in braces: `import a::{NAME}`.
-        let is_list = is(at.checked_sub(1), "{") && is(at.checked_sub(2), ":");
+        let is_list =
+            is(at.checked_sub(1), "{") && is(at.checked_sub(2), ":") && is(at.checked_sub(3), ":");
         let touch = |a: usize, b: usize| tokens[a].range().end == tokens[b].range().start;
         while !is_list
             && is(before(&around), "{")
@@ -83,12 +89,61 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
         if is(before(&around), "$") || around.len() > 1 && is(before(&around), "#") {
             around.start -= 1;
         }
-        found.push((
-            tokens[around.start].range().start..tokens[around.end - 1].range().end,
-            &**value,
-        ));
+        let is_bare = around.len() == 1;
+        if token.kind == Kind::Word && !(is_bare && is_name(text, tokens, at)) {
+            found.push((
+                tokens[around.start].range().start..tokens[around.end - 1].range().end,
+                &**name,
+            ));
+        }
     }
     found
+}
+
+/// True of a word that is a name, and nothing that an engine replaces.
+fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
+    let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
+    let before = at.checked_sub(1).map_or("", of);
+    let start = tokens[at].range().start;
+    let line = text[..start].rfind(['\n', '\r']).map_or(0, |end| end + 1);
+    let is_directive =
+        text[line..start].trim_start().starts_with('#') && !text[line..start].contains("#{");
+    let is_declared =
+        matches!(before, "fn" | "struct" | "alias" | "const" | "override" | "let" | "var" | ">")
+            && matches!(of(at + 1), "(" | "{" | "=" | ":")
+            && !(before == ">" && of(at + 1) != ":");
+    let is_member = matches!(before, "{" | "," | "(" | ")")
+        && of(at + 1) == ":"
+        && of(at + 2) != ":"
+        && !is_case(text, tokens, at);
+    // Back through what a condition or an import may hold.
+    let is_part = |word: &str| {
+        matches!(word, "(" | ")" | "!" | "&" | "|" | ":" | "," | "{" | "}" | "*")
+            || word.starts_with(|c: char| c == '_' || c.is_alphabetic())
+    };
+    let mut back = (0..at).rev().take_while(|one| is_part(of(*one)));
+    let is_asked = back.any(|one| {
+        let is_condition = matches!(of(one), "if" | "elif") && one > 0 && of(one - 1) == "@";
+        let ends = || {
+            (one + 2..at).try_fold(1_i32, |depth, inner| match of(inner) {
+                "(" => Some(depth + 1),
+                ")" if depth == 1 => None,
+                ")" => Some(depth - 1),
+                _ => Some(depth),
+            })
+        };
+        is_condition && ends().is_some() || of(one) == "import"
+    });
+    matches!(before, "." | "@") || is_directive || is_declared || is_member || is_asked
+}
+
+/// True within the selectors of a `case`.
+fn is_case(text: &str, tokens: &[Token], at: usize) -> bool {
+    let of = |at: usize| &text[tokens[at].range()];
+    (0..at)
+        .rev()
+        .take_while(|one| !matches!(of(*one), ";" | "{" | "}"))
+        .any(|one| of(one) == "case")
 }
 
 #[cfg(test)]
@@ -107,7 +162,29 @@ mod tests {
             ("const A = N * ${N} + $N - #{N};", "const A = 64 * 64 + 64 - 64;"),
             ("let x = a.N; @N NN _N N_;", "let x = a.N; @N NN _N N_;"),
             ("f($(N)); g((N));", "f(64); g((64));"),
-            ("import a::{N}; fn f() { {N} }", "import a::{64}; fn f() { 64 }"),
+            (
+                "fn f(x: {T}) -> {T} { var a: T; }",
+                "fn f(x: vec4<f32>) -> vec4<f32> { var a: vec4<f32>; }",
+            ),
+            (
+                "struct P { N: u32, M: N }\nlet a = p.N * N;",
+                "struct P { N: u32, M: 64 }\nlet a = p.N * 64;",
+            ),
+            (
+                "#ifdef N\n@if(A && !(N)) const M = N;\n#{N}\n#if N > 3",
+                "#ifdef N\n@if(A && !(N)) const M = 64;\n64\n#if N > 3",
+            ),
+            (
+                "const N: u32 = 3; fn N(N: u32, T: f32) {}",
+                "const N: u32 = 3; fn N(N: u32, T: f32) {}",
+            ),
+            (
+                "switch x { case N: { y = N; } case 2, N: {} }",
+                "switch x { case 64: { y = 64; } case 2, 64: {} }",
+            ),
+            ("import package::a::{b, N as c};\nf(N)", "import package::a::{b, N as c};\nf(64)"),
+            ("@if(A) f(N); @else g(N);", "@if(A) f(64); @else g(64);"),
+            ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
         ] {
             assert_eq!(substituted(text, &values), expected);
         }

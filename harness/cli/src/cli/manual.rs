@@ -16,7 +16,7 @@ pub(super) struct Args {
     no_open: bool,
 }
 
-/// What is read of `cargo metadata`.
+/// The part of `cargo metadata` that is read.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,

@@ -25,7 +25,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     pair.or_else(|| one_brace(text, tokens))
 }
 
-/// Whether a text has bytes of a placeholder, in comments as well.
+/// True if a text has bytes of a placeholder, in comments as well.
 pub(super) fn may_be_template(text: &str) -> bool {
     let is_part = |c: char| c == '_' || c.is_alphanumeric();
     text.split('{').skip(1).any(|after| {
@@ -40,11 +40,13 @@ pub(super) fn may_be_template(text: &str) -> bool {
 /// value of `naga_oil`'s.
 fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let found = tokens.windows(3).enumerate().find(|(at, three)| {
-        let before = at.checked_sub(1).map_or("", |before| &text[tokens[before].range()]);
+        let before =
+            |by: usize| at.checked_sub(by).map_or("", |before| &text[tokens[before].range()]);
+        let is_list = before(1) == ":" && before(2) == ":";
         let touch = three[0].range().end == three[1].range().start
             && three[1].range().end == three[2].range().start;
         let is_one = three[0].is(b'{') && three[1].kind == Kind::Word && three[2].is(b'}');
-        is_one && touch && !matches!(before, ":" | "#")
+        is_one && touch && !is_list && before(1) != "#"
     });
     found.map(|(_, three)| three[0].range().start..three[2].range().end)
 }

@@ -25,7 +25,8 @@ impl Library {
         let package = self.package(0);
         let root = package.root();
         let features = self.features(0);
-        let by_engine = &self.manifest(0)?.set_by_engine;
+        let manifest = self.manifest(0)?;
+        let by_engine = &manifest.set_by_engine;
         let names = features.keys().filter(|name| {
             !by_engine.contains(*name)
                 && workspace::get::<Asked>(&(root.clone(), (*name).clone())).is_none()
@@ -55,14 +56,18 @@ impl Library {
             let near =
                 |name: &String| nearest(name, own.iter().map(String::as_str)).map(str::to_owned);
             let modules = package.modules().unwrap_or_default();
-            let texts = modules.iter().filter_map(|module| package.written(module).ok());
+            let texts = modules.iter().filter_map(|module| package.before_values(module).ok());
             let texts: Vec<String> = texts.collect();
             let is_bare = |name: &&&String| {
                 let value = Values::from([((**name).clone(), String::new())]);
                 texts.iter().any(|text| !values::used(text, &value).is_empty())
             };
             return Err(unreadable.unwrap_or_else(|| PackageError::UnknownFeature {
-                bare: unknown.iter().find(is_bare).map(|name| (*name).clone()),
+                bare: unknown
+                    .iter()
+                    .filter(|name| !manifest.stands_for(name))
+                    .find(is_bare)
+                    .map(|name| (*name).clone()),
                 unknown: unknown.into_iter().map(|name| (name.clone(), near(name))).collect(),
                 package: package.name(),
                 known: own.iter().cloned().collect::<Vec<_>>().join(", "),
