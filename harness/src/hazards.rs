@@ -92,6 +92,8 @@ pub struct Hazard {
     /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
     /// knows whether these are arguments that it gets.
     pub guessed: bool,
+    /// True if each case has a float beyond 10,000 among the arguments of which nothing is known.
+    pub large: bool,
     /// Why `karat.toml` accepts it, where those are asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
@@ -455,7 +457,8 @@ impl Look<'_> {
             named
         };
         for (case, hazards) in seen.cases.iter().enumerate() {
-            let plain = self.arguments.is_plain(&rows[case * width..][..width]);
+            let row = &rows[case * width..][..width];
+            let (plain, moderate) = (self.arguments.is_plain(row), self.arguments.is_moderate(row));
             for one in hazards {
                 let location = one.span.to_string();
                 let (hazard, is_plain) =
@@ -471,6 +474,7 @@ impl Look<'_> {
                             values: shown(one),
                             operands: operands(one),
                             guessed: false,
+                            large: true,
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
@@ -479,6 +483,13 @@ impl Look<'_> {
                         (hazard, false)
                     });
                 hazard.cases.0 += 1;
+                // Arguments that a caller may give say more.
+                if hazard.large && moderate {
+                    hazard.arguments = described(case);
+                    hazard.operands = operands(one);
+                    hazard.values = shown(one);
+                    hazard.large = false;
+                }
                 *is_plain |= plain;
                 // That it shows in one case is worse than that it is hidden in others.
                 if hazard.hidden && !one.hidden {
@@ -511,6 +522,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         values: None,
         operands: Vec::new(),
         guessed: true,
+        large: false,
         accepted: None,
         lowered: None,
         also: Vec::new(),
@@ -528,7 +540,7 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
             let known = place.get_mut();
             // That it shows says more than that it is hidden, and known arguments more than guessed ones. A function
             // with fewer of them is closer to it.
-            let rank = |one: &Hazard| (one.hidden, one.guessed, one.arguments.len());
+            let rank = |one: &Hazard| (one.hidden, one.large, one.guessed, one.arguments.len());
             let (better, other) = match rank(known) <= rank(&hazard) {
                 true => (known.clone(), hazard),
                 false => (hazard, known.clone()),

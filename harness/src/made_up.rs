@@ -281,6 +281,22 @@ impl Arguments {
         })
     }
 
+    /// True if no float of a row that is drawn by its type alone is beyond what shaders compute with: positions,
+    /// times and sizes are thousands at most.
+    pub(crate) fn is_moderate(&self, row: &[u32]) -> bool {
+        const MOST: f32 = 1e4;
+        let mut rest = row;
+        self.described.iter().all(|one| {
+            let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
+            rest = others;
+            let is_moderate = |(scalar, word): (&Scalar, &u32)| match scalar {
+                Scalar::F32 | Scalar::F16 => f32::from_bits(*word).abs() <= MOST,
+                _ => true,
+            };
+            !one.guessed || one.scalars.iter().zip(own).all(is_moderate)
+        })
+    }
+
     /// The rows in which each integer that isn't declared is small enough for loops to count to.
     pub(crate) fn few(&self, rows: &[u32]) -> Vec<u32> {
         /// Loops of three in each other make as many rounds as fit into the engine's patience.

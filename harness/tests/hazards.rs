@@ -27,6 +27,18 @@ fn hazards_that_matter_less_are_lowered() {
     let bits = "fn f(word: u32) -> f32 { return 2.0 * bitcast<f32>(word); }";
     assert_eq!(at(bits, Kind::Nan, "bitcast<f32>(word)").lowered, Some(Lowered::Bits));
 
+    let large = "fn f(a: f32) -> f32 { return exp(a * 1e-4); }";
+    assert_eq!(at(large, Kind::Infinite, "exp(a * 1e-4)").lowered, Some(Lowered::Large));
+    let exp = "fn f(a: f32) -> f32 { return exp(a); }";
+    assert_eq!(at(exp, Kind::Infinite, "exp(a)").lowered, None);
+    let edges = "fn f(a: f32, b: f32, c: f32) -> f32 { return clamp(a, b, c); }";
+    assert_eq!(at(edges, Kind::EdgesReversed, "clamp(a, b, c)").lowered, Some(Lowered::Guessed));
+    let sure = "fn f(roughness: f32) -> f32 { return clamp(0.5, roughness, 1.0 - roughness); }";
+    assert_eq!(
+        at(sure, Kind::EdgesReversed, "clamp(0.5, roughness, 1.0 - roughness)").lowered,
+        None
+    );
+
     let inverse = "fn inverse(x: f32) -> f32 { return 1.0 / x; }\n";
     let with = |more: &str| at(&format!("{inverse}{more}"), Kind::Infinite, "1.0 / x").lowered;
     assert_eq!(with(""), None);
@@ -178,7 +190,7 @@ fn each_is_found_where_it_is_born() {
 
 /// The hazard of a kind, wherever it is, with the package's other hazards.
 fn of_kind(hazards: &karat::unstable::hazards::Hazards, kind: Kind) -> Hazard {
-    let one = hazards.found.iter().find(|hazard| hazard.kind == kind);
+    let one = hazards.found.iter().chain(&hazards.lowered).find(|hazard| hazard.kind == kind);
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
@@ -309,7 +321,8 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
         "fn f(u: f32) -> u32 { return u32(u * 255.0 - 0.5) + u32(-u * 0.5); }",
         "fn f(i: i32) -> i32 { return clamp(i, 3, 1); }", // of integers WGSL defines it
     ] {
-        assert_eq!(look(text).found, [], "{text}");
+        let hazards = look(text);
+        assert_eq!((&*hazards.found, &*hazards.lowered), (&[][..], &[][..]), "{text}");
     }
 }
 

@@ -18,6 +18,11 @@ pub enum Lowered {
     Hidden,
     /// It reads the bits of a number, and these were drawn at random.
     Bits,
+    /// Each case has a number beyond 10,000 of which nothing is known.
+    Large,
+    /// An integer that a float doesn't reach, edges of `clamp`, or a texel's place, of numbers of which nothing is
+    /// known: a caller gives others.
+    Guessed,
     /// The functions and entry points that lead here were looked at as well, and none of them has it.
     Callers,
 }
@@ -29,6 +34,8 @@ impl Lowered {
         match self {
             Self::Hidden => "a later operation drops it in each case that was drawn",
             Self::Bits => "each word is some number, and this one was made up",
+            Self::Large => "each case has a number beyond 10,000 of which nothing is known",
+            Self::Guessed => "nothing is known of the numbers that it was asked with",
             Self::Callers => {
                 "no function that leads here called it with such arguments, of those that were drawn"
             }
@@ -99,6 +106,18 @@ impl Callers {
         let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
         if is_float && hazard.guessed && reads_bits(&hazard.text) {
             return Some(Lowered::Bits);
+        }
+        if hazard.guessed && hazard.large {
+            return Some(Lowered::Large);
+        }
+        let is_bound = match hazard.kind {
+            Kind::Saturated => true,
+            Kind::EdgesReversed => hazard.text.starts_with("clamp("),
+            Kind::OutOfRange => hazard.text.starts_with("textureLoad("),
+            _ => false,
+        };
+        if hazard.guessed && is_bound {
+            return Some(Lowered::Guessed);
         }
         let may_be_called = |function: &str| {
             let name = function.rsplit("::").next().unwrap_or_default();

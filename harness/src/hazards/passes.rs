@@ -60,6 +60,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             values: None,
             operands: Vec::new(),
             guessed: variant > 0,
+            large: false,
             accepted: None,
             lowered: None,
             also: Vec::new(),

@@ -172,10 +172,12 @@ fn write_text(
     }
     if !lowered.is_empty() && !all {
         let reasons =
-            [Lowered::Hidden, Lowered::Bits, Lowered::Callers].into_iter().filter_map(|why| {
-                let count = lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
-                (count > 0).then(|| format!("{count}: {}", why.about()))
-            });
+            [Lowered::Hidden, Lowered::Bits, Lowered::Large, Lowered::Guessed, Lowered::Callers]
+                .into_iter()
+                .filter_map(|why| {
+                    let count = lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
+                    (count > 0).then(|| format!("{count}: {}", why.about()))
+                });
         let (counted, reasons) =
             (counted(lowered.len(), "lowered hazard"), reasons.collect::<Vec<_>>().join("; "));
         writeln!(out, "{DIM}{counted}: --all shows them ({reasons}){DIM:#}")?;
