@@ -20,8 +20,8 @@ pub enum Lowered {
     Bits,
     /// Each case has a number beyond 10,000 of which nothing is known.
     Large,
-    /// An integer that a float doesn't reach, edges of `clamp`, or a texel's place, of numbers of which nothing is
-    /// known: a caller gives others.
+    /// A float that becomes an integer, or edges of `clamp`, of numbers of which nothing is known; or a place in a
+    /// texture, whose size is made up.
     Guessed,
     /// The functions and entry points that lead here were looked at as well, and none of them has it.
     Callers,
@@ -35,7 +35,9 @@ impl Lowered {
             Self::Hidden => "a later operation drops it in each case that was drawn",
             Self::Bits => "each word is some number, and this one was made up",
             Self::Large => "each case has a number beyond 10,000 of which nothing is known",
-            Self::Guessed => "nothing is known of the numbers that it was asked with",
+            Self::Guessed => {
+                "nothing is known of the numbers, or of the texture, that it was asked with"
+            }
             Self::Callers => {
                 "no function that leads here called it with such arguments, of those that were drawn"
             }
@@ -111,12 +113,13 @@ impl Callers {
             return Some(Lowered::Large);
         }
         let is_bound = match hazard.kind {
-            Kind::Saturated => true,
-            Kind::EdgesReversed => hazard.text.starts_with("clamp("),
-            Kind::OutOfRange => hazard.text.starts_with("textureLoad("),
+            Kind::Saturated => hazard.guessed,
+            Kind::EdgesReversed => hazard.guessed && hazard.text.starts_with("clamp("),
+            // The size of a texture is made up, whatever the place is.
+            Kind::OutOfRange => hazard.text.starts_with("texture"),
             _ => false,
         };
-        if hazard.guessed && is_bound {
+        if is_bound {
             return Some(Lowered::Guessed);
         }
         let may_be_called = |function: &str| {
