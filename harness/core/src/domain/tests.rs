@@ -55,3 +55,17 @@ fn grids_hit_both_ends_exactly() {
     assert_eq!(all(&Grid::logarithmic(-8.0..=-1.0, 4), 0, 100), [-8.0, -4.0, -2.0, -1.0]);
     assert!([0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty));
 }
+
+/// The values of a domain as another type of their shape, bit for bit.
+#[test]
+fn a_domain_is_cast() {
+    let (own, cast) = (UnitVector.edges(), UnitVector.cast::<glam::Vec3>().edges());
+    assert!(!own.is_empty());
+    assert_eq!(own, cast);
+}
+
+#[test]
+#[should_panic(expected = "`cast` keeps the shape")]
+fn a_cast_keeps_the_shape() {
+    let _ = UnitVector.cast::<glam::Vec2>();
+}
