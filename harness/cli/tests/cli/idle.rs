@@ -74,7 +74,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
 
 /// A hazard that a later operation hides is one, and comes last.
 #[test]
-fn a_hidden_hazard_is_counted() {
+fn a_hidden_hazard_is_no_success() {
     let folder = shaders();
     let only = ["hazards", "--shaders", "m.wgsl", "--only", "capped", "--input", "roughness=0..1"];
     let ran = karat(folder.path(), &only);
