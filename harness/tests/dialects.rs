@@ -757,6 +757,10 @@ fn values_stand_for_placeholders() {
         ("[values]\nN = \"a\\nb\"\n", "the value of `N` is of one line"),
         ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` is no name"),
         ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` lists names of features"),
+        (
+            "[features]\nset_by_engin = [\"A\"]\n",
+            "feature `set_by_engin` is no list; `set_by_engine`",
+        ),
     ] {
         write("karat.toml", text);
         let said = error(&package(), "a::f");

@@ -370,6 +370,9 @@ impl Manifest {
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
+            toml::Value::Array(_) => Err(error(format!(
+                "feature `{name}` is no list; `set_by_engine` lists those that the engine sets"
+            ))),
             _ => Err(error(format!("feature `{name}` is a whole number, `true` or `false`"))),
         };
         let features = features.into_iter().map(feature).collect::<Result<_, _>>()?;
