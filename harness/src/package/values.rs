@@ -100,6 +100,9 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
     found
 }
 
+/// Words that declare the name behind them.
+const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
+
 /// True of a word that is a name, and nothing that an engine replaces.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
@@ -108,10 +111,9 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let line = text[..start].rfind(['\n', '\r']).map_or(0, |end| end + 1);
     let is_directive =
         text[line..start].trim_start().starts_with('#') && !text[line..start].contains("#{");
-    let is_declared =
-        matches!(before, "fn" | "struct" | "alias" | "const" | "override" | "let" | "var" | ">")
-            && matches!(of(at + 1), "(" | "{" | "=" | ":")
-            && !(before == ">" && of(at + 1) != ":");
+    let is_declared = (DECLARES.contains(&before) || before == ">")
+        && matches!(of(at + 1), "(" | "{" | "=" | ":")
+        && !(before == ">" && of(at + 1) != ":");
     let is_member = matches!(before, "{" | "," | "(" | ")")
         && of(at + 1) == ":"
         && of(at + 2) != ":"
@@ -120,6 +122,7 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let is_part = |word: &str| {
         matches!(word, "(" | ")" | "!" | "&" | "|" | ":" | "," | "{" | "}" | "*")
             || word.starts_with(|c: char| c == '_' || c.is_alphabetic())
+                && !DECLARES.contains(&word)
     };
     let mut back = (0..at).rev().take_while(|one| is_part(of(*one)));
     let is_asked = back.any(|one| {
@@ -184,6 +187,7 @@ mod tests {
             ),
             ("import package::a::{b, N as c};\nf(N)", "import package::a::{b, N as c};\nf(64)"),
             ("@if(A) f(N); @else g(N);", "@if(A) f(64); @else g(64);"),
+            ("#import a::N\nfn f() { g(N); }", "#import a::N\nfn f() { g(64); }"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
         ] {
             assert_eq!(substituted(text, &values), expected);

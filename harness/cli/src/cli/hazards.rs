@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
-        let found = loop {
+        let mut found = loop {
             match look(args, package, &inputs)? {
                 Err(HazardError::UnknownInput { name, nearest }) if packages.len() > 1 => {
                     inputs.retain(|(own, _)| *own != name);
@@ -89,7 +89,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 found => break found?,
             }
         };
-        let mut found = found;
         let others = keep_kinds(&mut found, &args.kinds);
         all.push((found, others));
     }
@@ -171,13 +170,11 @@ fn write_text(
         )?;
     }
     if !lowered.is_empty() && !all {
-        let reasons =
-            [Lowered::Hidden, Lowered::Bits, Lowered::Large, Lowered::Guessed, Lowered::Callers]
-                .into_iter()
-                .filter_map(|why| {
-                    let count = lowered.iter().filter(|hazard| hazard.lowered == Some(why)).count();
-                    (count > 0).then(|| format!("{count}: {}", why.about()))
-                });
+        let mut reasons: BTreeMap<Lowered, usize> = BTreeMap::new();
+        for why in lowered.iter().filter_map(|hazard| hazard.lowered) {
+            *reasons.entry(why).or_default() += 1;
+        }
+        let reasons = reasons.into_iter().map(|(why, count)| format!("{count}: {}", why.about()));
         let (counted, reasons) =
             (counted(lowered.len(), "lowered hazard"), reasons.collect::<Vec<_>>().join("; "));
         writeln!(out, "{DIM}{counted}: --all shows them ({reasons}){DIM:#}")?;
