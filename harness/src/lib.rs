@@ -94,7 +94,7 @@ pub mod domain {
     #[doc(inline)]
     pub use karat_core::domain::{
         Above, AnyF32, Composed, Domain, Edges, Emptiness, Filter, Grid, Hemisphere, Integers,
-        Just, LatinHypercube, Map, OneOf, Origin, Shrinkable, Source, UnitRgb, UnitVector,
+        Just, LatinHypercube, Map, OneOf, Origin, Shrinkable, Source, Sphere, UnitRgb, UnitVector,
     };
 }
 

@@ -183,7 +183,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         scalars,
     };
     if meaning == Meaning::Direction {
-        return Ok(Part::named("unit_vector")
+        return Ok(Part::named("unit_vector", 3)
             .map(|part| one(part, shape.lanes()))
             .into_iter()
             .collect());

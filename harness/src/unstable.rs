@@ -14,6 +14,7 @@ pub use karat_core::{diagnostic, output, settings, stats};
 
 /// Checks of functions whose types are known at run time, and tests in WGSL.
 pub mod check {
+    pub use crate::check::condition::Condition;
     pub use crate::check::dynamic::{ExpectWords, Words};
     pub use crate::check::wgsl_test::{TestGroup, WgslTest};
 }

@@ -1,10 +1,11 @@
 //! Every path has its verdict, from every verb: two executors, of which the second one alone is wrong, or the
 //! first one gives nothing at all.
 
-use glam::{DQuat, Vec3};
+use glam::{DQuat, Vec2, Vec3};
 use karat::Path;
 use karat::check::{Agreement, Calls, Failure};
 use karat::compute::ComputeError;
+use karat::domain::Sphere;
 use karat::draw::DrawError;
 use karat::frame::FrameError;
 use karat::image::Precision;
@@ -24,6 +25,8 @@ fn twice(x: f32) -> f32 { return 2.0 * x; }
 fn square(x: f32) -> f32 { return x * x; }
 fn one(x: f32) -> f32 { return 1.0; }
 fn same(v: vec3f) -> vec3f { return v; }
+fn across(v: vec2f) -> vec2f { return vec2f(-v.y, v.x); }
+fn frame(x: f32) -> mat3x3f { return mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0); }
 fn near(x: f32) -> f32 { return 1.0 + x; }
 fn uniform(x: f32) -> f32 { return 1.0; }
 fn sampled(u: f32) -> f32 { return u; }
@@ -154,6 +157,12 @@ impl Prepared for Ready {
                     let v = [0, 1, 2].map(|lane| f32::from_bits(row[lane]));
                     vec![off(v[0], v[0] + 1.0), v[1], v[2]]
                 }
+                "across" => {
+                    let v = [0, 1].map(|lane| f32::from_bits(row[lane]));
+                    vec![off(-v[1], v[0] + 1.0), v[0]]
+                }
+                // Of the other hand where it is wrong.
+                "frame" => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, off(1.0, -1.0)],
                 // A test in WGSL that evaluates one expectation, which holds or not.
                 _ => {
                     let mut report = vec![0; self.words];
@@ -208,7 +217,7 @@ where
 }
 
 /// Every verb of a function, of a frame and of passes.
-const VERBS: [Verb; 20] = [
+const VERBS: [Verb; 22] = [
     ("agrees_with", |fakes| {
         check(fakes, "twice", 0.0..=1.0, |c| {
             c.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0))
@@ -231,6 +240,14 @@ const VERBS: [Verb; 20] = [
         })
     }),
     ("is_unit", |fakes| check(fakes, "same", UnitVector, |c| c.unrecorded().try_is_unit())),
+    ("is_perpendicular_to", |fakes| {
+        check(fakes, "across", Sphere::<Vec2>::unit(), |c| {
+            c.unrecorded().try_is_perpendicular_to("v")
+        })
+    }),
+    ("is_right_handed_frame", |fakes| {
+        check(fakes, "frame", 0.0..=1.0, |c| c.unrecorded().try_is_right_handed_frame())
+    }),
     ("invariant_under", |fakes| {
         check(fakes, "square", -1.0..=1.0, |c| c.unrecorded().try_invariant_under(|x| -x, Ulp(0.0)))
     }),

@@ -141,6 +141,56 @@ fn vectors_of_another_length() {
     assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
 }
 
+/// A basis around `n`, with faults in place of its sign and of what is added to its tangent.
+fn basis(sign: &str, lean: &str) -> Package {
+    package(&format!(
+        "struct Frame {{ t: vec3f, b: vec3f, n: vec3f }}
+         fn tangent(n: vec3f) -> vec3f {{
+             let axis = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), abs(n.x) > 0.7);
+             return normalize(normalize(cross(axis, n)) + {lean} * n);
+         }}
+         fn frame(n: vec3f) -> Frame {{
+             let t = tangent(n);
+             return Frame(t, {sign} * cross(n, t), n);
+         }}
+         fn columns(n: vec3f) -> mat3x3f {{ let f = frame(n); return mat3x3f(f.t, f.b, f.n); }}
+         fn none(x: f32, n: vec3f) -> vec3f {{ return x * tangent(n); }}"
+    ))
+}
+
+#[test]
+fn frames_of_the_other_hand_and_vectors_that_lean() {
+    let right = basis("1.0", "0.0");
+    let over = |package: &'static Package, name| package.function(name).over(UnitVector);
+    right.function("tangent").over(UnitVector).is_perpendicular_to("n");
+    for name in ["frame", "columns"] {
+        right.function(name).over(UnitVector).is_right_handed_frame();
+    }
+    let leaning: &Package = Box::leak(Box::new(basis("1.0", "1e-2")));
+    let found = disagreement(over(leaning, "tangent").unrecorded().try_is_perpendicular_to("n"));
+    assert_eq!(found.assertion, "is perpendicular to `n` to within 1e-5");
+    assert_eq!(found.paths[0].census.failures, 65_536, "each leans by 1e-2");
+    let found = disagreement(over(leaning, "frame").unrecorded().try_is_right_handed_frame());
+    assert_eq!(found.check, "is_right_handed_frame");
+    // A mirrored frame has unit vectors at right angles, too.
+    let left: &Package = Box::leak(Box::new(basis("-1.0", "0.0")));
+    for name in ["frame", "columns"] {
+        let found = disagreement(over(left, name).unrecorded().try_is_right_handed_frame());
+        assert_eq!(found.paths[0].census.failures, 65_536, "each is mirrored");
+    }
+    // A vector of zeros is perpendicular to everything, and no direction.
+    let scaled = right.function("none").over((0.0..=1.0, UnitVector));
+    let found = disagreement(scaled.unrecorded().try_is_perpendicular_to("n"));
+    assert!(found.paths[0].census.failures < 65_536, "some are scaled by another number");
+    let scaled = || right.function("none").over((0.5..=1.0, UnitVector)).unrecorded();
+    scaled().try_is_perpendicular_to(1).expect("each is scaled by another number");
+    let reason = unsuited(scaled().try_is_perpendicular_to("x"));
+    assert!(reason.contains("has `x` of type f32: two vectors of one type"), "{reason}");
+    assert!(unsuited(scaled().try_is_perpendicular_to("m")).contains("no parameter `m`"));
+    let reason = unsuited(scaled().try_is_right_handed_frame());
+    assert!(reason.contains("isn't three vectors of three floats"), "{reason}");
+}
+
 #[test]
 fn functions_that_are_not_their_other_form() {
     let text = |factor: &str| {

@@ -17,11 +17,13 @@ mod edges;
 mod emptiness;
 mod grid;
 mod latin;
+mod perpendicular;
 mod plausible;
 mod product;
 mod range;
 mod shrink;
 mod source;
+mod sphere;
 mod stream;
 mod ties;
 
@@ -41,6 +43,7 @@ pub use product::Parts;
 pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
+pub use sphere::Sphere;
 #[doc(hidden)]
 pub use stream::{Held, Numbering, Stream, Typed};
 
@@ -234,7 +237,7 @@ pub trait Domain: Send + Sync {
     }
 
     /// Keeps the values for which `keep` holds. A filter that rejects nearly everything is an
-    /// error of the check: build the values with [`map`](Domain::map) instead.
+    /// error of the check: draw from narrower ranges, or make values that pass with [`map`](Domain::map).
     fn filter<F>(self, keep: F) -> Filter<Self, F>
     where
         Self: Sized,

@@ -110,6 +110,18 @@ pub enum Mismatch {
         /// Its type.
         shape: Shape,
     },
+    /// A result is to be perpendicular to a parameter of another type.
+    #[error(
+        "returns {result}, and has `{name}` of type {shape}: two vectors of one type can be perpendicular"
+    )]
+    NoDirection {
+        /// The parameter.
+        name: String,
+        /// Its type.
+        shape: Shape,
+        /// What the function returns.
+        result: Shape,
+    },
     /// A parameter that is to go to a limit isn't a float.
     #[error("has `{0}`, which isn't f32: only an f32 can approach a limit")]
     NoFloat(String),

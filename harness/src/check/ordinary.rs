@@ -1,5 +1,4 @@
-//! What is asked of many functions: results that are finite, in a range, of length 1, or those of another
-//! function.
+//! What is asked of many functions: results that are finite, in a range, or those of another function.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -84,10 +83,6 @@ fn is_some_and_not_all(range: Bounds) -> bool {
     }
 }
 
-/// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
-/// a cosine by `sqrt(1 - c * c)` by several times that; whoever forgets to normalise is off by more.
-const LENGTH: f64 = 1e-5;
-
 impl<V> Check<'_, Calls<V>> {
     /// Checks that no component of a result is NaN or infinite.
     ///
@@ -149,31 +144,6 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.stays_within(&*self.stream, &self.demand(), range)
     }
 
-    /// Checks that results are vectors of length 1, to within 1e-5.
-    ///
-    /// ```no_run
-    /// # use karat::prelude::*;
-    /// # static SHADERS: Package = karat::package!("shaders");
-    /// SHADERS.function("sampling::cosine_hemisphere").over((0.0..=1.0, 0.0..=1.0)).is_unit();
-    /// ```
-    ///
-    /// # Panics
-    /// With the [`Failure`], if a length isn't 1, if the function doesn't return a vector of floats, or if
-    /// nothing could be checked.
-    #[track_caller]
-    pub fn is_unit(self) -> Agreement {
-        or_panic(self.try_is_unit())
-    }
-
-    /// [`is_unit`](Self::is_unit) without the panic.
-    ///
-    /// # Errors
-    /// If a length isn't 1, if the function doesn't return a vector of floats, or if nothing could be
-    /// checked.
-    pub fn try_is_unit(self) -> Result<Agreement, Failure> {
-        self.plan.is_unit(&*self.stream, &self.demand())
-    }
-
     /// Checks that the function agrees with another one of its package, which takes the same arguments:
     /// a slow or an older form of it. Karat's engine executes that one in `f64`, with the fixtures of the
     /// first.
@@ -225,7 +195,7 @@ impl Plan<'_> {
 
     /// Goes on with what a check begins with. What stops it before its first case is its verdict all the same,
     /// and recorded as others are.
-    fn with<T>(
+    pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
         (check, text): (&'static str, &str),
@@ -327,29 +297,6 @@ impl Plan<'_> {
             let beyond = Beyond { distance, holds: &is_within };
             let said: (&Shape, Holds<'_>) = (&function.result, &holds);
             self.states_beyond(stream, demand, asserted, said, Some(&beyond))
-        })
-    }
-
-    pub(super) fn is_unit(
-        &self,
-        stream: &dyn Stream,
-        demand: &Demand,
-    ) -> Result<Agreement, Failure> {
-        let statement = format!("has length 1 to within {LENGTH:e}");
-        let suited = |function: Function| match function.result {
-            Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => {
-                Ok((function, scalar))
-            }
-            _ => Err(unsuited(&function, "which isn't a vector of floats")),
-        };
-        let begun = self.function().and_then(suited);
-        let asserted = ("is_unit", &*statement);
-        self.with(begun, asserted, (stream, demand), |(function, scalar)| {
-            let holds = |_: &[u32], words: &[u32]| {
-                let square = |word: &u32| scalar.decode(*word).powi(2);
-                (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
-            };
-            self.states(stream, demand, asserted, (&function.result, &holds))
         })
     }
 
@@ -458,6 +405,6 @@ struct Shadow {
     kept: Option<Vec<usize>>,
 }
 
-fn unsuited(function: &Function, wanted: &'static str) -> Failure {
+pub(super) fn unsuited(function: &Function, wanted: &'static str) -> Failure {
     Mismatch::Unsuited { result: function.result.clone(), wanted }.of(function)
 }

@@ -85,8 +85,8 @@ impl ScalarParameter {
 }
 
 impl Parameter {
-    /// Finds the parameter, which has to be a number.
-    pub(super) fn scalar(&self, function: &Function) -> Result<ScalarParameter, Failure> {
+    /// The place of the parameter, and the first of its lanes among those of all arguments.
+    pub(super) fn place(&self, function: &Function) -> Result<(usize, usize), Failure> {
         let parameters = &function.parameters;
         let names = || parameters.iter().map(|(name, _)| &**name);
         let place = match self {
@@ -103,7 +103,14 @@ impl Parameter {
             };
             return Err(mismatch.of(function));
         };
-        let (name, shape) = &parameters[place];
+        let lane = parameters[..place].iter().map(|(_, shape)| shape.lanes().len()).sum();
+        Ok((place, lane))
+    }
+
+    /// Finds the parameter, which has to be a number.
+    pub(super) fn scalar(&self, function: &Function) -> Result<ScalarParameter, Failure> {
+        let (place, lane) = self.place(function)?;
+        let (name, shape) = &function.parameters[place];
         let scalar = match shape {
             Shape::Scalar(scalar) if *scalar != Scalar::Bool => *scalar,
             _ => {
@@ -111,7 +118,6 @@ impl Parameter {
                 return Err(Mismatch::NoNumber { name, shape }.of(function));
             }
         };
-        let lane = parameters[..place].iter().map(|(_, shape)| shape.lanes().len()).sum();
         Ok(ScalarParameter { name: name.clone(), scalar, lane })
     }
 }

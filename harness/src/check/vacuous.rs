@@ -26,7 +26,9 @@ pub enum Vacuous {
     #[error("is asked for {0} cases, more than the {MOST_CASES} that are run at most")]
     TooManyCases(u64),
     /// A filter leaves next to nothing.
-    #[error("rejects nearly everything that its filter sees: build the values with `map` instead")]
+    #[error(
+        "has a filter that rejects nearly everything: draw from narrower ranges, or make values that pass of others"
+    )]
     Filtered,
     /// A replay selects a case that isn't there.
     #[error("has {}, none with index {case} (KARAT_CASE)", counted(*count, "case"))]

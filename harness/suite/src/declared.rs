@@ -4,6 +4,7 @@
 //! [[test]]
 //! function = "schlick"                          # of this module; "other::f" of another
 //! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
+//! where = "f0 <= v_dot_h"                       # keeps the arguments for which this holds, in WGSL
 //! in_range = [0, 1]                             # each assertion is a test
 //! monotone = { v_dot_h = "decreasing" }
 //! agrees_with = "reference::schlick"            # another function, in f64
@@ -37,6 +38,9 @@
 //! | `golden = "name"` | each result is what it was when `golden/name.csv` was accepted |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
+//! | `unit = true` | each result is a vector of length 1 |
+//! | `perpendicular_to = "n"` | each result is a vector at right angles to this argument |
+//! | `right_handed_frame = true` | each result is three unit vectors at right angles, of which the third is the cross product of the first two |
 //! | `in_range = [0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
 //! | `monotone = { x = "increasing" }` | the result only rises with `x` |
@@ -114,6 +118,9 @@ pub(crate) struct Declared {
     pub(crate) function: String,
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
+    /// Keeps the arguments for which this expression of WGSL holds.
+    #[serde(rename = "where")]
+    pub(crate) filter: Option<String>,
     pub(crate) cases: Option<u64>,
     pub(crate) seed: Option<u64>,
     pub(crate) tolerance: Option<String>,
@@ -133,6 +140,9 @@ pub(crate) struct Declared {
     golden: Option<String>,
     equals: Option<Value>,
     finite: Option<bool>,
+    unit: Option<bool>,
+    perpendicular_to: Option<String>,
+    right_handed_frame: Option<bool>,
     in_range: Option<Range>,
     symmetric_in: Option<Pair<String>>,
     monotone: Option<BTreeMap<String, Direction>>,
@@ -322,6 +332,9 @@ pub(crate) enum What {
     Golden(String),
     Equals(Value),
     Finite,
+    Unit,
+    PerpendicularTo(String),
+    RightHandedFrame,
     InRange(Range),
     SymmetricIn([String; 2]),
     Monotone(String, Direction),
@@ -436,6 +449,9 @@ impl What {
             Self::Golden(_) => "golden",
             Self::Equals(_) => "equals",
             Self::Finite => "finite",
+            Self::Unit => "unit",
+            Self::PerpendicularTo(_) => "perpendicular_to",
+            Self::RightHandedFrame => "right_handed_frame",
             Self::InRange(_) => "in_range",
             Self::SymmetricIn(_) => "symmetric_in",
             Self::Monotone(..) => "monotone",
@@ -557,8 +573,9 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
 
 /// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
 /// has a `slack` in place of a tolerance.
-const TAKEN: [(&str, &[&str]); 6] = [
+const TAKEN: [(&str, &[&str]); 7] = [
     ("over", &DRAWN),
+    ("where", &DRAWN),
     ("cases", &DRAWN),
     ("seed", &DRAWN),
     ("tolerance", &WITHIN),
@@ -567,11 +584,14 @@ const TAKEN: [(&str, &[&str]); 6] = [
 ];
 
 /// The assertions whose arguments are drawn: a table has its own.
-const DRAWN: [&str; 11] = [
+const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",
     "equals",
     "finite",
+    "unit",
+    "perpendicular_to",
+    "right_handed_frame",
     "in_range",
     "symmetric_in",
     "monotone",
@@ -640,11 +660,18 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     all.extend(test.table.clone().map(What::Table));
     all.extend(test.golden.clone().map(What::Golden));
     all.extend(test.equals.clone().map(What::Equals));
-    match test.finite {
-        Some(true) => all.push(What::Finite),
-        Some(false) => return Err("`finite = false` asserts nothing: leave it out".to_owned()),
-        None => {}
+    for (key, said, what) in [
+        ("finite", test.finite, What::Finite),
+        ("unit", test.unit, What::Unit),
+        ("right_handed_frame", test.right_handed_frame, What::RightHandedFrame),
+    ] {
+        match said {
+            Some(true) => all.push(what),
+            Some(false) => return Err(format!("`{key} = false` asserts nothing: leave it out")),
+            None => {}
+        }
     }
+    all.extend(test.perpendicular_to.clone().map(What::PerpendicularTo));
     all.extend(test.no_hazards.clone().map(|NoHazards(kinds)| What::NoHazards(kinds)));
     all.extend(test.in_range.map(What::InRange));
     all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
@@ -674,8 +701,9 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     }
     if all.is_empty() {
         return Err(
-            "this test asserts nothing: agrees_with, table, golden, equals, finite, in_range, \
-                    symmetric_in, monotone, limit, integral or no_hazards"
+            "this test asserts nothing: agrees_with, table, golden, equals, finite, unit, \
+                    perpendicular_to, right_handed_frame, in_range, symmetric_in, monotone, limit, \
+                    integral or no_hazards"
                 .to_owned(),
         );
     }

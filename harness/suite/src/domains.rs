@@ -3,7 +3,7 @@
 //! | for | is |
 //! |---|---|
 //! | a number | `"0..1"` (closed), `0.5`, `[0, 0.5, 1]` (each of them), `"any"` |
-//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"hemisphere above 0.01"` (`z` of at least 0.01), `"unit_rgb"` |
+//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"hemisphere above 0.01"` (`z` of at least 0.01), `"unit_rgb"`; `"sphere 2"` (of that length), `"ball 2"` (up to that length); `{ perpendicular_to = "n" }`, a unit vector at right angles to another one |
 //! | any of these | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
@@ -16,6 +16,8 @@ use karat::unstable::domain::Part;
 use karat::unstable::made_up::{Ranges, suggested};
 use karat::value::{Scalar, Shape};
 use toml::Value;
+
+use crate::relations;
 
 /// The parts of a parameter. `name` is for what isn't said.
 pub(crate) fn parts(
@@ -66,13 +68,14 @@ pub(crate) fn parts(
         Shape::Scalar(scalar) => Ok(vec![number(*scalar, value).map_err(wrong)?]),
         _ => {
             if let Value::String(named) = value
-                && let Some(part) = vector(named).map_err(wrong)?
+                && let Some(part) = vector(named, shape).map_err(wrong)?
             {
-                let fits = matches!(shape, Shape::Vector { size: 3, scalar: Scalar::F32 });
-                return match fits {
-                    true => Ok(vec![part]),
-                    false => Err(wrong(format!("`{named}` is a vec3<f32>, and this is a {shape}"))),
-                };
+                return Ok(vec![part]);
+            }
+            if let Some(names) = relations::names(value) {
+                names.map_err(wrong)?;
+                let part = vector("unit_vector", shape).map_err(wrong)?;
+                return Ok(part.into_iter().collect());
             }
             let scalars = shape.lanes();
             let of = |lane: usize| match value {
@@ -129,13 +132,46 @@ fn varying(
 }
 
 /// The part of a vector that has a name; `None` if it is another domain.
-fn vector(text: &str) -> Result<Option<Part>, String> {
-    let Some(rest) = text.strip_prefix("hemisphere ") else { return Ok(Part::named(text)) };
-    let least = rest.trim().strip_prefix("above ").and_then(|least| least.trim().parse().ok());
-    let Some(least) = least.filter(|least| (0.0..=1.0_f32).contains(least)) else {
-        return Err(format!("`{text}`: write `hemisphere above 0.01`, a cosine from 0 to 1"));
+fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
+    let size = match shape {
+        Shape::Vector { size, scalar: Scalar::F32 } => *size,
+        _ => 0,
     };
-    Ok(Some(Part::hemisphere_above(least)))
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let number = |text: &str| text.parse::<f32>().ok();
+    let (part, sizes) = match &*words {
+        [name] if Part::NAMES.contains(name) => (
+            Part::named(name, size),
+            if *name == "unit_vector" { "vec2, vec3 or vec4" } else { "vec3" },
+        ),
+        ["hemisphere", rest @ ..] => {
+            let least = match rest {
+                ["above", least] => number(least).filter(|least| (0.0..=1.0).contains(least)),
+                _ => None,
+            };
+            let Some(least) = least else {
+                return Err(format!(
+                    "`{text}`: write `hemisphere above 0.01`, a cosine from 0 to 1"
+                ));
+            };
+            (Some(Part::hemisphere_above(least)).filter(|_| size == 3), "vec3")
+        }
+        [name @ ("sphere" | "ball"), rest @ ..] => {
+            let radius = match rest {
+                [radius] => number(radius).filter(|radius| *radius >= 0.0 && radius.is_finite()),
+                _ => None,
+            };
+            let Some(radius) = radius else {
+                return Err(format!("`{text}`: write `{name} 2`, of the radius 2"));
+            };
+            (Part::sphere(size, radius, *name == "ball"), "vec2, vec3 or vec4")
+        }
+        _ => return Ok(None),
+    };
+    match part {
+        Some(part) => Ok(Some(part)),
+        None => Err(format!("`{text}` is a {sizes} of f32, and this is a {shape}")),
+    }
 }
 
 /// The part of one number.
@@ -146,10 +182,8 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             Ok(Part::listed(vec![scalar], rows.collect::<Result<_, String>>()?))
         }
         Value::String(text) if text == "any" => Ok(Part::any(scalar)),
-        Value::String(text) if vector(text)?.is_some() => {
-            Err(format!("`{text}` is a vec3<f32>, and this is a {}", name(scalar)))
-        }
         Value::String(text) => {
+            vector(text, &Shape::Scalar(scalar))?;
             let Some((least, most)) = text.split_once("..") else {
                 let names = Part::NAMES.into_iter().chain(["any"]);
                 let near = nearest(text, names);
@@ -302,6 +336,14 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
         ([name, least], None) if name == "hemisphere" => {
             Value::String(format!("hemisphere above {}", least.trim_end_matches(['f', 'h'])))
         }
+        ([name, radius], None) if name == "sphere" || name == "ball" => {
+            Value::String(format!("{name} {}", radius.trim_end_matches(['f', 'h'])))
+        }
+        ([name, list @ ..], None) if name == "one_of" => {
+            let list = list.iter().map(number).collect::<Option<Vec<_>>>();
+            let list = list.filter(|list| !list.is_empty() && matches!(shape, Shape::Scalar(_)));
+            Value::Array(list.ok_or("`@over(one_of, -1, 1)` lists values of numbers only")?)
+        }
         (_, None) => {
             return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
         }
@@ -345,9 +387,24 @@ mod tests {
             "\"0..1\"",
             "[0, \"0..1\", [1, 2]]",
             "{ one_of = [[0, 0, 1], 0.5] }",
+            "\"sphere 2\"",
+            "\"ball 0.5\"",
+            "{ perpendicular_to = \"n\" }",
         ] {
             assert_eq!(of(&vector, text), Ok(3), "{text}");
         }
+        for text in ["\"unit_vector\"", "\"sphere 2\""] {
+            for size in [2, 4] {
+                let vector = Shape::Vector { size, scalar: Scalar::F32 };
+                assert_eq!(of(&vector, text), Ok(usize::from(size)), "{text}");
+            }
+        }
+        let words = ["one_of", "-1", "1"].map(str::to_owned);
+        let two = over("x", &float, &words).expect("a list of two");
+        assert_eq!(format!("{two:?}"), "[Part(one of 2)]");
+        let words = ["ball", "2.0f"].map(str::to_owned);
+        let ball = over("x", &vector, &words).expect("a radius");
+        assert_eq!(format!("{ball:?}"), "[Part(a vector of a length up to 2)]");
         assert_eq!(of(&matrix, "\"-1..1\""), Ok(4));
         let members = vec![("n".to_owned(), vector.clone()), ("k".to_owned(), count)];
         let own = Shape::Struct { name: "S".to_owned(), members };
@@ -379,12 +436,14 @@ mod tests {
             (&float, "\"a..1\"", "`a` is no number"),
             (&float, "true", "no f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
-            (&float, "\"unit_vector\"", "is a vec3<f32>, and this is a f32"),
+            (&float, "\"unit_vector\"", "is a vec2, vec3 or vec4 of f32, and this is a f32"),
             (&count, "\"-1..1\"", "no range of u32"),
             (&count, "0.5", "no u32"),
-            (&vector, "\"unit_vector\"", "is a vec3<f32>"),
-            (&vector, "\"hemisphere above 0.5\"", "is a vec3<f32>"),
-            (&float, "\"hemisphere above 0.5\"", "is a vec3<f32>, and this is a f32"),
+            (&vector, "\"unit_rgb\"", "is a vec3 of f32"),
+            (&vector, "\"hemisphere above 0.5\"", "is a vec3 of f32"),
+            (&float, "\"hemisphere above 0.5\"", "is a vec3 of f32, and this is a f32"),
+            (&vector, "\"sphere\"", "write `sphere 2`"),
+            (&vector, "\"ball -1\"", "write `ball 2`"),
             (&float, "\"hemisphere over 0.5\"", "write `hemisphere above 0.01`"),
             (&vector, "\"hemisphere above 1.5\"", "a cosine from 0 to 1"),
             (&vector, "\"hemisphere above NaN\"", "a cosine from 0 to 1"),

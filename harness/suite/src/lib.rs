@@ -27,6 +27,7 @@ mod misdeclared;
 mod normalized_text;
 mod numbers;
 mod range;
+mod relations;
 mod rows;
 mod run;
 mod table;

@@ -121,6 +121,8 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
     match failure {
         Failure::Domain { reason, .. } => match **reason {
             Vacuous::NoCases | Vacuous::TooManyCases(_) => Some("cases"),
+            Vacuous::Filtered if test.filter.is_some() => Some("where"),
+            Vacuous::Empty { argument: None, .. } if test.filter.is_some() => Some("where"),
             _ => (!test.over.is_empty()).then_some("over"),
         },
         Failure::Declaration(wrong) => Some(of_declaration(wrong)),

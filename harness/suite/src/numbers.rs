@@ -27,8 +27,13 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
     Some(sign * value)
 }
 
-/// The lane that a cell of a table gives an argument; `None` if it is no finite value of the type.
+/// The lane that a cell of a table gives an argument; `None` if it is no value of the type. `inf`, `-inf` and `nan`
+/// are floats: what a function does with them is worth a row.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
+    let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
+    if scalar.is_float() && ["inf", "nan", "NaN"].contains(&unsigned) {
+        return cell.parse().ok().map(f32::to_bits);
+    }
     let Some(value) = hexadecimal(cell).filter(|_| scalar.is_float()) else {
         return scalar.parse(cell);
     };
@@ -111,6 +116,13 @@ mod tests {
         assert_eq!(argument(Scalar::F32, "0x1.8p-1"), Some(0.75_f32.to_bits()));
         assert_eq!(argument(Scalar::F32, "0x1.00000001p+0"), None, "no f32");
         assert_eq!(expected(Scalar::U32, "4294967295"), Some(4_294_967_295.0));
+        assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));
+        assert!(argument(Scalar::F32, "nan").is_some_and(|lane| f32::from_bits(lane).is_nan()));
+        for (scalar, cell) in
+            [(Scalar::U32, "inf"), (Scalar::F32, "infinity"), (Scalar::F32, "1e39")]
+        {
+            assert_eq!(argument(scalar, cell), None, "{cell}");
+        }
         for none in ["", "nan", "inf", "x"] {
             assert_eq!(expected(Scalar::F32, none), None, "{none}");
         }

@@ -9,7 +9,7 @@ use karat::draw::{DrawError, Format};
 use karat::fixture::FixtureError;
 use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::FrameTolerance;
-use karat::unstable::check::{TestGroup, WgslTest, Words};
+use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
 use karat::unstable::diagnostic::{Diagnostic, Span, shown};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::made_up::Ranges;
@@ -31,6 +31,7 @@ use crate::misdeclared::{
     frame_diagnostic_of, frame_has_place, frame_key_of, has_place, key_of,
 };
 use crate::numbers::{self, Wanted};
+use crate::relations::related;
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
 use crate::{Broken, Kind, Suite, Test, Wrong};
@@ -374,7 +375,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         let parts = own.map(|(name, shape)| {
             parts(name, shape, test.over.get(name), &ranges).map_err(Misdeclared::of("over"))
         });
-        Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
+        let own = &parameters[..count];
+        let domain = Dynamic::new(own, parts.collect::<Result<_, _>>()?);
+        let domain = related(domain, own, &test.over).map_err(Misdeclared::of("over"))?;
+        let Some(text) = &test.filter else { return Ok(domain) };
+        let condition = Condition::parse(own, text).map_err(Misdeclared::of("where"))?;
+        Ok(domain.filtered(text, move |row| condition.holds(row)))
     };
     let all = shapes.len();
     let of_key = || Misdeclared::of("tolerance");
@@ -428,6 +434,16 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 return Err(format!("`finite` holds for every {result}, so it can't fail").into());
             }
             Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_finite())
+        }
+        What::Unit => Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.try_is_unit()),
+        What::PerpendicularTo(argument) => {
+            place(&parameters, argument)?;
+            let check = settled(probe.over_dynamic(domain(all)?), assertion)?;
+            Ok(check.try_is_perpendicular_to(&**argument))
+        }
+        What::RightHandedFrame => {
+            let check = settled(probe.over_dynamic(domain(all)?), assertion)?;
+            Ok(check.try_is_right_handed_frame())
         }
         What::InRange(range) => {
             let range = range.checked()?;

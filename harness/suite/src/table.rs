@@ -102,7 +102,9 @@ pub(crate) fn read(
         for (column, scalar) in &results {
             let cell = &record[*column];
             let value = numbers::expected(*scalar, cell, compared);
-            lanes.push(value.ok_or_else(|| wrong(*column, "is no finite number"))?);
+            let what =
+                "is no finite number, and nothing else passes: WGSL leaves open what it becomes";
+            lanes.push(value.ok_or_else(|| wrong(*column, what))?);
         }
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
@@ -217,7 +219,7 @@ mod tests {
             ),
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
-            ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else passes"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),

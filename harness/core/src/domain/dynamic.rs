@@ -5,12 +5,15 @@
 
 use std::collections::HashSet;
 use std::fmt::Debug;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
+use glam::{Vec2, Vec3, Vec4};
+
+use super::perpendicular::Perpendicular;
 use super::plausible::{self, Often, Plausible, Straddling};
 use super::{
-    AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, Shrinkable, Source,
-    Stream, UnitRgb, UnitVector, complexity,
+    AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, REJECTIONS,
+    Shrinkable, Source, Sphere, Stream, UnitRgb, UnitVector, complexity,
 };
 use crate::value::{Scalar, Shape, Shareable, format_lane};
 
@@ -34,6 +37,9 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
 
 /// Combinations of edges that are tried first.
 const COMBINATIONS: usize = 1024;
+
+/// Values of a finite domain that a filter sees before the first case: those that it keeps are enumerated.
+const LISTED: u64 = 1 << 16;
 
 /// Values of one number or vector, in words.
 trait Words: Send + Sync {
@@ -280,19 +286,50 @@ impl Part {
         }
     }
 
-    /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
+    /// `unit_vector`, of two to four floats; `hemisphere` or `unit_rgb`, of three. `None` of another name.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
     ///
-    /// assert_eq!(Part::named("unit_vector").map(|part| part.width()), Some(3));
-    /// assert!(Part::named("unit_sphere").is_none());
+    /// assert_eq!(Part::named("unit_vector", 4).map(|part| part.width()), Some(4));
+    /// assert!(Part::named("hemisphere", 2).is_none());
     /// ```
-    pub fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "unit_vector" => Self::of(UnitVector, "a unit vector"),
-            "hemisphere" => Self::of(Hemisphere, "a unit vector with z of at least 0"),
-            "unit_rgb" => Self::of(UnitRgb, "a colour from 0 to 1"),
+    pub fn named(name: &str, size: u8) -> Option<Self> {
+        const UNIT: &str = "a unit vector";
+        Some(match (name, size) {
+            ("unit_vector", 2) => Self::of(Sphere::<Vec2>::unit(), UNIT),
+            ("unit_vector", 3) => Self::of(UnitVector, UNIT),
+            ("unit_vector", 4) => Self::of(Sphere::<Vec4>::unit(), UNIT),
+            ("hemisphere", 3) => Self::of(Hemisphere, "a unit vector with z of at least 0"),
+            ("unit_rgb", 3) => Self::of(UnitRgb, "a colour from 0 to 1"),
+            _ => return None,
+        })
+    }
+
+    /// Vectors of a length, and shorter ones where it is `filled`: [`Sphere`]. `None` if they have neither two,
+    /// three nor four components.
+    ///
+    /// ```
+    /// use karat::unstable::domain::Part;
+    ///
+    /// let disk = Part::sphere(2, 0.5, true).expect("two components");
+    /// assert_eq!(disk.described(), "a vector of a length up to 0.5");
+    /// ```
+    pub fn sphere(size: u8, radius: f32, filled: bool) -> Option<Self> {
+        fn of<V: Shareable>(radius: f32, filled: bool) -> Part
+        where
+            Sphere<V>: Domain<Value = V> + 'static,
+        {
+            let sphere = Sphere::<V>::of_radius(radius);
+            match filled {
+                true => Part::of(sphere.filled(), format!("a vector of a length up to {radius}")),
+                false => Part::of(sphere, format!("a vector of length {radius}")),
+            }
+        }
+        Some(match size {
+            2 => of::<Vec2>(radius, filled),
+            3 => of::<Vec3>(radius, filled),
+            4 => of::<Vec4>(radius, filled),
             _ => return None,
         })
     }
@@ -378,7 +415,7 @@ impl Part {
     /// ```
     /// use karat::unstable::domain::Part;
     ///
-    /// assert_eq!(Part::named("unit_rgb").map(|part| part.width()), Some(3));
+    /// assert_eq!(Part::named("unit_rgb", 3).map(|part| part.width()), Some(3));
     /// ```
     #[must_use]
     pub fn width(&self) -> usize {
@@ -404,7 +441,6 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
 /// assert_eq!(x.described(), "x from 0 to 1");
 /// ```
-#[derive(Debug)]
 pub struct Dynamic {
     parts: Vec<Part>,
     /// The parameter that each part belongs to.
@@ -413,6 +449,23 @@ pub struct Dynamic {
     names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
+    /// Each after those that it looks at.
+    relations: Vec<Perpendicular>,
+    filter: Option<Filter>,
+}
+
+/// The rows that a statement keeps.
+struct Filter {
+    statement: String,
+    holds: Box<dyn Fn(&[u32]) -> bool + Send + Sync>,
+    /// All of them, where the domain is small.
+    listed: Option<Vec<Vec<u32>>>,
+}
+
+impl Debug for Dynamic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Dynamic({})", self.described())
+    }
 }
 
 impl Dynamic {
@@ -424,7 +477,7 @@ impl Dynamic {
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
     /// let parameters = [("n".to_owned(), direction), ("i".to_owned(), Shape::Scalar(Scalar::U32))];
-    /// let unit = Part::named("unit_vector").expect("it has that name");
+    /// let unit = Part::named("unit_vector", 3).expect("it has that name");
     /// let domain = Dynamic::new(&parameters, vec![vec![unit], vec![Part::any(Scalar::U32)]]);
     /// assert_eq!(domain.shapes().len(), 2);
     /// ```
@@ -433,7 +486,76 @@ impl Dynamic {
         let owners = parts.iter().enumerate().flat_map(|(at, own)| vec![at; own.len()]).collect();
         let parts: Vec<Part> = parts.into_iter().flatten().collect();
         let edges = combined(&parts.iter().map(|part| part.words.edges()).collect::<Vec<_>>());
-        Self { parts, owners, names, shapes, edges }
+        Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
+    }
+
+    /// Turns the vector in these lanes to be perpendicular to others, which begin at `to` and are as long. A
+    /// relation comes after those of the vectors that it looks at, and before a filter.
+    ///
+    /// ```
+    /// use karat::unstable::domain::{Dynamic, Part};
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
+    /// let parameters = ["n", "t"].map(|name| (name.to_owned(), direction.clone()));
+    /// let unit = || vec![Part::named("unit_vector", 3).expect("it has that name")];
+    /// let frames = Dynamic::new(&parameters, vec![unit(), unit()]).perpendicular(3..6, vec![0], "n");
+    /// assert_eq!(frames.described(), "n a unit vector; t a unit vector perpendicular to n");
+    /// ```
+    #[must_use]
+    pub fn perpendicular(mut self, lanes: Range<usize>, to: Vec<usize>, names: &str) -> Self {
+        let mut below = 0;
+        for part in &mut self.parts {
+            if (lanes.start..lanes.end).contains(&below) {
+                part.described.push_str(&format!(" perpendicular to {names}"));
+            }
+            below += part.width();
+        }
+        self.relations.push(Perpendicular { lanes, to });
+        let edges = std::mem::take(&mut self.edges);
+        let mut seen = HashSet::new();
+        let settled = edges.into_iter().filter_map(|row| self.settled(row));
+        self.edges = settled.filter(|row| seen.insert(row.clone())).collect();
+        self
+    }
+
+    /// Keeps the rows for which a statement holds. Of a domain of at most 65,536 values all that it keeps are
+    /// enumerated.
+    ///
+    /// ```
+    /// use karat::unstable::domain::{Dynamic, Part};
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let index = |name: &str| (name.to_owned(), Shape::Scalar(Scalar::U32));
+    /// let small = || vec![Part::range(Scalar::U32, 0.0..=3.0).expect("whole")];
+    /// let pairs = Dynamic::new(&[index("i"), index("n")], vec![small(), small()]);
+    /// let below = pairs.filtered("i < n", |row| row[0] < row[1]);
+    /// assert_eq!(below.described(), "i from 0 to 3; n from 0 to 3; where i < n");
+    /// ```
+    #[must_use]
+    pub fn filtered(
+        mut self,
+        statement: &str,
+        holds: impl Fn(&[u32]) -> bool + Send + Sync + 'static,
+    ) -> Self {
+        let all = self.count().filter(|count| *count <= LISTED);
+        let listed = all.map(|count| {
+            let rows = (0..count).filter_map(|index| self.nth(index));
+            rows.filter(|row| holds(row)).collect()
+        });
+        self.edges.retain(|row| holds(row));
+        let (statement, holds) = (statement.to_owned(), Box::new(holds));
+        self.filter = Some(Filter { statement, holds, listed });
+        self
+    }
+
+    /// The row with its relations; `None` if no vector has one, or a filter rejects it.
+    fn settled(&self, mut row: Vec<u32>) -> Option<Vec<u32>> {
+        if !self.relations.iter().all(|relation| relation.settle(&mut row)) {
+            return None;
+        }
+        let holds = self.filter.as_ref().is_none_or(|filter| (filter.holds)(&row));
+        holds.then_some(row)
     }
 
     /// Where each argument comes from, in words: `x from 0 to 1; n a unit vector`.
@@ -455,7 +577,9 @@ impl Dynamic {
             own.dedup();
             (!own.is_empty()).then(|| format!("{name} {}", own.join(" / ")))
         };
-        self.names.iter().enumerate().filter_map(of).collect::<Vec<_>>().join("; ")
+        let mut all: Vec<_> = self.names.iter().enumerate().filter_map(of).collect();
+        all.extend(self.filter.iter().map(|filter| format!("where {}", filter.statement)));
+        all.join("; ")
     }
 
     /// The types of the parameters.
@@ -485,6 +609,13 @@ impl Dynamic {
     }
 
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        if let Some(Filter { listed: Some(listed), .. }) = &self.filter {
+            return listed.get(usize::try_from(source.below(listed.len() as u64)).ok()?).cloned();
+        }
+        (0..REJECTIONS).find_map(|_| self.settled(self.drawn(source)?))
+    }
+
+    fn drawn(&self, source: &mut Source) -> Option<Vec<u32>> {
         let mut rows = Vec::with_capacity(self.parts.len());
         for part in &self.parts {
             rows.push(part.words.draw(source)?);
@@ -518,6 +649,9 @@ impl Dynamic {
     }
 
     fn nth(&self, mut index: u64) -> Option<Vec<u32>> {
+        if let Some(Filter { listed: Some(listed), .. }) = &self.filter {
+            return listed.get(usize::try_from(index).ok()?).cloned();
+        }
         if index >= self.count()? {
             return None;
         }
@@ -531,6 +665,11 @@ impl Dynamic {
     }
 
     fn count(&self) -> Option<u64> {
+        match &self.filter {
+            Some(Filter { listed, .. }) => return listed.as_ref().map(|rows| rows.len() as u64),
+            None if !self.relations.is_empty() => return None,
+            None => {}
+        }
         self.parts.iter().try_fold(1_u64, |count, part| count.checked_mul(part.words.size()?))
     }
 
@@ -545,13 +684,22 @@ impl Dynamic {
     fn simpler(&self, row: &[u32]) -> Vec<Vec<u32>> {
         let words = self.split(row);
         let mut found = Vec::new();
+        let mut below = 0;
         for (at, part) in self.parts.iter().enumerate() {
+            let own = self.relations.iter().find(|relation| relation.lanes.contains(&below));
             for simpler in part.words.shrink(words[at]) {
                 let replaced = words.iter().enumerate();
                 let replaced =
                     replaced.map(|(other, own)| if other == at { &*simpler } else { own });
-                found.push(replaced.collect::<Vec<_>>().concat());
+                let Some(settled) = self.settled(replaced.collect::<Vec<_>>().concat()) else {
+                    continue;
+                };
+                // A vector that is turned may be less simple, and its search wouldn't end.
+                if own.is_none_or(|own| own.weight(&settled) < own.weight(row)) {
+                    found.push(settled);
+                }
             }
+            below += part.width();
         }
         found
     }
@@ -632,7 +780,13 @@ impl Stream for Dynamic {
 
     fn emptiness(&self) -> Option<Emptiness> {
         let mut parts = self.parts.iter().zip(&self.owners);
-        parts.find_map(|(part, owner)| Some(part.words.emptiness()?.in_part(*owner)))
+        let of_part = parts.find_map(|(part, owner)| Some(part.words.emptiness()?.in_part(*owner)));
+        of_part.or_else(|| {
+            let filter = self.filter.as_ref()?;
+            let is_empty = filter.listed.as_ref().is_some_and(Vec::is_empty);
+            let fault = format!("keeps none of the arguments: {}", filter.statement);
+            is_empty.then(|| Emptiness::of("filter", &fault))
+        })
     }
 
     fn edges(&self) -> usize {
@@ -670,7 +824,9 @@ impl Stream for Dynamic {
         let words = self.split(row);
         let admitted: Vec<_> =
             self.parts.iter().zip(words).map(|(part, own)| part.words.admits(own)).collect();
-        if admitted.contains(&Some(false)) {
+        let related = self.relations.iter().all(|relation| relation.holds(row));
+        let kept = || self.filter.as_ref().is_none_or(|filter| (filter.holds)(row));
+        if admitted.contains(&Some(false)) || !related || !kept() {
             return Some(false);
         }
         admitted.into_iter().all(|one| one.is_some()).then_some(true)
@@ -726,7 +882,7 @@ mod tests {
         let vector = ("n".to_owned(), Shape::Vector { size: 3, scalar: Scalar::F32 });
         let parts = vec![
             vec![Part::range(Scalar::F32, 0.0..=1.0).expect("floats")],
-            vec![Part::named("unit_vector").expect("known")],
+            vec![Part::named("unit_vector", 3).expect("known")],
         ];
         let dynamic = Dynamic::new(&[float, vector], parts);
         assert_eq!(dynamic.described(), "x from 0 to 1; n a unit vector");

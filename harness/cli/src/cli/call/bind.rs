@@ -110,7 +110,7 @@ fn example(kind: BindingKind) -> &'static str {
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value = karat_suite::json(text)?;
-        Value::try_from(value).context("TOML has no such value")
+        Value::try_from(value).context("`null` is no value of WGSL")
     };
     if text.starts_with(['{', '[']) {
         return json(text);

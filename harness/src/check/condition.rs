@@ -1,0 +1,164 @@
+//! Statements about a function's arguments, as WGSL.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use crate::fixture::Fixtures;
+use crate::interpret::Interpreted;
+use crate::package::Package;
+use crate::probe::{ProbeError, Probed};
+use crate::value::{Scalar, Shape};
+
+/// The name that diagnostics have for the text around a condition.
+const MODULE: &str = "condition";
+
+/// The function that the text declares.
+const FUNCTION: &str = "holds";
+
+/// A statement about a function's arguments: an expression of WGSL that is a `bool`, over the parameters' names and
+/// WGSL's builtin functions. Karat's engine evaluates it.
+///
+/// ```
+/// use karat::unstable::check::Condition;
+/// use karat::value::{Scalar, Shape};
+///
+/// let float = |name: &str| (name.to_owned(), Shape::Scalar(Scalar::F32));
+/// let below = Condition::parse(&[float("a"), float("b")], "a < b").expect("an expression");
+/// assert!(below.holds(&[0.0_f32, 1.0].map(f32::to_bits)));
+/// ```
+#[derive(Clone)]
+pub struct Condition {
+    interpreted: Arc<Interpreted>,
+    /// The lanes of the arguments that the function takes: of what varies from pixel to pixel those at the pixel.
+    lanes: Vec<usize>,
+}
+
+impl std::fmt::Debug for Condition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Condition")
+    }
+}
+
+impl Condition {
+    /// Reads a statement about these parameters.
+    ///
+    /// # Errors
+    /// If it is no expression of type `bool`, or none of the parameters stands in it, in a sentence.
+    pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
+        let mut words = text.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+        if !words.any(|word| parameters.iter().any(|(name, _)| name == word)) {
+            let names: Vec<_> = parameters.iter().map(|(name, _)| format!("`{name}`")).collect();
+            return Err(match &*names {
+                [] => "the function takes no arguments, so it keeps all or none".to_owned(),
+                names => format!(
+                    "`{text}` names no argument, so it keeps all or none: there is {}",
+                    names.join(", ")
+                ),
+            });
+        }
+        let mut lanes = Vec::new();
+        let mut below = 0;
+        let (mut structures, mut taken) = (String::new(), Vec::new());
+        for (name, shape) in parameters {
+            let value = shape.quad().unwrap_or(shape);
+            lanes.extend(below..below + value.lanes().len());
+            below += shape.lanes().len();
+            taken.push(format!("{name}: {}", declared(value, &mut structures)));
+        }
+        let has = |wanted: Scalar| parameters.iter().any(|(_, s)| s.lanes().contains(&wanted));
+        let enable = if has(Scalar::F16) { "enable f16;\n" } else { "" };
+        // A comment at its end leaves out no bracket.
+        let taken = taken.join(", ");
+        let source = format!(
+            "{enable}{structures}fn {FUNCTION}({taken}) -> bool {{ let condition: bool = (\n{text}\n); \
+             return condition; }}"
+        );
+        let package = Package::from_source(MODULE, source);
+        let probed = Probed::new(&package, FUNCTION).map_err(|error| sentence(&error, text))?;
+        let interpreted = Interpreted::new(&probed, &Fixtures::default());
+        let interpreted = Arc::new(interpreted.map_err(|error| sentence(&error, text))?);
+        Ok(Self { interpreted, lanes })
+    }
+
+    /// True if it holds for the words of the arguments. What can't be evaluated doesn't hold.
+    #[must_use]
+    pub fn holds(&self, row: &[u32]) -> bool {
+        let taken: Vec<u32> = self.lanes.iter().map(|lane| row[*lane]).collect();
+        self.interpreted.words(1, &taken).is_ok_and(|words| words == [1])
+    }
+}
+
+/// The name of a type, and the structures that it needs, the innermost first.
+fn declared(shape: &Shape, structures: &mut String) -> String {
+    match shape {
+        Shape::Array { element, length } => {
+            format!("array<{}, {length}>", declared(element, structures))
+        }
+        Shape::Struct { members, .. } => {
+            let members: Vec<String> = members
+                .iter()
+                .map(|(name, shape)| format!("{name}: {}", declared(shape, structures)))
+                .collect();
+            let name = format!("Karat{}", structures.len());
+            // Writing to a string doesn't fail.
+            let _ = writeln!(structures, "struct {name} {{ {} }}", members.join(", "));
+            name
+        }
+        plain => plain.to_string(),
+    }
+}
+
+/// What is wrong with the expression: the compiler's words, without the place in a text that nobody wrote.
+fn sentence(error: &ProbeError, text: &str) -> String {
+    let told = match error {
+        ProbeError::Reflect(error) => error.diagnostic().map(|own| own.message.clone()),
+        _ => None,
+    };
+    format!("`{text}`: {}", told.unwrap_or_else(|| error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Result<Condition, String> {
+        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let members =
+            vec![("n".to_owned(), vector.clone()), ("k".to_owned(), Shape::Scalar(Scalar::U32))];
+        let surface = Shape::Struct { name: "a::Surface".to_owned(), members };
+        Condition::parse(&[("s".to_owned(), surface), ("v".to_owned(), vector)], text)
+    }
+
+    #[test]
+    fn members_and_builtin_functions_stand_in_it() {
+        let above = of("dot(s.n, v) > 0.0 && s.k != 3u // above").expect("an expression");
+        let row = |n: f32, k: u32| {
+            let mut row = [0.0, 0.0, n].map(f32::to_bits).to_vec();
+            row.push(k);
+            row.extend([0.0, 0.6, 0.8].map(f32::to_bits));
+            row
+        };
+        assert!(above.holds(&row(1.0, 2)));
+        assert!(!above.holds(&row(-1.0, 2)) && !above.holds(&row(1.0, 3)));
+        assert!(!above.holds(&row(f32::NAN, 2)), "NaN is above nothing");
+    }
+
+    #[test]
+    fn what_is_no_condition_says_why() {
+        for (text, part) in [
+            ("s.k", "`s.k`: "),
+            ("v.x >", "`v.x >`: "),
+            ("dot(s.m, v) > 0.0", "m"),
+            ("w > v.x", "w"),
+            ("true", "names no argument, so it keeps all or none: there is `s`, `v`"),
+            ("vv.x > 0.0", "names no argument"),
+        ] {
+            let error = of(text).expect_err(text);
+            assert!(error.contains(part), "{text}: {error}");
+            assert!(!error.contains("condition.wgsl") && !error.contains('\n'), "{error}");
+            println!("{error}");
+        }
+        let none = Condition::parse(&[], "true").expect_err("nothing to filter");
+        assert!(none.contains("takes no arguments"), "{none}");
+    }
+}

@@ -1,0 +1,218 @@
+//! Vectors of a domain that are perpendicular to others of it: `t = { perpendicular_to = "n" }`.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use karat::unstable::domain::Dynamic;
+use karat::value::{Scalar, Shape};
+use toml::Value;
+
+use crate::domains::no_such;
+
+/// The key of a vector's domain.
+pub(crate) const KEY: &str = "perpendicular_to";
+
+/// A vector among the arguments: `n`, `surface.tangent`, `frames[1].t`.
+#[derive(Clone, Debug)]
+struct Vector {
+    path: String,
+    lanes: Range<usize>,
+    /// The names of the vectors that it is perpendicular to, as they are written.
+    to: Vec<String>,
+}
+
+/// The names in a vector's domain.
+pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
+    let said = value.as_table()?.get(KEY)?;
+    let one = |value: &Value| value.as_str().map(str::to_owned);
+    let all: Option<Vec<String>> = match said {
+        Value::Array(list) => list.iter().map(one).collect(),
+        other => one(other).map(|name| vec![name]),
+    };
+    Some(match all {
+        Some(all) if !all.is_empty() && value.as_table().is_some_and(|table| table.len() == 1) => {
+            Ok(all)
+        }
+        Some(all) if !all.is_empty() => {
+            Err(format!("`{KEY}` stands alone: the vector has length 1"))
+        }
+        _ => Err(format!("`{KEY}` is the name of a vector, or a list of names")),
+    })
+}
+
+/// A domain with the relations that a test declares.
+pub(crate) fn related(
+    domain: Dynamic,
+    parameters: &[(String, Shape)],
+    over: &BTreeMap<String, Value>,
+) -> Result<Dynamic, String> {
+    let mut all = Vec::new();
+    let mut first = 0;
+    for (name, shape) in parameters {
+        vectors(name, shape, over.get(name), first, &mut all)?;
+        first += shape.lanes().len();
+    }
+    let mut pending: Vec<(&Vector, Vec<&Vector>)> = Vec::new();
+    for vector in all.iter().filter(|vector| !vector.to.is_empty()) {
+        let of = |name: &String| found(vector, name, &all);
+        let to = vector.to.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        if to.len() >= vector.lanes.len() {
+            return Err(format!(
+                "`{}`: of {} components, it can't be perpendicular to {} vectors",
+                vector.path,
+                vector.lanes.len(),
+                to.len()
+            ));
+        }
+        pending.push((vector, to));
+    }
+    let mut domain = domain;
+    while !pending.is_empty() {
+        let waits = |other: &Vector| pending.iter().any(|(own, _)| own.path == other.path);
+        let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
+            let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
+            return Err(format!(
+                "`{KEY}` of {} goes round in a circle: it holds both ways, so one of them needs none",
+                names.join(", ")
+            ));
+        };
+        let (vector, to) = pending.remove(next);
+        let starts = to.iter().map(|to| to.lanes.start).collect();
+        domain = domain.perpendicular(vector.lanes.clone(), starts, &vector.to.join(", "));
+    }
+    Ok(domain)
+}
+
+/// The vector that another one's domain names: a neighbour in its structure, or from the parameters on.
+fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, String> {
+    let beside = own.path.rfind('.').map(|end| format!("{}.{name}", &own.path[..end]));
+    let by = |path: &str| all.iter().find(|vector| vector.path == path);
+    let wrong = |what: String| format!("`{}`: {what}", own.path);
+    let Some(other) = beside.as_deref().and_then(by).or_else(|| by(name)) else {
+        let others = all.iter().filter(|vector| vector.path != own.path);
+        let paths: Vec<&str> = others.map(|vector| &*vector.path).collect();
+        return Err(wrong(match &*paths {
+            [] => format!("there is no vector `{name}`"),
+            paths => no_such("vector", name, paths.iter().copied()),
+        }));
+    };
+    if other.path == own.path {
+        return Err(wrong("no unit vector is perpendicular to itself".to_owned()));
+    }
+    match other.lanes.len() == own.lanes.len() {
+        true => Ok(other),
+        false => Err(wrong(format!(
+            "it has {} components, and `{name}` has {}",
+            own.lanes.len(),
+            other.lanes.len()
+        ))),
+    }
+}
+
+/// The vectors of floats in a value, each with what its domain says.
+fn vectors(
+    path: &str,
+    shape: &Shape,
+    value: Option<&Value>,
+    first: usize,
+    all: &mut Vec<Vector>,
+) -> Result<(), String> {
+    let member = |name: &str| value.and_then(Value::as_table).and_then(|table| table.get(name));
+    if let Some(at_pixel) = shape.quad() {
+        let width = at_pixel.lanes().len();
+        let own = member("value").or(value.filter(|_| member("dx").or(member("dy")).is_none()));
+        vectors(path, at_pixel, own, first, all)?;
+        for (at, change) in ["dx", "dy"].into_iter().enumerate() {
+            let path = format!("{path}.{change}");
+            vectors(&path, at_pixel, member(change), first + (at + 1) * width, all)?;
+        }
+        return Ok(());
+    }
+    match shape {
+        Shape::Vector { size, scalar: Scalar::F32 } => {
+            let to = value.and_then(names).transpose()?.unwrap_or_default();
+            let lanes = first..first + usize::from(*size);
+            all.push(Vector { path: path.to_owned(), lanes, to });
+        }
+        Shape::Struct { members, .. } => {
+            let mut first = first;
+            for (name, shape) in members {
+                vectors(&format!("{path}.{name}"), shape, member(name), first, all)?;
+                first += shape.lanes().len();
+            }
+        }
+        Shape::Array { element, length } => {
+            let width = element.lanes().len();
+            for at in 0..*length as usize {
+                let own = match value {
+                    Some(Value::Array(list)) if list.len() == *length as usize => list.get(at),
+                    other => other,
+                };
+                vectors(&format!("{path}[{at}]"), element, own, first + at * width, all)?;
+            }
+        }
+        Shape::Scalar(_) | Shape::Vector { .. } | Shape::Matrix { .. } => {}
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domains::parts;
+    use karat::unstable::made_up::Ranges;
+
+    fn of(parameters: &[(&str, Shape)], text: &str) -> Result<String, String> {
+        let parameters: Vec<_> =
+            parameters.iter().map(|(name, shape)| ((*name).to_owned(), shape.clone())).collect();
+        let over: BTreeMap<String, Value> = toml::from_str(text).expect("TOML");
+        let all = parameters
+            .iter()
+            .map(|(name, shape)| parts(name, shape, over.get(name), &Ranges::default()));
+        let domain = Dynamic::new(&parameters, all.collect::<Result<_, _>>()?);
+        Ok(related(domain, &parameters, &over)?.described())
+    }
+
+    fn vector(size: u8) -> Shape {
+        Shape::Vector { size, scalar: Scalar::F32 }
+    }
+
+    #[test]
+    fn a_frame_is_told_in_words() {
+        let frame = [("b", vector(3)), ("t", vector(3)), ("n", vector(3))];
+        let text = "n = \"hemisphere\"\nt = { perpendicular_to = \"n\" }\n\
+                    b = { perpendicular_to = [\"t\", \"n\"] }";
+        let expected = "b a unit vector perpendicular to t, n; t a unit vector perpendicular to n; \
+                        n a unit vector with z of at least 0";
+        assert_eq!(of(&frame, text), Ok(expected.to_owned()));
+        let members = vec![("normal".to_owned(), vector(3)), ("tangent".to_owned(), vector(3))];
+        let vertex = Shape::Struct { name: "Vertex".to_owned(), members };
+        let text = "v = { tangent = { perpendicular_to = \"normal\" } }";
+        let told = of(&[("v", vertex)], text).expect("a neighbour's name");
+        assert!(told.ends_with("a unit vector perpendicular to normal"), "{told}");
+    }
+
+    #[test]
+    fn a_relation_that_cant_hold_is_told() {
+        let three = [("n", vector(3)), ("t", vector(3)), ("uv", vector(2)), ("w", vector(2))];
+        for (text, part) in [
+            ("t = { perpendicular_to = \"m\" }", "`t`: there is no vector `m`"),
+            ("t = { perpendicular_to = \"nn\" }", "did you mean `n`?"),
+            ("t = { perpendicular_to = \"t\" }", "perpendicular to itself"),
+            ("t = { perpendicular_to = \"uv\" }", "it has 3 components, and `uv` has 2"),
+            ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
+            ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
+            ("t = { perpendicular_to = \"n\", x = 1 }", "stands alone"),
+            ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
+            (
+                "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
+                "of `n`, `t` goes round in a circle",
+            ),
+        ] {
+            let error = of(&three, text).expect_err(text);
+            assert!(error.contains(part), "{text}: {error}");
+        }
+        let number = of(&[("x", Shape::Scalar(Scalar::F32))], "x = { perpendicular_to = \"x\" }");
+        assert!(number.expect_err("a number").contains("no f32"));
+    }
+}
