@@ -18,11 +18,8 @@ holds, under the features that the list sets: `karat check --crate bevy_pbr@0.20
 modules of Bevy's aren't valid, since they need values that the engine sets. A function is *callable* if `karat call` and tests can
 call it.
 
-Why functions are refused: because a call gives nothing to compare (`no result`, `discards`) or can't be
-made yet (a `pointer` into a buffer, a `fragment that writes`); because the
-crate puts its text together in Rust (`template`, `unknown preprocessor`, `asset path`, `names of
-another file`, `included by others`); because another feature is needed (`under a condition`, `value of
-a feature`); because it isn't WGSL any more, or naga lacks something (`invalid for naga`, `syntax`).
+Where a crate's Rust puts its text together, the list has the `karat.toml` that says the same: features, `[values]`, a
+`preprocess` command. Below the table stands why the other functions are refused.
 
 ";
 

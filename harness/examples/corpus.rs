@@ -18,7 +18,7 @@
 //! What naga accepts as it is Karat must accept byte for byte, and each function must be at the
 //! author's line: both are faults, as are panics and files that take more than two seconds.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::panic::catch_unwind;
@@ -29,11 +29,14 @@ use karat::Package;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
+use karat::value::Shape;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use serde::Serialize;
 
 #[path = "corpus/list.rs"]
 mod list;
+#[path = "corpus/reasons.rs"]
+mod reasons;
 
 use list::{List, Wanted};
 
@@ -84,6 +87,10 @@ fn main() -> ExitCode {
         eprintln!("{}: {} of {} functions", row.name, row.callable, row.functions);
         rows.push(row);
     }
+    let all = rows.iter().flat_map(|row| row.reasons.keys());
+    let unknown: BTreeSet<&String> = all.filter(|reason| !reasons::is_argued(reason)).collect();
+    faults
+        .extend(unknown.iter().map(|reason| format!("`{reason}` is a reason without an argument")));
     let mut text = table(&rows);
     for fault in &faults {
         writeln!(text, "fault: {fault}").expect("text takes text");
@@ -140,7 +147,7 @@ fn table(rows: &[Row]) -> String {
         )
         .expect("text takes text");
     }
-    text
+    text + &reasons::told(all.functions, all.callable, &all.reasons)
 }
 
 impl Row {
@@ -166,7 +173,7 @@ impl Row {
             let of_module = || format!("{name}, module `{module}`");
             let more = wanted.with.get(&module).into_iter().flatten();
             let package = more.fold(package.clone(), |package, name| package.feature(name, true));
-            match catch_unwind(|| of(&package, &module, verbose)) {
+            match catch_unwind(|| of(&package, &module, wanted.is_as_it_is(), verbose)) {
                 Ok((found, wrong)) => {
                     row.add(found);
                     faults
@@ -202,14 +209,15 @@ impl Row {
 }
 
 /// What became of a module, and what contradicts naga or the author's file.
-fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
+fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
     let Some(text) = text_of(package, module) else {
         return (row, vec!["its file can't be read".to_owned()]);
     };
-    let plain = naga::front::wgsl::parse_str(&text).ok().is_some_and(|module| {
-        Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
-    });
+    let plain = as_it_is
+        && naga::front::wgsl::parse_str(&text).ok().is_some_and(|module| {
+            Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
+        });
     let whole = Program::of_module(package, module);
     row.whole = usize::from(whole.is_ok());
     if let (Err(error), true) = (&whole, verbose) {
@@ -227,22 +235,27 @@ fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
         Err(error) => {
             // As many as there seem to be, so that what doesn't open isn't left out.
             row.functions = seeming_functions(&text);
-            row.refuse(reason(&error.to_string(), INVALID), row.functions);
+            let reason = match reason(&error.to_string(), INVALID) {
+                "syntax" if is_of_2021(&text) => "WGSL of 2021",
+                reason => reason,
+            };
+            row.refuse(reason, row.functions);
             return (row, faults);
         }
     };
     row.open = 1;
     for item in items.into_iter().filter(|item| item.entry_point.is_none()) {
         row.functions += 1;
-        if let Some(fault) = misplaced(&text, &item) {
-            faults.push(fault);
-        }
+        faults.extend(misplaced(&text, &item).filter(|_| as_it_is));
         match Probed::new(package, &item.name) {
             Ok(probed) => {
                 row.callable += 1;
                 let span = &probed.function().span;
                 let author = span.file.text.get(span.range.clone()).unwrap_or_default();
-                if plain && !probed.kernel().contains(author) {
+                // Of one that may discard the kernel says whether it did.
+                let discards = matches!(&probed.function().result, Shape::Struct { members, .. }
+                    if members.last().is_some_and(|(name, _)| name == "discarded"));
+                if plain && !discards && !probed.kernel().contains(author) {
                     faults.push(format!("`{}` is linked with other bytes", item.name));
                 }
             }
@@ -271,6 +284,13 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let after: String = author.chars().skip(column - 1).collect();
     let sound = before.trim_end().ends_with("fn") && after.starts_with(name);
     (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
+}
+
+/// True of a text with `[[block]]`, or with `;` between the members of a structure.
+fn is_of_2021(text: &str) -> bool {
+    let bodies = text.split("struct ").skip(1);
+    let mut bodies = bodies.map(|body| body.split('}').next().unwrap_or_default());
+    text.contains("[[") || bodies.any(|body| body.contains(';'))
 }
 
 fn seeming_functions(text: &str) -> usize {

@@ -228,6 +228,29 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
+    /// The shaders of a crate, where a crate that they import from has its modules in another folder than Karat
+    /// finds, relative to that crate's own.
+    ///
+    /// ```no_run
+    /// use karat::Package;
+    ///
+    /// let viewer = Package::open_crate(".".as_ref(), "wgpu-3dgs-viewer@0.8.0", None)?;
+    /// let viewer = viewer.with_root_of("wgpu_3dgs_core", "src/shader")?;
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the package isn't a crate's, or no crate of that name ships shaders to it from that folder.
+    pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
+        let package = self.found()?.into_owned();
+        let Origin::Found(found) = &package.origin else {
+            let reason = "a folder's `karat.toml` names its dependencies, and their `root`";
+            return Err(PackageError::Crate { name: krate.to_owned(), reason: reason.to_owned() });
+        };
+        let origin = Origin::Found(found.with_root(krate, root)?);
+        Ok(Self { origin, ..package })
+    }
+
     /// A folder of modules, or one file as a package of one module.
     ///
     /// ```

@@ -310,9 +310,10 @@ struct PackageArgs {
     /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile
     #[arg(long = "crate", value_name = "NAME[@VERSION]", conflicts_with = "package")]
     krate: Option<String>,
-    /// Folder of the crate's modules, if it isn't the one that karat finds
-    #[arg(long, value_name = "DIR", requires = "krate")]
-    root: Option<String>,
+    /// Folder of the crate's modules, if it isn't the one that karat finds; `NAME=DIR`: that of a crate which it
+    /// imports from; may be repeated
+    #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
+    roots: Vec<String>,
     /// Feature of conditions (`@if(NAME)`, `#ifdef NAME`), or its value; may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = feature)]
     features: Vec<(String, Feature)>,

@@ -1,7 +1,8 @@
 //! The list of crates and folders whose shaders are read.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use karat::Package;
 use karat::package::{Feature, PackageError};
@@ -20,6 +21,8 @@ pub(crate) struct Wanted {
     krate: Option<String>,
     folder: Option<String>,
     root: Option<String>,
+    /// The text of a `karat.toml` beside its modules, as a user of the crate writes it: a copy of the modules is read.
+    karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
     /// More features of single modules, which mean nothing without them.
@@ -48,11 +51,20 @@ impl Wanted {
         self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default()
     }
 
+    /// True if no program of a `karat.toml` prints its modules anew.
+    pub(crate) fn is_as_it_is(&self) -> bool {
+        self.karat.is_none()
+    }
+
     /// The package with the features of all modules.
     pub(crate) fn open(&self) -> Result<Package, PackageError> {
         let package = match (&self.krate, &self.folder) {
             (Some(krate), _) => Package::open_crate(Path::new("."), krate, self.root.as_deref()),
             (None, folder) => Package::open(folder.as_deref().unwrap_or(".")),
+        };
+        let package = match &self.karat {
+            Some(text) => Package::open(copied(&package?.root(), &self.name(), text)),
+            None => package,
         };
         let set = |package: Package, (name, value): (&String, &Value)| match value {
             Value::Flag(on) => package.feature(name, *on),
@@ -60,4 +72,35 @@ impl Wanted {
         };
         Ok(self.features.iter().fold(package?, set))
     }
+}
+
+/// A copy of modules below `target`, with a `karat.toml` in which `{ci}` is the folder of the list.
+fn copied(from: &Path, name: &str, text: &str) -> PathBuf {
+    let ci = std::env::current_dir().unwrap_or_default().join("ci");
+    let to = Path::new("target/corpus").join(name);
+    let written = fresh(from, &to).and_then(|()| {
+        std::fs::write(to.join("karat.toml"), text.replace("{ci}", &ci.display().to_string()))
+    });
+    written.unwrap_or_else(|error| panic!("`{}`: {error}", to.display()));
+    to
+}
+
+fn fresh(from: &Path, to: &Path) -> io::Result<()> {
+    if to.exists() {
+        std::fs::remove_dir_all(to)?;
+    }
+    std::fs::create_dir_all(to)?;
+    for entry in std::fs::read_dir(from)? {
+        let (path, to) = {
+            let entry = entry?;
+            (entry.path(), to.join(entry.file_name()))
+        };
+        let is_module = |e: &std::ffi::OsStr| ["wgsl", "wesl"].iter().any(|known| e == *known);
+        if path.is_dir() {
+            fresh(&path, &to)?;
+        } else if path.extension().is_some_and(is_module) {
+            std::fs::copy(&path, &to)?;
+        }
+    }
+    Ok(())
 }

@@ -64,14 +64,15 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// Another folder for the modules than the crate's own.
-    root: Option<PathBuf>,
+    /// Other folders for the modules than the crates' own, by their indices.
+    roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
 /// The same modules, which see the same crates.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.graph, &other.graph) && self.root() == other.root()
+        let is_same = (self.index, &self.roots) == (other.index, &other.roots);
+        Arc::ptr_eq(&self.graph, &other.graph) && is_same
     }
 }
 
@@ -89,13 +90,38 @@ impl Found {
 
     /// The folder of its modules.
     pub(super) fn root(&self) -> &Path {
-        self.root.as_deref().unwrap_or(&self.krate().root)
+        self.roots.get(&self.index).unwrap_or(&self.krate().root)
+    }
+
+    /// The same crate, where this one or one that it may import from has its modules in another folder.
+    pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
+        let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
+        let plain = name.replace('-', "_");
+        let Some(index) = self.reach(&plain).map(|found| found.index) else {
+            let near = nearest(&plain, self.known());
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            return Err(error(format!(
+                "no crate of this name ships shaders to `{}`, so it has no folder{near}",
+                self.krate().name
+            )));
+        };
+        self.placed(index, root).map_err(error)
+    }
+
+    fn placed(&self, index: usize, root: &str) -> Result<Self, String> {
+        let folder = self.graph.crates[index].folder.join(root);
+        if !folder.is_dir() {
+            return Err(format!("it has no folder `{}`", shown(&folder)));
+        }
+        let mut roots = BTreeMap::clone(&self.roots);
+        roots.insert(index, folder);
+        Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
     /// The crate that it knows by this name: one that it depends on, or else the only one of that
     /// name, since an engine gives its shaders one name space.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
-        let of = |index| Self { graph: Arc::clone(&self.graph), index, root: None };
+        let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
             return Some(of(*index));
         }
@@ -161,11 +187,11 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
     });
     let graph = graph.map_err(error)?;
     let index = graph.index_of(wanted).map_err(error)?;
-    let root = root.map(|root| graph.crates[index].folder.join(root));
-    if let Some(root) = root.as_ref().filter(|root| !root.is_dir()) {
-        return Err(error(format!("it has no folder `{}`", shown(root))));
+    let found = Found { graph, index, roots: Arc::default() };
+    match root {
+        Some(root) => found.placed(index, root).map_err(error),
+        None => Ok(found),
     }
-    Ok(Found { graph, index, root })
 }
 
 impl Graph {

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
@@ -62,7 +62,18 @@ impl Project {
         let hint = "name the shader folder with --shaders DIR";
         let mut found: Vec<Found> = Vec::new();
         if let Some(name) = &args.krate {
-            let package = Package::open_crate(self.root(), name, args.root.as_deref())?;
+            let (of_others, own): (Vec<&String>, Vec<&String>) =
+                args.roots.iter().partition(|root| root.contains('='));
+            if let [first, second, ..] = *own {
+                bail!(
+                    "`--root {first}` and `--root {second}`: a crate has its modules in one folder"
+                );
+            }
+            let own = own.first().map(|root| root.as_str());
+            let mut package = Package::open_crate(self.root(), name, own)?;
+            for (krate, root) in of_others.iter().filter_map(|root| root.split_once('=')) {
+                package = package.with_root_of(krate, root)?;
+            }
             found.push(Found::stated(package));
         } else if let Some(folder) = &args.package {
             found.push(Found::stated(Package::open(folder).context(hint)?));

@@ -104,7 +104,7 @@ fn faults_of_frames_and_of_domains_are_told() {
         ("function = \"turn\"\nperpendicular_to = \"u\"", "f.test.toml:3:1", "did you mean `v`?"),
         (
             "function = \"ratio\"\nperpendicular_to = \"a\"",
-            "f.wgsl:10:1",
+            "f.test.toml:3:1",
             "which isn't a vector of floats",
         ),
     ] {
