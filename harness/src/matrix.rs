@@ -25,6 +25,7 @@ mod row;
 mod subject;
 mod table;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -41,7 +42,10 @@ pub use known::{Finding, Known};
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
+use crate::made_up;
 use crate::package::Package;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::Program;
 use crate::tolerance::{Abs, Rel, Tolerance};
 
 /// How far a row gets on a column.
@@ -258,6 +262,7 @@ pub struct Request {
     within: Tolerance,
     only: Vec<String>,
     known: Vec<Known>,
+    overrides: BTreeMap<String, f64>,
     journal: Option<PathBuf>,
 }
 
@@ -291,6 +296,7 @@ impl Package {
             within: Rel(WITHIN).or(Abs(WITHIN)),
             only: Vec::new(),
             known: Vec::new(),
+            overrides: BTreeMap::new(),
             journal: None,
         }
     }
@@ -319,6 +325,28 @@ impl Request {
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Gives an `override` a value, by its name or its `@id`, in each row that has one.
+    #[must_use]
+    pub fn with_override(mut self, name: &str, value: f64) -> Self {
+        self.overrides.insert(name.to_owned(), value);
+        self
+    }
+
+    /// The values of the overrides that a program has.
+    fn overrides_of(&self, program: &Program) -> BTreeMap<String, f64> {
+        let own = self.overrides.iter().filter(|(name, _)| program.has_override(name));
+        own.map(|(name, value)| (name.clone(), *value)).collect()
+    }
+
+    /// A function with them.
+    fn probed(&self, name: &str) -> Result<Probed, ProbeError> {
+        let own = match self.overrides.is_empty() {
+            true => BTreeMap::new(),
+            false => self.overrides_of(&*Program::of_function(&self.package, name)?),
+        };
+        Probed::with_overrides(&self.package, name, &own).and_then(made_up::fitted)
     }
 
     /// Declares that a row doesn't get to a status on a column, or on the paths of a selector

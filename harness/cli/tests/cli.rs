@@ -12,6 +12,8 @@ mod compilers;
 mod crates;
 #[path = "cli/diff.rs"]
 mod diff;
+#[path = "cli/doctor.rs"]
+mod doctor;
 #[path = "cli/domains.rs"]
 mod domains;
 #[path = "cli/entry_points.rs"]

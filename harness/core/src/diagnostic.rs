@@ -4,6 +4,7 @@
 //! (`Display`), or as data ([`Diagnostic::location`]).
 
 mod excerpt;
+mod mend;
 
 use std::fmt;
 use std::ops::Range;
@@ -14,6 +15,7 @@ use codespan_reporting::diagnostic as codespan;
 use codespan_reporting::term;
 
 use self::excerpt::{Excerpt, Excerpts};
+pub use self::mend::Mend;
 use crate::output::visible;
 
 /// A file of the author, as read.
@@ -88,12 +90,14 @@ pub struct Diagnostic {
     pub labels: Vec<(Span, String)>,
     /// What to do next.
     pub notes: Vec<String>,
+    /// The line of `karat.toml` that may mend it.
+    pub mend: Option<Mend>,
 }
 
 impl Diagnostic {
     /// A message without a place.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), labels: Vec::new(), notes: Vec::new() }
+        Self { message: message.into(), labels: Vec::new(), notes: Vec::new(), mend: None }
     }
 
     /// Adds a place.
@@ -108,6 +112,12 @@ impl Diagnostic {
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.notes.push(note.into());
         self
+    }
+
+    /// Says which line of `karat.toml` may mend it.
+    #[must_use]
+    pub fn mended_by(self, mend: Option<Mend>) -> Self {
+        Self { mend, ..self }
     }
 
     /// Where to look first.

@@ -46,15 +46,13 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                 }
             }
             // The translation is that of the entry point; what runs calls it as a function.
-            None => {
-                match Probed::new(&request.package, &ready.row.name).and_then(made_up::fitted) {
-                    Ok(probed) => run_function(request, &probed, &mut cells),
-                    Err(error) => {
-                        let why = format!("a {} entry point isn't called: {error}", ready.row.kind);
-                        run_entry_point_on_each(request, Err(&why), &mut cells);
-                    }
+            None => match request.probed(&ready.row.name) {
+                Ok(probed) => run_function(request, &probed, &mut cells),
+                Err(error) => {
+                    let why = format!("a {} entry point isn't called: {error}", ready.row.kind);
+                    run_entry_point_on_each(request, Err(&why), &mut cells);
                 }
-            }
+            },
         },
     }
     let text = ready.text().into();

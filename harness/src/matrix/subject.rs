@@ -4,11 +4,10 @@ use karat_translate::{Shader, TranslateError, Translation};
 
 use super::column::Written;
 use super::{Column, Request, Row, Source};
-use crate::made_up;
 use crate::package::function_item::FunctionItem;
 use crate::path::Via;
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{Program, ReflectError};
+use crate::reflect::{Program, ReflectError, parsed_with};
 
 /// A function or an entry point with its translations; or its row, if it has none.
 pub(super) enum Subject {
@@ -107,8 +106,8 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
             Err(error) => failed("entry point", error),
         };
     }
-    match Probed::new(&request.package, &item.name).and_then(made_up::fitted) {
-        Ok(probed) => match Shader::parse(probed.kernel()) {
+    match request.probed(&item.name) {
+        Ok(probed) => match shader(probed.kernel(), &probed.program) {
             Ok(shader) => {
                 let own = own(request, item);
                 let (text, name) = (probed.kernel(), Probed::ENTRY_POINT);
@@ -116,7 +115,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
                 let about = About::Function(Box::new(probed));
                 Subject::Ready(Box::new(Ready { row: row("function", None), about, made }))
             }
-            Err(error) => failed("function", error.to_string()),
+            Err(error) => failed("function", error),
         },
         // It has no value to pass or to compare, or belongs to another stage: nothing calls it.
         Err(ProbeError::Reflect(ReflectError::Unprobeable(why) | ReflectError::Override(why))) => {
@@ -132,11 +131,25 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let program = Program::of_module(&request.package.for_validating(module), module);
     let program = program.map_err(|error| error.to_string())?;
-    let shader = Shader::parse(program.text()).map_err(|error| error.to_string())?;
+    let given = request.overrides_of(&program);
+    let program = match given.is_empty() {
+        true => program,
+        false => program.overridden(&given).map_err(|error| error.to_string())?,
+    };
+    let shader = shader(program.text(), &program)?;
     let name = program.entry_point_name(own).to_owned();
     let known = shader.entry_points().into_iter().find(|e| e.name == name);
     let stage = known.ok_or_else(|| format!("naga has no entry point `{name}`"))?.stage;
     Ok((shader, program, name, stage.to_string()))
+}
+
+/// A text of a program with the values of its overrides.
+fn shader(text: &str, program: &Program) -> Result<Shader, String> {
+    let read = match program.overrides().is_empty() {
+        true => Shader::parse(text),
+        false => Shader::of(naga::Module::clone(&*parsed_with(text, program.overrides())?)),
+    };
+    read.map_err(|error| error.to_string())
 }
 
 /// The text of a function and all that it uses, as its author wrote it.

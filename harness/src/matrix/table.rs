@@ -1,6 +1,6 @@
 //! All rows, and what is wanted of them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use karat_translate::{NAGA_VERSION, Tool};
@@ -16,6 +16,7 @@ use crate::diagnostic::nearest;
 use crate::package::function_item::FunctionItem;
 use crate::package::{KnownRows, Package, PackageError};
 use crate::path::{self, PathError};
+use crate::reflect::Program;
 use crate::settings::{self, SettingsError};
 
 /// Functions and entry points on every column.
@@ -101,6 +102,9 @@ pub enum MatrixError {
         /// What is wrong with it.
         why: String,
     },
+    /// An override that no row has.
+    #[error("no function and no entry point uses an override `{0}`")]
+    Override(String),
     /// A column is named twice.
     #[error("the column `{0}` is named twice")]
     Repeated(String),
@@ -141,6 +145,10 @@ pub(super) fn make(
     let package = request.package.name();
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
+    }
+    let unknown = unknown_override(request, &items);
+    if let Some(name) = unknown {
+        return Err(MatrixError::Override(name.clone()));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
         let file = request.journal.as_ref().map_or_else(String::new, |f| f.display().to_string());
@@ -207,6 +215,21 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
         }
     }
     Ok((items, unread))
+}
+
+/// An override that nothing in the package has, or that can't be looked for as no module is valid.
+fn unknown_override<'r>(request: &'r Request, items: &[FunctionItem]) -> Option<&'r String> {
+    let module =
+        |item: &FunctionItem| item.name.rsplit_once("::").map_or("", |(m, _)| m).to_owned();
+    let modules: BTreeSet<String> = match request.overrides.is_empty() {
+        true => BTreeSet::new(),
+        false => items.iter().map(module).collect(),
+    };
+    let programs =
+        modules.iter().filter_map(|module| Program::of_module(&request.package, module).ok());
+    let programs: Vec<_> = programs.collect();
+    let is_known = |name: &String| programs.iter().any(|program| program.has_override(name));
+    request.overrides.keys().find(|name| !is_known(name))
 }
 
 /// What is declared in the test and in `karat.toml`.

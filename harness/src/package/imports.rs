@@ -11,7 +11,7 @@ use super::PackageError;
 use super::brackets::syntax_error;
 use super::library::{Library, ModulePath};
 use super::syntax::Module;
-use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
 /// Braces in braces of an import statement: far more than anybody writes, and no danger to the
 /// stack.
@@ -329,8 +329,15 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
         Problem::Module(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => error,
         Problem::Module(error) => {
             let message = format!("unresolved import of `{}`", import.words.join("::"));
-            let diagnostic =
-                Diagnostic::new(message).at(span, "imported here").note(error.to_string());
+            let mend = match &error {
+                PackageError::UnknownPackage { name, .. } => Some(Mend::Dependency(name.clone())),
+                PackageError::NotComposed { .. } => Some(Mend::Dependency(import.words[0].clone())),
+                _ => None,
+            };
+            let diagnostic = Diagnostic::new(message)
+                .at(span, "imported here")
+                .note(error.to_string())
+                .mended_by(mend);
             PackageError::Shader(Box::new(diagnostic))
         }
         Problem::Item { module, nearest, condition } => {
@@ -349,6 +356,12 @@ fn hinted(
     nearest: Option<String>,
     condition: Option<String>,
 ) -> PackageError {
+    let mend = match &condition {
+        None if module == CONSTANTS => Some(Mend::Feature(name.to_owned())),
+        None => None,
+        Some(condition) => feature_of(condition).map(Mend::Condition),
+    };
+    let diagnostic = diagnostic.mended_by(mend);
     let diagnostic = match (condition, nearest) {
         (None, _) if module == CONSTANTS => diagnostic.note(format!(
             "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
@@ -359,6 +372,15 @@ fn hinted(
         (None, None) => diagnostic,
     };
     PackageError::Shader(Box::new(diagnostic))
+}
+
+/// The feature of a condition that asks about it alone: `@if(fast)`, `#ifdef FAST`.
+fn feature_of(condition: &str) -> Option<String> {
+    let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
+    let name =
+        rest.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')).unwrap_or(rest).trim();
+    let is_name = |c: char| c == '_' || c.is_alphanumeric();
+    (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
 }
 
 fn cycle(

@@ -314,7 +314,9 @@ impl Manifest {
             _ => return Ok(Self::default()),
         };
         let error = |reason: String| PackageError::Manifest { file: shown(&file), reason };
-        let text = match read_file(&file) {
+        let unsaved = package.unsaved_text(&file);
+        let read = unsaved.map_or_else(|| read_file(&file), |text| Ok(text.as_bytes().to_vec()));
+        let text = match read {
             Ok(bytes) => String::from_utf8(bytes).map_err(|other| error(other.to_string()))?,
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),

@@ -174,6 +174,13 @@ impl Package {
         own
     }
 
+    /// The text of a file that isn't saved yet.
+    pub(super) fn unsaved_text(&self, file: &Path) -> Option<&str> {
+        let place = || file.canonicalize().unwrap_or_else(|_| file.to_owned());
+        let known = |place: PathBuf| self.unsaved.iter().find(|(known, _)| *known == place);
+        if self.unsaved.is_empty() { None } else { known(place()).map(|(_, text)| &**text) }
+    }
+
     /// The file of this package that stands where `file` does in an overlay.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::diagnostic::{Diagnostic, Span};
+use crate::diagnostic::{Diagnostic, Mend, Span};
 use crate::package::Linked;
 
 /// The innermost cause of an error, then what led to it.
@@ -33,7 +33,7 @@ pub(super) fn to_author(
     labels: impl Iterator<Item = (Option<Range<usize>>, String)>,
     notes: Vec<String>,
 ) -> Diagnostic {
-    let mut diagnostic = Diagnostic { message, labels: Vec::new(), notes };
+    let mut diagnostic = Diagnostic { notes, ..Diagnostic::new(message) };
     for (range, text) in labels {
         if let Some(span) = range.and_then(|range| linked.spliced.resolve(range)) {
             // naga speaks of mangled names; the author's are shown.
@@ -46,7 +46,22 @@ pub(super) fn to_author(
         let span = Span { file: Arc::clone(&linked.file), range: 0..0 };
         diagnostic = diagnostic.at(span, "in this module");
     }
-    diagnostic
+    let mend = undeclared(&diagnostic);
+    diagnostic.mended_by(mend)
+}
+
+/// A name in capitals that nothing declares: a macro, or a constant that a program writes before the text.
+fn undeclared(diagnostic: &Diagnostic) -> Option<Mend> {
+    // The words of naga 30, which gives the kind of an error no other way.
+    if !diagnostic.message.starts_with("no definition in scope for identifier") {
+        return None;
+    }
+    let span = diagnostic.location()?;
+    let name = span.file.text.get(span.range.clone())?;
+    let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
+    let is_called = span.file.text[span.range.end..].trim_start().starts_with('(');
+    let mend = if is_called { Mend::Text } else { Mend::Value };
+    (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name.to_owned()))
 }
 
 /// The author's names for mangled ones. Longer names first: one may begin another.

@@ -1,7 +1,7 @@
 //! `karat call`: a shader as a calculator.
 
 mod arguments;
-mod bind;
+pub(super) mod bind;
 mod cases;
 mod curve;
 mod dispatch;

@@ -1,5 +1,6 @@
 //! `karat doctor`
 
+mod package;
 pub(super) mod profile;
 
 use std::io::Write;
@@ -18,6 +19,13 @@ use super::{Ending, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
+    /// A folder of modules: what keeps them from being whole, and what to write into its karat.toml. Without it,
+    /// what this machine has
+    #[arg(value_name = "PACKAGE")]
+    package: Option<std::path::PathBuf>,
+    /// Write these lines into the package's karat.toml
+    #[arg(long, requires = "package")]
+    write: bool,
     /// Fail unless these paths open
     #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
     require: Vec<String>,
@@ -132,6 +140,9 @@ struct PathReport {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if let Some(folder) = &args.package {
+        return package::run(folder, args.write, args.json, out);
+    }
     let required: Vec<Path> = args
         .require
         .iter()

@@ -18,7 +18,8 @@ use karat::unstable::record::{Record, Recorded};
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::{
-    Ending, Outcome, PackageArgs, Reported, is_in_package, resolved, spare_shaders, write_json,
+    Ending, Outcome, PackageArgs, Reported, call, is_in_package, resolved, spare_shaders,
+    write_json,
 };
 
 #[derive(clap::Args)]
@@ -39,6 +40,9 @@ pub(super) struct Args {
     /// How far two columns' results may differ, relative or absolute
     #[arg(long, value_name = "BOUND", default_value_t = 1e-3, value_parser = bound)]
     within: f64,
+    /// The value of an `override`, by its name or its `@id`; may be repeated
+    #[arg(long = "override", value_name = "NAME=VALUE")]
+    overrides: Vec<String>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -116,6 +120,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             columns.push(column);
         }
     }
+    let overrides = call::bind::overrides(&args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
         // Drawn on a terminal alone.
@@ -128,6 +133,9 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             .within(Rel(args.within).or(Abs(args.within)))
             .only(args.only.iter().map(String::as_str))
             .journal(journal);
+        let request = overrides
+            .iter()
+            .fold(request, |request, (name, value)| request.with_override(name, *value));
         let matrix = request.run_with(&|done, of| {
             bar.set_length(of as u64);
             bar.set_position(done as u64);

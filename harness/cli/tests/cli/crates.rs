@@ -96,6 +96,34 @@ fn a_crate_that_the_project_builds_opens_by_its_name() {
 }
 
 #[test]
+fn a_crate_that_is_imported_from_may_have_another_folder() {
+    let place = Place::new();
+    let call = |roots: &[&str]| {
+        let plain = ["call", "lights::flux", "1", "--crate", "engine-pbr"];
+        place.karat("game", &[&plain, roots].concat())
+    };
+    let other = place.folder.path().join("crates/engine-core/wgsl");
+    write(&other, "maths.wesl", "const PI: f32 = 3.0;\n");
+    assert!(call(&[]).good().contains(" 12.566371"));
+    for name in ["engine-core=wgsl", "engine_core=wgsl"] {
+        let said = call(&["--root", name]).good();
+        assert!(said.contains(" 12 "), "{name}: {said}");
+    }
+    assert!(call(&["--root", "src", "--root", "engine-core=wgsl"]).good().contains(" 12 "));
+    for (roots, part) in [
+        (&["--root", "engine-core=wgls"][..], "engine-core`: it has no folder `"),
+        (
+            &["--root", "engine-cor=wgsl"],
+            "ships shaders to `engine-pbr`, so it has no folder; did you mean",
+        ),
+        (&["--root", "a", "--root", "b"], "a crate has its modules in one folder"),
+    ] {
+        let error = call(roots).error();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
 fn what_cargo_says_is_kept_until_the_lock_file_changes() {
     let place = Place::new();
     let list = |name: &str| place.karat("game", &["list", "--crate", name]);

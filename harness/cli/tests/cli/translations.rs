@@ -252,6 +252,42 @@ fn compute_entry_points_with_buffers_are_run() {
 
 /// The matrix of one file on some columns: its JSON, and what else it says.
 #[cfg(target_os = "linux")]
+/// A value reaches the translations and what runs.
+#[test]
+fn overrides_have_values_in_the_matrix() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        folder.path(),
+        "m.wgsl",
+        "@id(3) override GAIN: f32 = 1.0;\noverride SIZE: u32;\n\
+         fn gained(x: f32) -> f32 { return GAIN * x; }\n\
+         @group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
+         @compute @workgroup_size(4) fn fill(@builtin(global_invocation_id) i: vec3u) {\n    \
+         data[i.x] = SIZE;\n}\n",
+    );
+    let matrix = |overrides: &[&str]| {
+        let plain = ["matrix", "--shaders", ".", "--columns", "cpu,glsl,hlsl", "--json"];
+        karat(folder.path(), &[&plain, overrides].concat())
+    };
+    let cells = |ran: &Ran| -> Vec<String> {
+        let all: serde_json::Value = serde_json::from_str(&ran.out).expect("JSON");
+        let rows = all[0]["rows"].as_array().expect("rows").clone();
+        rows.iter()
+            .flat_map(|row| row["cells"].as_array().cloned())
+            .flatten()
+            .map(|cell| cell["status"].as_str().unwrap_or("none").to_owned())
+            .collect()
+    };
+    let without = cells(&matrix(&[]));
+    assert!(without[3..].contains(&"none".to_owned()), "`SIZE` has no value: {without:?}");
+    let with = cells(&matrix(&["--override", "SIZE=4", "--override", "3=2"]));
+    assert!(!with.contains(&"none".to_owned()) && with.len() == 6, "{with:?}");
+    let error = matrix(&["--override", "SIEZ=4"]).error();
+    assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
+    let error = matrix(&["--override", "SIZE"]).error();
+    assert!(error.contains("write NAME=VALUE"), "{error}");
+}
+
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shader.wgsl", text);

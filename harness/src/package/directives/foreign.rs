@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::diagnostic::{Diagnostic, SourceFile, Span};
+use crate::diagnostic::{Diagnostic, Mend, SourceFile, Span};
 use crate::package::PackageError;
 use crate::package::lexer::{Kind, Token};
 
@@ -58,17 +58,26 @@ pub(super) fn unknown(
     what: &str,
     whose: &str,
 ) -> PackageError {
-    let values = match placeholder(&file.text[range.start..]) {
+    let name = placeholder(&file.text[range.start..]).map(str::to_owned);
+    let values = match &name {
         Some(name) => format!("`[values]` and a line `{name} = 64`, or "),
         None => String::new(),
     };
+    let before = file.text[..range.start].rsplit('\n').next().unwrap_or_default();
+    let rest = file.text[range.start..].lines().next().unwrap_or_default();
+    let is_alone = before.trim().is_empty() && rest.trim_end().ends_with('}');
     let span = Span { file: Arc::clone(file), range };
     let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} expands it"))
         .at(span, "")
         .note(format!(
             "hand Karat the expanded text: {values}a `preprocess` command in karat.toml beside the modules, \
              or `Package::from_modules` in Rust"
-        ));
+        ))
+        .mended_by(Some(match name {
+            None => Mend::Preprocess,
+            Some(name) if is_alone => Mend::Text(name),
+            Some(name) => Mend::Value(name),
+        }));
     PackageError::Shader(Box::new(diagnostic))
 }
 

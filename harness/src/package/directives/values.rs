@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Reader;
 use super::ahead::value_of;
-use crate::diagnostic::{Diagnostic, Span};
+use crate::diagnostic::{Diagnostic, Mend, Span};
 use crate::package::PackageError;
 use crate::package::feature::{Feature, is_on};
 
@@ -44,7 +44,8 @@ impl Reader<'_> {
         let span = Span { file: Arc::clone(self.file), range };
         let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
             .at(span, "")
-            .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"));
+            .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"))
+            .mended_by(Some(Mend::Feature(name.to_owned())));
         PackageError::Shader(Box::new(diagnostic))
     }
 

@@ -13,7 +13,7 @@ use karat::value::Scalar;
 use toml::Value;
 
 /// The values of overrides: `GAIN=2`.
-pub(super) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64>> {
+pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64>> {
     let one = |text: &String| {
         let (name, value) = parted("override", text)?;
         let value = match value {

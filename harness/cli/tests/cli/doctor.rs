@@ -1,0 +1,91 @@
+//! `karat doctor PACKAGE`: what to write into `karat.toml`.
+
+use super::*;
+
+/// A package with a fault of each kind that a line mends.
+fn broken() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "whole.wgsl", "fn one() -> f32 { return 1.0; }\n");
+    write(&shaders, "macros.wgsl", "fn size() -> u32 { return BLOCK_SIZE * 2u + ACT(3u); }\n");
+    write(&shaders, "template.wgsl", "{{EXTRA}}\nfn rows() -> u32 { return {{ROWS}}u; }\n");
+    write(&shaders, "value.wgsl", "fn lights() -> u32 { return #{MAX_LIGHTS}u; }\n");
+    write(&shaders, "fast.wesl", "@if(fast) fn f() -> f32 { return 1.0; }\n");
+    write(
+        &shaders,
+        "uses.wesl",
+        "import package::fast::f;\nimport noise::value::hash;\nfn g() -> f32 { return f() + hash(1.0); }\n",
+    );
+    write(
+        &folder.path().join("noise"),
+        "value.wgsl",
+        "fn hash(x: f32) -> f32 { return fract(x); }\n",
+    );
+    folder
+}
+
+#[test]
+fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
+    let folder = broken();
+    let ran = karat(folder.path(), &["doctor", "shaders"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "2 of 6 modules whole",
+        "BLOCK_SIZE = 64 # made up",
+        "ACT = \"\" # empty",
+        "EXTRA = \"\" # empty",
+        "ROWS = 64 # made up",
+        "MAX_LIGHTS = 4 # made up",
+        "fast = true # a name needs it",
+        "noise = { path = \"../noise\" }",
+        "then 6 of 6 modules are whole",
+    ] {
+        assert!(ran.out.contains(part), "{part}: {ran:?}");
+    }
+    assert!(!folder.path().join("shaders/karat.toml").exists(), "it only says so");
+    write(&folder.path().join("shaders"), "karat.toml", "# ours\n[values] # by hand\nOWN = 1\n");
+    write(&folder.path().join("shaders"), "own.wgsl", "fn own() -> i32 { return OWN; }\n");
+    let report = karat(folder.path(), &["doctor", "shaders", "--write", "--json"]).good();
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    assert_eq!((&report["whole"], &report["then_whole"]), (&3.into(), &7.into()), "{report}");
+    let text = std::fs::read_to_string(folder.path().join("shaders/karat.toml")).expect("written");
+    assert!(
+        text.starts_with("# ours\n[values] # by hand\n") && text.contains("OWN = 1\n"),
+        "{text}"
+    );
+    let again = karat(folder.path(), &["doctor", "shaders"]).good();
+    assert!(again.contains("7 modules, all whole"), "{again}");
+    karat(folder.path(), &["check", "--shaders", "shaders"]).good();
+}
+
+#[test]
+fn a_doctor_leaves_what_no_line_mends() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "a.wgsl", "#use Mode\nfn f() -> f32 { return 1.0; }\n");
+    write(&shaders, "b.wgsl", "fn g() -> f32 { return lower; }\n");
+    write(&shaders, "c.wesl", "import sky::sun::colour;\nfn h() -> vec3f { return colour(); }\n");
+    let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "0 of 3 modules whole",
+        "preprocess = [..]",
+        "no definition in scope for identifier: `lower`",
+        "[dependencies] sky = { path = \"../sky\" }, or { crate = \"sky@1.2.3\" }",
+        "3 modules not whole",
+    ] {
+        assert!(ran.out.contains(part), "{part}: {ran:?}");
+    }
+    assert!(!shaders.join("karat.toml").exists(), "there is nothing to write");
+    // A feature that an engine sets, and nothing asks about.
+    write(&shaders, "karat.toml", "[features]\nMAX_LIGHTS = 3\n");
+    let ran = karat(folder.path(), &["doctor", "shaders"]);
+    assert!(ran.out.contains("set_by_engine = [\"MAX_LIGHTS\"]"), "{ran:?}");
+    write(&shaders, "karat.toml", "[features\n");
+    let error = karat(folder.path(), &["doctor", "shaders"]).error();
+    assert!(error.contains("shaders/karat.toml"), "{error}");
+    let missing = karat(folder.path(), &["doctor", "shader"]).error();
+    assert!(missing.contains("`shader`"), "{missing}");
+    let without = karat(folder.path(), &["doctor", "--write"]).error();
+    assert!(without.contains("<PACKAGE>"), "{without}");
+}
