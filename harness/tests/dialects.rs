@@ -675,6 +675,12 @@ fn f(x: f32) -> f32 {
         package.function("f").over(Just(x as f32)).agrees_with(move |_: f64| expected, Ulp(1.0))
     };
     at(&[], 0.0);
+    // An attribute's arguments may end with a comma.
+    one("@if(A,) fn f(x: f32) -> f32 { return x; }")
+        .feature("A", true)
+        .function("f")
+        .over(0.0..=1.0)
+        .is_finite();
     for x in [0.25, 0.75] {
         at(&["A"], x);
         at(&["A", "B"], x);
@@ -687,6 +693,7 @@ fn f(x: f32) -> f32 {
         "fn f(x: f32) -> f32 { var a: array<f32, @if(A) 4>; return a[0]; }",
         "fn f(x: f32) -> f32 { for (@if(A) var i = 0; i < 2; i++) { } return x; }",
         "fn f(x: f32) -> @if(A) f32 { return x; }",
+        "fn f(x: f32) -> f32 { @if(A) ; return x; }",
     ] {
         let said = error(&one(wrong).feature("A", true), "f");
         assert!(

@@ -143,7 +143,7 @@ impl Reader<'_> {
                 "an `else` follows no group: the group isn't there when it is read",
             ));
         }
-        if !self.takes_condition(start, open) {
+        if !self.takes_condition(start, open) || self.is(at, b';') {
             let message = "a condition stands before an import, a directive, a declaration, a member, \
                            a parameter, a statement or a case, and nowhere else: put it before all of \
                            the statement or declaration";
@@ -308,6 +308,10 @@ impl Reader<'_> {
         }
         let mut at = inner.start;
         let value = self.any(&mut at, inner.end, attribute)?;
+        // As of any attribute's arguments (WGSL, 12).
+        if at + 1 == inner.end && at > inner.start && self.is(at, b',') {
+            at += 1;
+        }
         if at < inner.end {
             let message = "conditions are features joined by `&&`, `||`, `!` and brackets";
             return Err(self.error(&(at..at + 1), message));
