@@ -188,6 +188,11 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             .into_iter()
             .collect());
     }
+    if let (Meaning::Any, Shape::Matrix { columns, rows, .. }) = (meaning, shape)
+        && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
+    {
+        return Ok(vec![Described { guessed: false, ..one(part, shape.lanes()) }]);
+    }
     let part = |(lane, scalar): (usize, Scalar)| {
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
         let of_size = || {

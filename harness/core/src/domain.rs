@@ -26,6 +26,7 @@ mod source;
 mod sphere;
 mod stream;
 mod ties;
+mod transform;
 
 use std::any::Any;
 use std::fmt::Debug;

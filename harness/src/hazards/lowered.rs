@@ -23,6 +23,12 @@ pub enum Lowered {
     /// A float that becomes an integer, or edges of `clamp`, of numbers of which nothing is known; or a place in a
     /// texture, whose size is made up.
     Guessed,
+    /// A sine or a cosine beyond pi, where WGSL has no bound, or near its zero, where it has few digits.
+    Trigonometry,
+    /// A power of 0, which WGSL computes by a logarithm without a bound.
+    Power,
+    /// The whole part of a number is taken off, and digits with it: a hash, or a place within a tile.
+    Remainder,
     /// The functions and entry points that lead here were looked at as well, and none of them has it.
     Callers,
 }
@@ -38,6 +44,13 @@ impl Lowered {
             Self::Guessed => {
                 "nothing is known of the numbers, or of the texture, that it was asked with"
             }
+            Self::Trigonometry => {
+                "WGSL bounds sine and cosine from -pi to pi alone, and near their zeros digits are few"
+            }
+            Self::Power => {
+                "WGSL has a power of 0 by a logarithm, without a bound: drivers return 0"
+            }
+            Self::Remainder => "the whole part of a number is taken off, and digits with it",
             Self::Callers => {
                 "no function that leads here called it with such arguments, of those that were drawn"
             }
@@ -121,6 +134,21 @@ impl Callers {
         };
         if is_bound {
             return Some(Lowered::Guessed);
+        }
+        if matches!(hazard.kind, Kind::Unbounded | Kind::LostDigits) {
+            let is_one_of = |names: &[&str]| names.iter().any(|name| hazard.text.starts_with(name));
+            if is_one_of(&["sin(", "cos("]) {
+                return Some(Lowered::Trigonometry);
+            }
+            // An exact power of 0 is 0, and each driver that is known returns it.
+            if hazard.kind == Kind::Unbounded && is_one_of(&["pow("]) {
+                return Some(Lowered::Power);
+            }
+            let is_left =
+                is_one_of(&["fract(", "floor("]) || idiom(&hazard.text).starts_with("_ - floor(");
+            if hazard.kind == Kind::LostDigits && is_left {
+                return Some(Lowered::Remainder);
+            }
         }
         let may_be_called = |function: &str| {
             let name = function.rsplit("::").next().unwrap_or_default();

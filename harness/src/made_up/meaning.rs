@@ -58,7 +58,7 @@ const DIRECTIONS: [&str; 26] = [
 ];
 
 /// Words of names that mean a number from 0 to 1.
-const UNIT: [&str; 44] = [
+const UNIT: [&str; 47] = [
     "alpha",
     "roughness",
     "metallic",
@@ -103,7 +103,29 @@ const UNIT: [&str; 44] = [
     "strength",
     "tint",
     "gray",
+    "hue",
+    "smoothness",
+    "gain",
 ];
+
+/// Words of names that mean pixels along a side, of floats: none has 0.
+const SIZES: [&str; 3] = ["viewport", "resolution", "dimensions"];
+
+/// Words that, before `size`, mean pixels along a side.
+const SIZED: [&str; 8] =
+    ["view", "screen", "texture", "map", "framebuffer", "window", "image", "frame"];
+
+/// Words of names of matrices that divide by a distance.
+const PROJECTIONS: [&str; 4] = ["clip", "projection", "proj", "ndc"];
+
+/// Words of names that mean a distance from a centre: none is negative.
+const RADII: [&str; 3] = ["radius", "radii", "thickness"];
+
+/// The longest of these.
+const MOST_RADIUS: f64 = 1000.0;
+
+/// The most pixels along a side.
+const MOST_PIXELS: f64 = 4096.0;
 
 /// Words of names that mean a whole number from 1, of integers.
 const COUNTS: [&str; 20] = [
@@ -169,6 +191,11 @@ pub(super) fn words(name: &str) -> Vec<String> {
     }
     words.retain(|word| !word.is_empty());
     words
+}
+
+/// True of the name of a matrix such as `clip_from_view`.
+pub(super) fn is_projection(name: &str) -> bool {
+    words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }
 
 /// True if a name has a part such as `NoV`: the cosine between two vectors.
@@ -243,6 +270,15 @@ impl Meaning {
             () if has(&["ior"]) => Self::Range(1.0, MOST_REFRACTION),
             // Light enters the denser medium, or leaves it.
             () if has(&["eta"]) => Self::Range(1.0 / MOST_REFRACTION, MOST_REFRACTION),
+            () if !whole && has(&["texel"]) && has(&["size"]) => {
+                Self::Range(1.0 / MOST_PIXELS, 1.0)
+            }
+            () if !whole && (has(&SIZES) || has(&SIZED) && has(&["size"])) => {
+                Self::Range(1.0, MOST_PIXELS)
+            }
+            () if !whole && has(&RADII) => Self::Range(0.0, MOST_RADIUS),
+            // From what monitors decode to what they encode.
+            () if !whole && has(&["gamma"]) => Self::Range(0.25, 4.0),
             () if whole && has(&COUNTS) => Self::Count,
             () if whole && has(&INDICES) => Self::Index,
             () if has(&UNIT) => Self::Range(0.0, 1.0),
@@ -296,6 +332,14 @@ mod tests {
             assert_eq!(Meaning::of(name, &float), Meaning::Range(0.0, COSINE), "{name}");
         }
         assert_eq!(Meaning::of("ior", &float), Meaning::Range(1.0, 4.0));
+        let vec2 = Shape::Vector { size: 2, scalar: Scalar::F32 };
+        for name in ["view_size", "viewport", "shadowMapSize"] {
+            assert_eq!(Meaning::of(name, &vec2), Meaning::Range(1.0, 4096.0), "{name}");
+        }
+        assert_eq!(Meaning::of("texel_size", &float), Meaning::Range(1.0 / 4096.0, 1.0));
+        assert_eq!(Meaning::of("size", &vec2), Meaning::Any, "a box may have none");
+        assert_eq!(Meaning::of("inner_radius", &float), Meaning::Range(0.0, 1000.0));
+        assert!(is_projection("clip_from_view") && !is_projection("world_from_view"));
         assert_eq!(Meaning::of("eta", &float), Meaning::Range(0.25, 4.0));
         for name in ["x", "n", "distance", "world_position", "Node", "editor"] {
             assert_eq!(Meaning::of(name, &float), Meaning::Any, "{name}");

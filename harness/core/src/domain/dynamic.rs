@@ -11,6 +11,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::perpendicular::Perpendicular;
 use super::plausible::{self, Often, Plausible, Straddling};
+use super::transform::Transform;
 use super::{
     AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, REJECTIONS,
     Shrinkable, Source, Sphere, Stream, UnitRgb, UnitVector, complexity,
@@ -42,7 +43,7 @@ const COMBINATIONS: usize = 1024;
 const LISTED: u64 = 1 << 16;
 
 /// Values of one number or vector, in words.
-trait Words: Send + Sync {
+pub(super) trait Words: Send + Sync {
     fn width(&self) -> usize;
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;
     fn edges(&self) -> Vec<Vec<u32>>;
@@ -347,6 +348,19 @@ impl Part {
 
     /// The names of [`named`](Self::named).
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
+
+    /// Matrices that turn, scale, mirror and move points, of which each has an inverse. One of them is a
+    /// `perspective`, if that is asked for. `None` of those that move none.
+    ///
+    /// ```
+    /// use karat::unstable::domain::Part;
+    ///
+    /// assert_eq!(Part::transform(4, 3, false).map(|part| part.width()), Some(12));
+    /// ```
+    pub fn transform(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
+        let described = "a transform with an inverse".to_owned();
+        Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
+    }
 
     /// A [`range`](Self::range) of floats of which those near 0 are drawn often, on every scale, where 0 lies
     /// inside of it.

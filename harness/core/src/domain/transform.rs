@@ -1,0 +1,139 @@
+//! Matrices that move points, of which nothing else is known.
+
+use glam::{DMat4, DQuat, DVec3};
+
+use super::dynamic::Words;
+use super::{Domain, Emptiness, Source, UnitVector};
+
+/// Sizes of what is transformed: from a quarter to four times.
+const SCALES: f64 = 2.0;
+
+/// Distances along each axis.
+const DISTANCE: f64 = 8.0;
+
+/// Matrices as hosts give them: turned, scaled, moved and mirrored, each with an inverse.
+pub(super) struct Transform {
+    columns: usize,
+    rows: usize,
+    perspective: bool,
+}
+
+impl Transform {
+    /// `None` of a matrix that moves no points: one of two columns and three rows. Of four rows and columns one is a
+    /// `perspective`, if that is asked for.
+    pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
+        let (columns, rows) = (usize::from(columns), usize::from(rows));
+        // A matrix of three columns and four rows is one of four columns, transposed.
+        let is_known = columns == rows || matches!((columns, rows), (4, 3) | (3, 4));
+        is_known.then_some(Self { columns, rows, perspective })
+    }
+
+    /// The part of a transform of three dimensions that the matrix has.
+    fn words(&self, whole: DMat4) -> Vec<u32> {
+        let whole = if (self.columns, self.rows) == (3, 4) { whole.transpose() } else { whole };
+        let column = |at: usize| {
+            let lanes = whole.col(at).to_array();
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let words = lanes.map(|x| (x as f32).to_bits());
+            words.into_iter().take(self.rows).collect::<Vec<_>>()
+        };
+        (0..self.columns).flat_map(column).collect()
+    }
+}
+
+impl Words for Transform {
+    fn width(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        let axis = UnitVector.draw(source)?.as_dvec3();
+        // A turn within the plane keeps the first two axes, of which alone a matrix of two rows knows.
+        let axis = if self.rows == 2 { DVec3::Z } else { axis };
+        let turn = DQuat::from_axis_angle(axis, std::f64::consts::TAU * source.unit());
+        let mut within = |most: f64| most * (2.0 * source.unit() - 1.0);
+        let scale = DVec3::from_array([0; 3].map(|_| within(SCALES).exp2()));
+        let place = DVec3::from_array([0; 3].map(|_| within(DISTANCE)));
+        Some(self.words(DMat4::from_scale_rotation_translation(scale, turn, place)))
+    }
+
+    fn edges(&self) -> Vec<Vec<u32>> {
+        let mut all = vec![
+            DMat4::IDENTITY,
+            DMat4::from_scale(DVec3::new(2.0, 0.5, 1.0)),
+            DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+            DMat4::from_translation(DVec3::new(1.0, -2.0, 4.0)),
+        ];
+        if (self.columns, self.rows, self.perspective) == (4, 4, true) {
+            // A quarter turn wide, with the near plane at 0.1, depth 1 there, and none that is far.
+            const NEAR: f64 = 0.1;
+            all.push(DMat4::from_cols_array_2d(&[
+                [1.0, 0.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 0.0, -1.0],
+                [0.0, 0.0, NEAR, 0.0],
+            ]));
+        }
+        all.into_iter().map(|whole| self.words(whole)).collect()
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        None
+    }
+
+    fn size(&self) -> Option<u64> {
+        None
+    }
+
+    fn nth(&self, _: u64) -> Option<Vec<u32>> {
+        None
+    }
+
+    fn admits(&self, _: &[u32]) -> Option<bool> {
+        None
+    }
+
+    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>> {
+        let mut simpler = self.edges();
+        let own = simpler.iter().position(|edge| edge == words);
+        simpler.truncate(own.unwrap_or(simpler.len()));
+        simpler
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_transform_has_an_inverse() {
+        for (columns, rows) in [(2, 2), (3, 3), (4, 4), (4, 3), (3, 4)] {
+            let transform = Transform::of(columns, rows, true).expect("it moves points");
+            let mut all = transform.edges();
+            all.extend((0..500).filter_map(|index| transform.draw(&mut Source::new(5, index))));
+            assert!(all.len() >= 504);
+            for words in &all {
+                let x: Vec<f64> =
+                    words.iter().map(|word| f64::from(f32::from_bits(*word))).collect();
+                let at = |column: usize, row: usize| x[column * usize::from(rows) + row];
+                let determinant = match (columns, rows) {
+                    (2, 2) => at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0),
+                    (3, 4) | (4, 3) | (3, 3) => glam::DMat3::from_cols_array_2d(
+                        &[0, 1, 2].map(|c| [0, 1, 2].map(|r| at(c, r))),
+                    )
+                    .determinant(),
+                    _ => DMat4::from_cols_array_2d(
+                        &[0, 1, 2, 3].map(|c| [0, 1, 2, 3].map(|r| at(c, r))),
+                    )
+                    .determinant(),
+                };
+                assert!(determinant.abs() > 1e-2, "{columns}x{rows}: {x:?}");
+            }
+            assert_eq!(transform.shrink(&all[1]), vec![all[0].clone()]);
+            assert!(transform.shrink(&all[0]).is_empty());
+        }
+        assert!(Transform::of(2, 3, false).is_none() && Transform::of(2, 4, false).is_none());
+        let edges = |perspective| Transform::of(4, 4, perspective).map(|own| own.edges().len());
+        assert_eq!((edges(false), edges(true)), (Some(4), Some(5)));
+    }
+}
