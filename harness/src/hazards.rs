@@ -31,8 +31,8 @@ use crate::check::arguments;
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::Violation;
 use crate::interpret::Interpreted;
-use crate::interpret::hazards::Found;
 pub use crate::interpret::hazards::Kind;
+use crate::interpret::hazards::{Fine, Found, add_fine};
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::stage::Stage;
@@ -275,15 +275,16 @@ impl Request {
         let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut drawn = Drawn::default();
         let mut unseen = Unseen::default();
-        let mut whole = BTreeSet::new();
+        let (mut whole, mut fine) = (BTreeSet::new(), BTreeMap::new());
         for (name, seen) in each {
             match seen {
                 Err(why) => skipped.push((name, why)),
-                Ok(Seen { hazards, rare: own, drawn: from, cut, in_part }) => {
+                Ok(Seen { hazards, rare: own, drawn: from, cut, in_part, fine: own_fine }) => {
                     functions += 1;
                     unseen.inputs += cut;
                     unseen.functions += usize::from(cut > 0);
                     unseen.in_part += usize::from(in_part);
+                    fine.insert(name.clone(), own_fine);
                     if cut == 0 && !in_part {
                         whole.insert(name);
                     }
@@ -304,13 +305,15 @@ impl Request {
         if self.only.is_empty() {
             expect_names(&inputs, &drawn)?;
         }
-        let callers = Callers::of(&self.package, whole);
+        let callers = Callers::of(&self.package, whole, fine);
         let mut of_kind: BTreeSet<(String, Kind)> = BTreeSet::new();
         for hazard in found.values().chain(rare.values()) {
             of_kind.extend(hazard.functions().map(|function| (function.to_owned(), hazard.kind)));
         }
-        for hazard in found.values_mut() {
-            hazard.lowered = callers.lower(hazard, &of_kind);
+        for (place, hazard) in &mut found {
+            let now_and_then = rare.get(place);
+            let now_and_then = now_and_then.into_iter().flat_map(Hazard::functions).collect();
+            hazard.lowered = callers.lower(hazard, &of_kind, &now_and_then);
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
@@ -401,6 +404,8 @@ struct Seen {
     cut: usize,
     /// True if it has more operations than are kept.
     in_part: bool,
+    /// Of its own operations, and those of what it calls.
+    fine: Fine,
 }
 
 /// A function that is looked at.
@@ -450,6 +455,7 @@ impl Look<'_> {
             other => other?,
         };
         self.seen.in_part |= seen.cut;
+        add_fine(&mut self.seen.fine, seen.fine);
         self.seen.cut += all - count;
         let described = |case: usize| {
             let mut named = arguments(function, &rows[case * width..][..width]);

@@ -57,6 +57,46 @@ fn hazards_that_matter_less_are_lowered() {
     assert_eq!(with(&format!("{good}{unseen}")), None);
 }
 
+/// Operations that many write, and that drivers compute as authors mean it.
+#[test]
+fn idioms_are_lowered_and_their_likes_are_not() {
+    let tile = "fn f(p: vec2f) -> vec2f { return fract(p * 37.0); }";
+    for (text, kind, part, lowered) in [
+        (
+            "fn f(x: f32) -> f32 { return cos(40.0 * x); }",
+            Kind::Unbounded,
+            "cos(40.0 * x)",
+            Some(Lowered::Trigonometry),
+        ),
+        (
+            "fn f(c: f32) -> f32 { return pow(c, 2.2); }",
+            Kind::Unbounded,
+            "pow(c, 2.2)",
+            Some(Lowered::Power),
+        ),
+        (tile, Kind::LostDigits, "fract(p * 37.0)", Some(Lowered::Remainder)),
+        ("fn f(c: f32) -> f32 { return pow(c, 2.2); }", Kind::Nan, "pow(c, 2.2)", None),
+    ] {
+        assert_eq!(at(text, kind, part).lowered, lowered, "{text}");
+    }
+    // A host gives no matrix of zeros, and no texture without a pixel.
+    let clean = "fn f(world_from_view: mat4x4f, viewport: vec2f, p: vec3f) -> vec3f {
+        let q = world_from_view * vec4f(p, 1.0);
+        return q.xyz / q.w + vec3f(1.0 / viewport, 0.0);
+    }";
+    let found = Package::from_source("m", clean).hazards().run().expect("it is looked at").found;
+    assert!(found.iter().all(|one| !one.text.contains('/')), "{found:?}");
+    let projected = "fn f(clip_from_view: mat4x4f, p: vec3f) -> vec3f {
+        let q = clip_from_view * vec4f(p, 1.0);
+        return q.xyz / q.w;
+    }";
+    assert_eq!(
+        at(projected, Kind::Infinite, "q.xyz / q.w").lowered,
+        None,
+        "a point beside the camera"
+    );
+}
+
 /// Where something uses the value, or one of several functions shows it, a hazard stays.
 #[test]
 fn hazards_that_show_somewhere_are_not_lowered() {
@@ -90,13 +130,19 @@ fn hazards_that_show_somewhere_are_not_lowered() {
             "{more}"
         );
     }
+    // Its own hazard stands before the call, whose operation is fine in each case.
+    let own =
+        "fn caller(x: f32, roughness: f32) -> f32 { return 1.0/x + inverse(0.5 + roughness); }";
+    let lowered = at(&format!("{inverse}{own}"), Kind::Infinite, "1.0 / x").lowered;
+    assert_eq!(lowered, Some(Lowered::Callers));
     // A pass doesn't look for what WGSL doesn't bound.
-    let pass = "fn schlick(x: f32) -> f32 { return pow(1.0 - x, 5.0); }
+    let pass = "fn area(x: f32) -> f32 { return determinant(mat2x2f(x, 0.0, 0.0, 1.0)); }
         @group(0) @binding(0) var<storage, read_write> out: array<f32>;
         @compute @workgroup_size(4) fn main(@builtin(global_invocation_id) id: vec3u) {
-            if id.x < arrayLength(&out) { out[id.x] = schlick(out[id.x]); }
+            if id.x < arrayLength(&out) { out[id.x] = area(out[id.x]); }
         }";
-    assert_eq!(at(pass, Kind::Unbounded, "pow(1.0 - x, 5.0)").lowered, None);
+    let determinant = "determinant(mat2x2f(x, 0.0, 0.0, 1.0))";
+    assert_eq!(at(pass, Kind::Unbounded, determinant).lowered, None);
     let difference =
         "fn f(x: f32) -> f32 { let i = 1.0 / abs(x); return clamp(i - i, -1.0, 1.0); }";
     assert_eq!(at(difference, Kind::Infinite, "1.0 / abs(x)").lowered, None);

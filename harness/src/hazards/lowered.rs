@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use super::{Hazard, Kind};
+use crate::interpret::hazards::Fine;
 use crate::package::Package;
 use crate::reflect::Program;
 
@@ -29,7 +30,8 @@ pub enum Lowered {
     Power,
     /// The whole part of a number is taken off, and digits with it: a hash, or a place within a tile.
     Remainder,
-    /// The functions and entry points that lead here were looked at as well, and none of them has it.
+    /// The functions and entry points that lead here were looked at as well: each ran the operation often, and it was
+    /// fine; or has no hazard of this kind at all.
     Callers,
 }
 
@@ -58,6 +60,10 @@ impl Lowered {
     }
 }
 
+/// Cases in which an operation has to be fine where another function leads to it: edges of its inputs are among the
+/// first hundred.
+const ENOUGH: usize = 256;
+
 /// Who calls whom in a package, and who was looked at whole.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
@@ -65,6 +71,8 @@ pub(super) struct Callers {
     by_called: BTreeMap<String, BTreeSet<String>>,
     /// Functions all of whose operations and inputs were looked at.
     whole: BTreeSet<String>,
+    /// Of each function the cases in which an operation was fine, by its place.
+    fine: BTreeMap<String, Fine>,
     /// The words of modules that aren't valid: they may call each function of such a name.
     unsure: BTreeSet<String>,
     /// False if a module can't be read: it may call anything.
@@ -72,8 +80,12 @@ pub(super) struct Callers {
 }
 
 impl Callers {
-    pub(super) fn of(package: &Package, whole: BTreeSet<String>) -> Self {
-        let mut callers = Self { whole, complete: true, ..Self::default() };
+    pub(super) fn of(
+        package: &Package,
+        whole: BTreeSet<String>,
+        fine: BTreeMap<String, Fine>,
+    ) -> Self {
+        let mut callers = Self { whole, fine, complete: true, ..Self::default() };
         for module in package.modules().unwrap_or_default() {
             let (Ok(program), Ok(items)) =
                 (Program::of_module(package, &module), package.functions_in(&module))
@@ -109,11 +121,13 @@ impl Callers {
         roots
     }
 
-    /// Why a hazard is less than others, if it is. `of_kind` has each function with the kinds of hazards in it.
+    /// Why a hazard is less than others, if it is. `of_kind` has each function with the kinds of hazards in it, and
+    /// `now_and_then` the functions that have this one rarely.
     pub(super) fn lower(
         &self,
         hazard: &Hazard,
         of_kind: &BTreeSet<(String, Kind)>,
+        now_and_then: &BTreeSet<&str>,
     ) -> Option<Lowered> {
         if hazard.hidden {
             return Some(Lowered::Hidden);
@@ -167,10 +181,19 @@ impl Callers {
             }
             all.extend(roots);
         }
-        // Of each kind the first operation alone is reported: another one may stand before this one.
-        let is_clean = |root: &str| {
+        // Of each kind the first operation of a case alone is reported: another one may stand before this one.
+        let is_free = |root: &str| {
             self.whole.contains(root) && !of_kind.contains(&(root.to_owned(), hazard.kind))
         };
+        // But what an operation gave is known also where another one is told.
+        let ran_fine = |root: &str| {
+            let count = self.fine.get(root).and_then(|fine| *fine.get(&hazard.location)?);
+            is_float && count.is_some_and(|count| count >= ENOUGH)
+        };
+        let has_it = |root: &str| {
+            now_and_then.contains(root) || hazard.functions().any(|function| function == root)
+        };
+        let is_clean = |root: &str| is_free(root) || ran_fine(root) && !has_it(root);
         all.into_iter().all(is_clean).then_some(Lowered::Callers)
     }
 }

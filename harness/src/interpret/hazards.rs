@@ -133,7 +133,12 @@ pub(crate) struct Hazards {
     pub(crate) cases: Vec<Vec<Found>>,
     /// True if there were more operations than are kept.
     pub(crate) cut: bool,
+    pub(crate) fine: Fine,
 }
+
+/// Cases in which an operation ran and gave finite numbers of finite ones, by its place; `None` if it gave others of
+/// finite ones in any.
+pub(crate) type Fine = BTreeMap<String, Option<usize>>;
 
 /// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
 const TOGETHER: usize = 256;
@@ -351,13 +356,15 @@ impl Interpreted {
     ) -> Result<Hazards, ProbeError> {
         let width = rows.len().checked_div(cases).unwrap_or_default();
         let together = TOGETHER / self.lanes();
-        let mut found = Hazards { cases: Vec::with_capacity(cases), cut: false };
+        let cases_of = Vec::with_capacity(cases);
+        let mut found = Hazards { cases: cases_of, cut: false, fine: BTreeMap::new() };
         for first in (0..cases).step_by(together) {
             let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
             let part = self.hazards_of_chunk(count, part, left_out)?;
             found.cases.extend(part.cases);
             found.cut |= part.cut;
+            add_fine(&mut found.fine, part.fine);
         }
         Ok(found)
     }
@@ -408,7 +415,48 @@ impl Interpreted {
             }
             found
         });
-        Ok(Hazards { cases: each.collect(), cut })
+        let each = each.collect();
+        Ok(Hazards { cases: each, cut, fine: self.fine(&single, cases) })
+    }
+
+    /// The cases in which each operation gave finite numbers alone.
+    fn fine(&self, events: &[Event<f32>], cases: usize) -> Fine {
+        let lanes = self.lanes();
+        // Of a case whether the operation ran, and whether each of its numbers was finite.
+        let mut ran: BTreeMap<usize, Vec<(bool, bool)>> = BTreeMap::new();
+        let mut faulty: BTreeSet<usize> = BTreeSet::new();
+        for event in events {
+            let of_site = ran.entry(event.site).or_insert_with(|| vec![(false, true); cases]);
+            for (case, (ran, finite)) in of_site.iter_mut().enumerate() {
+                let lane = case * lanes;
+                if event.active[lane] {
+                    let mut all = event.operands.iter().map(|operand| operand[lane]);
+                    let (of_finite, gives) =
+                        (all.all(f32::is_finite), event.values[lane].is_finite());
+                    *ran = true;
+                    *finite &= of_finite && gives;
+                    // Also where another operation of the case is told in its place.
+                    if of_finite && !gives {
+                        faulty.insert(event.site);
+                    }
+                }
+            }
+        }
+        let sites = self.lowered.sites().iter();
+        let of_site = sites.filter_map(|site| {
+            let at = std::ptr::from_ref(site).addr();
+            let cases = ran.get(&at)?;
+            let (span, _) = super::author_of(&self.program, site)?;
+            let count = cases.iter().filter(|(ran, finite)| *ran && *finite).count();
+            Some((span.to_string(), Some(count).filter(|_| !faulty.contains(&at))))
+        });
+        // Several operations may stand at one place, such as those of a call that is written there.
+        let mut fine = Fine::new();
+        for (place, count) in of_site {
+            let least = fine.entry(place).or_insert(count);
+            *least = least.zip(count).map(|(a, b)| a.min(b));
+        }
+        fine
     }
 
     /// Of each kind the first operation of a lane that is at fault.
@@ -484,6 +532,14 @@ impl Interpreted {
         let (span, text) = super::author_of(&self.program, site)?;
         let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
         Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
+    }
+}
+
+/// Adds the cases of operations to those of others.
+pub(crate) fn add_fine(all: &mut Fine, more: Fine) {
+    for (place, count) in more {
+        let known = all.entry(place).or_insert(Some(0));
+        *known = known.zip(count).map(|(known, count)| known + count);
     }
 }
 
