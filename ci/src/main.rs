@@ -13,6 +13,7 @@ mod bench;
 mod command;
 mod corpus;
 mod demo;
+mod dist;
 mod full;
 mod glams;
 mod licence;
@@ -124,6 +125,15 @@ enum Task {
     Package,
     /// Run tests by cargo-nextest, whole and in three parts, and compare the reports of both.
     Nextest,
+    /// Build the packages for people without Rust, and use them where there is none
+    ///
+    /// An archive with its checksum, npm packages and a Python wheel, in target/dist/packages. Needs python3 with
+    /// `venv`; of this machine's own target also npm.
+    Dist {
+        /// Another target than this machine's, such as aarch64-unknown-linux-gnu
+        #[arg(long, value_name = "TRIPLE")]
+        target: Option<String>,
+    },
     /// Compare the libraries' public interfaces with those of a revision, by cargo-semver-checks.
     Semver {
         /// The revision [default: the one in ci/baseline.txt]
@@ -164,6 +174,7 @@ fn main() -> ExitCode {
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Package => packages::run(),
+        Task::Dist { target } => step::verdict(dist::run(target.as_deref())),
         Task::Nextest => step::verdict(nextest::run()),
         Task::Semver { revision } => step::verdict(semver::run(revision)),
         Task::Size { revision } => step::verdict(size::run(revision.as_deref())),

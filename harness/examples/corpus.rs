@@ -173,7 +173,7 @@ impl Row {
             let of_module = || format!("{name}, module `{module}`");
             let more = wanted.with.get(&module).into_iter().flatten();
             let package = more.fold(package.clone(), |package, name| package.feature(name, true));
-            match catch_unwind(|| of(&package, &module, wanted.is_as_it_is(), verbose)) {
+            match catch_unwind(|| of(&package, &module, wanted.karat.is_none(), verbose)) {
                 Ok((found, wrong)) => {
                     row.add(found);
                     faults

@@ -27,6 +27,7 @@ mod sphere;
 mod stream;
 mod ties;
 mod transform;
+mod words;
 
 use std::any::Any;
 use std::fmt::Debug;

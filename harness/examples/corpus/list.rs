@@ -22,7 +22,7 @@ pub(crate) struct Wanted {
     folder: Option<String>,
     root: Option<String>,
     /// The text of a `karat.toml` beside its modules, as a user of the crate writes it: a copy of the modules is read.
-    karat: Option<String>,
+    pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
     /// More features of single modules, which mean nothing without them.
@@ -49,11 +49,6 @@ impl List {
 impl Wanted {
     pub(crate) fn name(&self) -> String {
         self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default()
-    }
-
-    /// True if no program of a `karat.toml` prints its modules anew.
-    pub(crate) fn is_as_it_is(&self) -> bool {
-        self.karat.is_none()
     }
 
     /// The package with the features of all modules.

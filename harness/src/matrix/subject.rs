@@ -1,5 +1,7 @@
 //! What a row is about, and its translations.
 
+use std::sync::Arc;
+
 use karat_translate::{Shader, TranslateError, Translation};
 
 use super::column::Written;
@@ -26,7 +28,7 @@ pub(super) struct Ready {
 /// A function in its kernel, or an entry point of its module.
 pub(super) enum About {
     Function(Box<Probed>),
-    EntryPoint { program: std::sync::Arc<Program>, name: String },
+    EntryPoint { program: Arc<Program>, name: String },
 }
 
 /// A translation into a language, or the author's own text.
@@ -125,7 +127,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     }
 }
 
-type EntryPoint = (Shader, std::sync::Arc<Program>, String, String);
+type EntryPoint = (Shader, Arc<Program>, String, String);
 
 fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, String> {
     let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
@@ -147,7 +149,7 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
 fn shader(text: &str, program: &Program) -> Result<Shader, String> {
     let read = match program.overrides().is_empty() {
         true => Shader::parse(text),
-        false => Shader::of(naga::Module::clone(&*parsed_with(text, program.overrides())?)),
+        false => Shader::of(Arc::unwrap_or_clone(parsed_with(text, program.overrides())?)),
     };
     read.map_err(|error| error.to_string())
 }

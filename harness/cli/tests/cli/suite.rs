@@ -943,3 +943,33 @@ fn decimals_are_what_the_shader_has() {
         "all but `turn`, which has no 0.3: {ran:?}"
     );
 }
+
+/// The first test that people read of, and what it prints.
+#[test]
+fn the_readme_shows_what_its_first_test_says() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md"));
+    let readme = readme.expect("the repository's");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut files = 0;
+    for block in readme.split("```wgsl\n// ").skip(1) {
+        let text = block.split("```").next().unwrap_or_default();
+        let (name, text) = text.split_once('\n').expect("a name, and its text");
+        let path = folder.path().join(name);
+        write(
+            path.parent().expect("a folder"),
+            &path.file_name().expect("a name").to_string_lossy(),
+            text,
+        );
+        files += 1;
+    }
+    assert_eq!(files, 2, "a shader and its test");
+    let ran = karat(folder.path(), &["test", "shaders", "--paths", "cpu"]);
+    let shown = readme.split("```text\n").nth(1).and_then(|rest| rest.split("```").next());
+    let shown = shown.expect("what it prints");
+    let lines: Vec<&str> = ran.out.lines().map(str::trim).collect();
+    // Of the line of the driver: people have others.
+    for line in shown.lines().map(str::trim).filter(|line| !line.starts_with("on ")) {
+        assert!(lines.contains(&line), "`{line}` isn't in {}", ran.out);
+    }
+    assert!(shown.lines().count() > 5, "{shown}");
+}

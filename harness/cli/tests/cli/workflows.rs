@@ -9,11 +9,12 @@ use super::*;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const ACTION: &str = "ci/action/action.yml";
 const TEMPLATE: &str = "ci/gitlab/karat.yml";
-const FILES: [&str; 6] = [
+const FILES: [&str; 7] = [
     ACTION,
     TEMPLATE,
     ".github/workflows/ci.yml",
     ".github/workflows/full.yml",
+    ".github/workflows/release.yml",
     "harness/cli/src/cli/init/github.yml",
     "harness/cli/src/cli/init/gitlab.yml",
 ];
@@ -259,5 +260,96 @@ fn jobs_that_have_not_run_fail_nothing() {
                 step["run"].as_str().is_some_and(|run| run.starts_with("cargo ci test"))
             });
         assert!(runs, "{name:?}");
+    }
+}
+
+/// Serves files to whoever asks on this machine; those that aren't there are 404.
+#[cfg(unix)]
+fn served(files: Vec<(String, Vec<u8>)>) -> String {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("its address");
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let Ok(mut stream) = stream else { continue };
+            let mut lines = BufReader::new(&stream).lines().map_while(Result::ok);
+            let first = lines.next().unwrap_or_default();
+            // The head ends with an empty line.
+            lines.take_while(|line| !line.is_empty()).for_each(drop);
+            let path = first.split(' ').nth(1).unwrap_or_default();
+            let found = files.iter().find(|(name, _)| name == path);
+            let (status, body): (&str, &[u8]) = match found {
+                Some((_, body)) => ("200 OK", body),
+                None => ("404 Not Found", b""),
+            };
+            let length = body.len();
+            let head = format!(
+                "HTTP/1.1 {status}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
+            );
+            drop(stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body)));
+        }
+    });
+    format!("http://{address}")
+}
+
+/// The archive of this machine with its checksum is used; a wrong one ends the job, and none leaves it to the build.
+#[cfg(all(unix, target_arch = "x86_64", target_os = "linux"))]
+#[test]
+fn released_archives_are_taken_with_their_checksum() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let stem = "karat-0.9.0-x86_64-unknown-linux-gnu";
+    let program = folder.path().join(stem).join("karat");
+    write(&folder.path().join(stem), "karat", "#!/bin/sh\necho from an archive\n");
+    let mut mode = Command::new("chmod");
+    assert_eq!(output(mode.arg("+x").arg(&program)).code, Some(0));
+    let mut tar = Command::new("tar");
+    let packed = tar.current_dir(folder.path()).args(["-czf", "a.tar.gz", stem]);
+    assert_eq!(output(packed).code, Some(0));
+    let archive = std::fs::read(folder.path().join("a.tar.gz")).expect("packed");
+    let sum = output(Command::new("sha256sum").current_dir(folder.path()).arg("a.tar.gz")).good();
+    let digest = sum.split(' ').next().expect("a digest").to_owned();
+    let file =
+        |version: &str| format!("/v{version}/karat-{version}-x86_64-unknown-linux-gnu.tar.gz");
+    let wrong = digest.replace(|c: char| c.is_ascii_digit(), "f");
+    let at = served(vec![
+        (file("0.9.0"), archive.clone()),
+        (file("0.9.0") + ".sha256", format!("{digest}  another.tar.gz\n").into_bytes()),
+        (file("0.9.1"), archive.clone()),
+        (file("0.9.1") + ".sha256", format!("{wrong}  a.tar.gz\n").into_bytes()),
+        (file("0.9.2"), archive.clone()),
+        (file("0.9.3"), archive),
+        (file("0.9.3") + ".sha256", b"<html>".to_vec()),
+    ]);
+    let script = FilePath::new(ROOT).join("ci/download.sh");
+    for (version, code, message) in [
+        ("0.9.0", 0, ""),
+        ("0.9.1", 1, "has the checksum"),
+        ("0.9.2", 1, "has no checksum beside it"),
+        ("0.9.3", 1, "has the checksum"),
+        ("0.9.4", 3, "there is no archive at"),
+    ] {
+        let to = folder.path().join("to").join(version);
+        let mut sh = Command::new("sh");
+        let ran = output(sh.arg(&script).args([&at, version]).arg(&to));
+        assert_eq!(ran.code, Some(code), "{version}: {ran:?}");
+        assert!(ran.err.contains(message), "{version}: {ran:?}");
+        let program = to.join("bin/karat");
+        assert_eq!(program.exists(), code == 0, "{version}");
+        if code == 0 {
+            assert_eq!(output(&mut Command::new(program)).good(), "from an archive\n");
+        }
+    }
+    // The action's step says which it is, and ends the job at a wrong checksum.
+    let script = step("Archive")["run"].as_str().expect("a script").to_owned();
+    let home = folder.path().join("home");
+    for (releases, found) in [(at.as_str(), "found=no\n"), ("http://127.0.0.1:9", "found=no\n")] {
+        let said = folder.path().join("said");
+        let mut bash = Command::new("bash");
+        bash.args(["-e", "-c", &script]).env("HOME", &home).env("RELEASES", releases);
+        let action = FilePath::new(ROOT).join("ci/action");
+        let ran = output(bash.env("ACTION", action).env("GITHUB_OUTPUT", &said));
+        assert_eq!(ran.code, Some(0), "{ran:?}");
+        assert_eq!(std::fs::read_to_string(&said).expect("written"), found, "{ran:?}");
+        std::fs::remove_file(said).expect("written");
     }
 }

@@ -12,6 +12,7 @@ use glam::{Vec2, Vec3, Vec4};
 use super::perpendicular::Perpendicular;
 use super::plausible::{self, Often, Plausible, Straddling};
 use super::transform::Transform;
+use super::words::Words;
 use super::{
     AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, REJECTIONS,
     Shrinkable, Source, Sphere, Stream, UnitRgb, UnitVector, complexity,
@@ -41,22 +42,6 @@ const COMBINATIONS: usize = 1024;
 
 /// Values of a finite domain that a filter sees before the first case: those that it keeps are enumerated.
 const LISTED: u64 = 1 << 16;
-
-/// Values of one number or vector, in words.
-pub(super) trait Words: Send + Sync {
-    fn width(&self) -> usize;
-    fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;
-    fn edges(&self) -> Vec<Vec<u32>>;
-    fn emptiness(&self) -> Option<Emptiness>;
-    fn size(&self) -> Option<u64>;
-    fn nth(&self, index: u64) -> Option<Vec<u32>>;
-    fn admits(&self, words: &[u32]) -> Option<bool>;
-    fn ends(&self) -> Option<[Vec<u32>; 2]> {
-        None
-    }
-    /// Simpler values, the simplest first.
-    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>>;
-}
 
 /// A domain of Rust values that are made of words.
 struct Of<D>(D);
@@ -468,10 +453,13 @@ pub struct Dynamic {
     filter: Option<Filter>,
 }
 
+/// Whether a row is kept.
+type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
+
 /// The rows that a statement keeps.
 struct Filter {
     statement: String,
-    holds: Box<dyn Fn(&[u32]) -> bool + Send + Sync>,
+    holds: Box<Holds>,
     /// All of them, where the domain is small.
     listed: Option<Vec<Vec<u32>>>,
 }

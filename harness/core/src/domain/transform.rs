@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::dynamic::Words;
+use super::words::Words;
 use super::{Domain, Emptiness, Source, UnitVector};
 
 /// Sizes of what is transformed: from a quarter to four times.

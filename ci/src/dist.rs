@@ -1,0 +1,200 @@
+//! `cargo ci dist`: packages for people without Rust, and a walk with them where there is none.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::command;
+
+/// The glibc of Debian 10, RHEL 8 and Ubuntu 20.04. A static program couldn't open Vulkan.
+const GLIBC: &str = "2.28";
+
+/// The program and the archive, at most: what a person downloads in a few seconds.
+const MOST_BYTES: [u64; 2] = [25_000_000, 10_000_000];
+
+/// The shells that have completions, and the names of these files.
+const SHELLS: [(&str, &str); 4] = [
+    ("bash", "karat.bash"),
+    ("zsh", "_karat"),
+    ("fish", "karat.fish"),
+    ("powershell", "karat.ps1"),
+];
+
+/// Builds the packages of a target.
+pub(crate) fn run(target: Option<&str>) -> Result<()> {
+    let host = host()?;
+    let target = target.unwrap_or(&host);
+    expect_library(target)?;
+    let folder = command::root().join("target/dist");
+    let binary = build(target, &folder)?;
+    let completions = folder.join("completions");
+    fs::create_dir_all(&completions)?;
+    // They are the same on each target, and this one's program may not run here.
+    let program = if target == host { binary.clone() } else { own()? };
+    for (shell, file) in SHELLS {
+        let said = Command::new(&program).args(["completions", shell]).output()?;
+        ensure!(said.status.success(), "`karat completions {shell}` fails");
+        fs::write(completions.join(file), said.stdout)?;
+    }
+    let packages = folder.join("packages");
+    if packages.exists() {
+        fs::remove_dir_all(&packages)?;
+    }
+    let version = env!("CARGO_PKG_VERSION");
+    let mut pack = Command::new("python3");
+    pack.arg(command::root().join("ci/dist/pack.py")).arg("--binary").arg(&binary);
+    pack.arg("--root").arg(command::root()).arg("--completions").arg(&completions);
+    pack.args(["--target", target, "--version", version]).arg("--out").arg(&packages);
+    command::run(&mut pack)?;
+    let archive = archive_of(&packages)?;
+    for (file, most) in [&binary, &archive].into_iter().zip(MOST_BYTES) {
+        let bytes = fs::metadata(file)?.len();
+        ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
+    }
+    if target == host { walk(&packages) } else { Ok(()) }
+}
+
+/// The target that this machine's Rust compiles for.
+fn host() -> Result<String> {
+    let said = Command::new("rustc").arg("-vV").output().context("`rustc` doesn't run")?;
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
+    host.map(str::to_owned).context("rustc names no host")
+}
+
+fn expect_library(target: &str) -> Result<()> {
+    let said =
+        Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output()?;
+    let library = PathBuf::from(String::from_utf8_lossy(&said.stdout).trim());
+    if !said.status.success() {
+        bail!("rustc knows no target `{target}`: `rustc --print target-list` has all");
+    }
+    ensure!(
+        library.is_dir(),
+        "the standard library of `{target}` isn't installed: `rustup target add {target}`, or run this on that system"
+    );
+    Ok(())
+}
+
+/// The program, in the profile `dist`.
+fn build(target: &str, folder: &Path) -> Result<PathBuf> {
+    let linux = target.contains("-linux-");
+    let mut cargo = if linux { zigbuild(folder)? } else { command::cargo(&["build"]) };
+    let wanted = if linux { format!("{target}.{GLIBC}") } else { target.to_owned() };
+    cargo.args(["--locked", "--profile", "dist", "--package", "karat-cli", "--bins"]);
+    command::run(cargo.args(["--target", &wanted]))?;
+    let name = if target.contains("-windows-") { "karat.exe" } else { "karat" };
+    Ok(command::root().join("target").join(target).join("dist").join(name))
+}
+
+/// `cargo zigbuild`, of tools that are kept below `target`.
+fn zigbuild(folder: &Path) -> Result<Command> {
+    let tools = folder.join("tools");
+    let bin = tools.join("bin");
+    if !command::succeeds(Command::new(bin.join("cargo-zigbuild")).arg("--version")) {
+        let mut make = Command::new("python3");
+        command::run(make.args(["-m", "venv"]).arg(&tools))
+            .context("python3's `venv` makes the folder of the tools: on Debian it is the package python3-venv")?;
+        let wanted = command::root().join("ci/dist/requirements.txt");
+        let mut pip = Command::new(bin.join("python3"));
+        pip.args(["-m", "pip", "install", "--quiet", "--require-hashes", "--only-binary", ":all:"]);
+        command::run(pip.arg("--requirement").arg(wanted))?;
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let all = std::iter::once(bin).chain(std::env::split_paths(&path));
+    let mut cargo = command::cargo(&["zigbuild"]);
+    cargo.env("PATH", std::env::join_paths(all)?);
+    Ok(cargo)
+}
+
+/// The program of this machine.
+fn own() -> Result<PathBuf> {
+    command::run(&mut command::cargo(&[
+        "build",
+        "--locked",
+        "--package",
+        "karat-cli",
+        "--bin",
+        "karat",
+    ]))?;
+    Ok(command::root().join("target/debug").join(format!("karat{}", std::env::consts::EXE_SUFFIX)))
+}
+
+fn files(packages: &Path, is_one: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(packages)? {
+        let path = entry?.path();
+        if path.file_name().is_some_and(|name| is_one(&name.to_string_lossy())) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn archive_of(packages: &Path) -> Result<PathBuf> {
+    let all = files(packages, |name| name.ends_with(".tar.gz") || name.ends_with(".zip"))?;
+    all.into_iter().next().context("no archive was made")
+}
+
+/// `PATH` without the folders that have a cargo.
+fn without_rust() -> Result<std::ffi::OsString> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let has = |folder: &PathBuf| folder.join("cargo").exists() || folder.join("cargo.exe").exists();
+    let all = std::env::split_paths(&path).filter(|folder| !has(folder));
+    Ok(std::env::join_paths(all)?)
+}
+
+/// In an empty folder, with no cargo in PATH: what a person types who has npm or Python.
+fn walk(packages: &Path) -> Result<()> {
+    let path = without_rust()?;
+    let tgz = files(packages, |name| name.ends_with(".tgz"))?;
+    ensure!(tgz.len() == 2, "there are {} npm packages, not two", tgz.len());
+    let wheel = files(packages, |name| name.ends_with(".whl"))?;
+    let wheel = wheel.first().context("no wheel was made")?;
+    for way in ["npm", "python"] {
+        let folder = command::root().join("target/dist/walk").join(way);
+        if folder.exists() {
+            fs::remove_dir_all(&folder)?;
+        }
+        fs::create_dir_all(&folder)?;
+        let began = Instant::now();
+        let step = |line: &str, command: &mut Command| {
+            let own = Instant::now();
+            // No file above the folder makes it a part of this project.
+            command.current_dir(&folder).env("PATH", &path).env_remove("CARGO");
+            command::run(command).with_context(|| format!("`{line}` fails"))?;
+            eprintln!("{way}: {line}: {:.1} s", own.elapsed().as_secs_f32());
+            Ok::<(), anyhow::Error>(())
+        };
+        let run: PathBuf = match way {
+            "npm" => {
+                fs::write(folder.join("package.json"), "{ \"private\": true }\n")?;
+                let mut npm = Command::new("npm");
+                npm.args(["install", "--no-audit", "--no-fund", "--offline"]).args(&tgz);
+                step("npm install", &mut npm)?;
+                folder.join("node_modules/.bin/karat")
+            }
+            _ => {
+                step("python3 -m venv", Command::new("python3").args(["-m", "venv", "own"]))?;
+                let mut pip = Command::new(folder.join("own/bin/python3"));
+                pip.args(["-m", "pip", "install", "--quiet", "--no-index"]).arg(wheel);
+                step("pip install", &mut pip)?;
+                folder.join("own/bin/karat")
+            }
+        };
+        fs::create_dir(folder.join("shaders"))?;
+        fs::write(folder.join("shaders/tone.wgsl"), SHADER)?;
+        step("karat init shaders", Command::new(&run).args(["init", "shaders"]))?;
+        step("karat test shaders", Command::new(&run).args(["test", "shaders"]))?;
+        eprintln!("{way}: {:.1} s in all", began.elapsed().as_secs_f32());
+    }
+    Ok(())
+}
+
+/// What a web developer may have.
+const SHADER: &str = "/// Reinhard's curve.\nfn reinhard(luminance: f32) -> f32 {\n    \
+                      return luminance / (1.0 + luminance);\n}\n";
