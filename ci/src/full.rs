@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::step::Steps;
-use crate::{command, glams, matrix, setup, suite, swiftshader};
+use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 
 /// Where the last result is kept.
 const PAGE: &str = "docs/swiftshader.md";
@@ -27,6 +27,7 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
         && steps.run("glams", glams::run)
         && steps.run("divergences", matrix::divergences)
+        && steps.run("packages without Rust", || dist::run(None))
         && steps.run("swiftshader", on_swiftshader);
     steps.finish()
 }
