@@ -1,5 +1,6 @@
 //! `karat init`: a first test that passes, and what goes with it.
 
+mod npm;
 mod pass;
 
 use std::collections::BTreeSet;
@@ -15,7 +16,6 @@ use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
 use karat::unstable::record::Recorded;
 use karat::unstable::reflect::Stage;
-use karat::unstable::tint::Tint;
 use karat::value::{Scalar, Shape};
 
 use super::doctor::profile::unoptimised;
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ignore(out)?;
     optimise(&folder, out)?;
-    ask_for_tint(&folder, out)?;
+    npm::adapt(&folder, out)?;
     if args.github {
         keep(Path::new(".github/workflows/karat.yml"), &with_folder(GITHUB, &folder), out)?;
     }
@@ -115,33 +115,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
-}
-
-/// In a project for the web both compilers are to accept the shaders: a browser that isn't Firefox has Tint.
-fn ask_for_tint(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
-    let whole = folder.canonicalize()?;
-    if !whole.ancestors().any(|folder| folder.join("package.json").is_file()) {
-        return Ok(());
-    }
-    let file = folder.join("karat.toml");
-    let known = match std::fs::read_to_string(&file) {
-        Ok(text) => text,
-        Err(none) if none.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => return Err(error).with_context(|| format!("`{}`", file.display())),
-    };
-    if known.contains("[compilers]") {
-        return Ok(());
-    }
-    let blank = if known.is_empty() { "" } else { "\n" };
-    let asked = "# Chrome, Edge and Node compile WGSL by Tint: what it rejects isn't valid here.\n\
-                 [compilers]\nrequire = [\"tint\"]\n";
-    std::fs::write(&file, format!("{known}{blank}{asked}"))
-        .with_context(|| format!("`{}`", file.display()))?;
-    writeln!(out, "{GOOD}wrote{GOOD:#} {}: Tint's verdict is required", file.display())?;
-    if let Err(missing) = Tint::beside(&whole, true) {
-        writeln!(out, "{DIM}Tint: {missing}; {}{DIM:#}", missing.remedy)?;
-    }
-    Ok(())
 }
 
 /// The folder whose tests `karat test` runs here, if there is one.

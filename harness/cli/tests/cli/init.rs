@@ -299,3 +299,27 @@ fn nothing_is_written_in_ci_unless_it_may() {
     init(&["--ci-may-write"]).good();
     assert!(folder.path().join("m.test.toml").is_file());
 }
+
+/// A project for the web gets a script; Tint is required where it is, so that a first run is green.
+#[test]
+fn a_project_for_the_web_gets_a_script() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let manifest = "{\n  \"scripts\": {\n    \"dev\": \"vite\"\n  }\n}\n";
+    write(folder.path(), "package.json", manifest);
+    let shader = "fn reinhard(luminance: f32) -> f32 { return luminance / (1.0 + luminance); }\n";
+    write(&folder.path().join("src/shaders"), "tone.wgsl", shader);
+    let init = || {
+        let mut command = command(folder.path(), &["init", "src/shaders"]);
+        output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
+    };
+    let said = init().good();
+    assert!(said.contains("added `npm run test:shaders`"), "{said}");
+    assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
+    let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
+    let script = "    \"test:shaders\": \"karat test src/shaders\",\n    \"dev\": \"vite\"\n";
+    assert!(manifest.contains(script), "{manifest}");
+    assert!(!folder.path().join("src/shaders/karat.toml").exists(), "nothing requires Tint");
+    init().good();
+    let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
+    assert_eq!(again, manifest, "once is enough");
+}

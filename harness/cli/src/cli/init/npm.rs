@@ -1,0 +1,159 @@
+//! A project for the web: a script in its `package.json`, and Tint's verdict.
+
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::Context;
+use karat::unstable::diagnostic::shown;
+use karat::unstable::tint::Tint;
+use serde_json::Value;
+
+use crate::cli::table::{DIM, GOOD};
+
+/// The name of the script.
+const SCRIPT: &str = "test:shaders";
+
+/// The file of npm.
+const FILE: &str = "package.json";
+
+/// Adds what a project for the web has besides; nothing elsewhere.
+pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
+    let whole = folder.canonicalize()?;
+    let Some(root) = whole.ancestors().find(|folder| folder.join(FILE).is_file()) else {
+        return Ok(());
+    };
+    let below = whole.strip_prefix(root).unwrap_or(&whole);
+    let below = if below.as_os_str().is_empty() { Path::new(".") } else { below };
+    add_script(&root.join(FILE), &shown(below), out)?;
+    ask_for_tint(folder, &whole, out)
+}
+
+/// Adds the script, where the file has none of its name.
+fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result<()> {
+    let name = shown(file);
+    let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
+    let Ok(manifest) = serde_json::from_str::<Value>(&text) else {
+        writeln!(out, "{DIM}{name} is no JSON: no script is added{DIM:#}")?;
+        return Ok(());
+    };
+    if manifest["scripts"][SCRIPT].is_string() {
+        return Ok(());
+    }
+    let command = format!("karat test {shaders}");
+    let mut wanted = manifest.clone();
+    wanted["scripts"][SCRIPT] = command.clone().into();
+    let added = inserted(&text, &format!("{}: {}", Value::from(SCRIPT), Value::from(&*command)));
+    match added.filter(|added| serde_json::from_str::<Value>(added).is_ok_and(|new| new == wanted))
+    {
+        Some(added) => {
+            std::fs::write(file, added).with_context(|| format!("`{name}`"))?;
+            writeln!(out, "{GOOD}added{GOOD:#} `npm run {SCRIPT}` to {name}")?;
+        }
+        None => {
+            writeln!(out, "{DIM}add to the scripts of {name}: \"{SCRIPT}\": \"{command}\"{DIM:#}")?
+        }
+    }
+    Ok(())
+}
+
+/// The text with a member of `scripts` more, in the lines that its author writes. `None` where that isn't plain: the
+/// caller compares what comes of it with what it is to be.
+fn inserted(text: &str, member: &str) -> Option<String> {
+    let scripts = text.find("\"scripts\"");
+    let open = match scripts {
+        Some(at) => at + text[at..].find('{')?,
+        None => text.find('{')?,
+    };
+    let rest = &text[open + 1..];
+    // As the next member stands: on a line of its own, or in this one.
+    let blank: String = rest.chars().take_while(|c| c.is_whitespace()).collect();
+    let is_empty = rest.trim_start().starts_with('}');
+    let comma = if is_empty { "" } else { "," };
+    let own = match scripts {
+        Some(_) => member.to_owned(),
+        None => format!("\"scripts\": {{ {member} }}"),
+    };
+    let (before, after) = match is_empty {
+        true => (" ", if blank.contains('\n') { "" } else { " " }),
+        false => (&*blank, ""),
+    };
+    Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
+}
+
+/// In a project for the web both compilers are to accept the shaders: a browser that isn't Firefox has Tint.
+fn ask_for_tint(folder: &Path, whole: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
+    let file = folder.join("karat.toml");
+    let known = match std::fs::read_to_string(&file) {
+        Ok(text) => text,
+        Err(none) if none.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(error).with_context(|| format!("`{}`", file.display())),
+    };
+    if known.contains("[compilers]") {
+        return Ok(());
+    }
+    // What requires it and hasn't it fails: a first run is green.
+    if let Err(missing) = Tint::beside(whole, true) {
+        let remedy = &missing.remedy;
+        writeln!(
+            out,
+            "{DIM}Chrome's compiler isn't asked: {missing}; {remedy}, and run this again{DIM:#}"
+        )?;
+        return Ok(());
+    }
+    let blank = if known.is_empty() { "" } else { "\n" };
+    let asked = "# Chrome, Edge and Node compile WGSL by Tint: what it rejects isn't valid here.\n\
+                 [compilers]\nrequire = [\"tint\"]\n";
+    std::fs::write(&file, format!("{known}{blank}{asked}"))
+        .with_context(|| format!("`{}`", file.display()))?;
+    writeln!(out, "{GOOD}wrote{GOOD:#} {}: Tint's verdict is required", file.display())?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_script_stands_as_its_neighbours_do() {
+        for (text, expected) in [
+            ("{}\n", "{ \"scripts\": { \"test:shaders\": \"karat test .\" } }\n"),
+            (
+                "{\n  \"name\": \"a\"\n}\n",
+                "{\n  \"scripts\": { \"test:shaders\": \"karat test .\" },\n  \"name\": \"a\"\n}\n",
+            ),
+            (
+                "{\n  \"scripts\": {\n    \"dev\": \"vite\"\n  }\n}\n",
+                "{\n  \"scripts\": {\n    \"test:shaders\": \"karat test .\",\n    \"dev\": \"vite\"\n  }\n}\n",
+            ),
+            ("{ \"scripts\": {} }", "{ \"scripts\": { \"test:shaders\": \"karat test .\" } }"),
+        ] {
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            let file = folder.path().join(FILE);
+            std::fs::write(&file, text).expect("written");
+            let mut said = Vec::new();
+            add_script(&file, ".", &mut said).expect("a script");
+            assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
+            // Once is enough.
+            add_script(&file, ".", &mut said).expect("a script");
+            assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_isnt_plain_is_left_as_it_is() {
+        for text in
+            ["{ \"scripts\"", "{ \"files\": [\"scripts\", \"a\"], \"scripts\": { \"a\": \"b\" } }"]
+        {
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            let file = folder.path().join(FILE);
+            std::fs::write(&file, text).expect("written");
+            let mut said = Vec::new();
+            add_script(&file, "shaders", &mut said).expect("a line of advice");
+            let now = std::fs::read_to_string(&file).expect("it is there");
+            let said = String::from_utf8(said).expect("text");
+            let whole = serde_json::from_str::<Value>(&now);
+            let added = whole.is_ok_and(|whole| whole["scripts"][SCRIPT].is_string());
+            assert!(added || now == text && !said.is_empty(), "{text}: {now}: {said}");
+        }
+    }
+}
