@@ -39,6 +39,11 @@ if [ "${#wanted}" -ne 64 ] || [ "${found%% *}" != "$wanted" ]; then
     echo "karat: $archive has the checksum ${found%% *}, and not $wanted" >&2
     exit 1
 fi
-mkdir -p "$folder/bin"
 tar -xzf "$work/$name.tar.gz" -C "$work"
+# Linux without glibc can't run it.
+if ! "$work/$name/karat" --version > /dev/null; then
+    echo "karat: the archive's program doesn't run on this machine" >&2
+    exit 3
+fi
+mkdir -p "$folder/bin"
 cp "$work/$name/karat" "$folder/bin/karat"

@@ -12,7 +12,7 @@ try {
 } catch {
   console.error(
     `karat: the package ${own} isn't here. Install without --omit=optional; if there is no such package, ` +
-      "build karat with Rust: cargo install karat-cli",
+      "build karat with Rust, from its repository: cargo install --path harness/cli",
   );
   process.exit(2);
 }

@@ -49,7 +49,7 @@ def zipped(path, files):
 
 
 def archive(out, stem, files, windows):
-    """What a person unpacks, and cargo-binstall."""
+    """For people, who unpack it, and for cargo-binstall."""
     path = out / (stem + (".zip" if windows else ".tar.gz"))
     (zipped if windows else targz)(path, [(f"{stem}/{name}", data, x) for name, data, x in files])
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -84,6 +84,9 @@ def npm(out, version, target, program, files):
 def wheel(out, version, target, program, files):
     """`pip install` and `uvx`: the program is a script of the wheel."""
     tag = f"py3-none-{TARGETS[target][2]}"
+    # Python's form of `0.2.0-rc.1` is `0.2.0rc1`.
+    head, _, rest = version.partition("-")
+    version = head + rest.replace(".", "")
     info = f"karat-{version}.dist-info"
     readme = dict((n, d) for n, d, _ in files)["README.md"].decode()
     metadata = (

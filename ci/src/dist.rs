@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::command;
 
-/// The glibc of Debian 10, RHEL 8 and Ubuntu 20.04. A static program couldn't open Vulkan.
+/// The glibc of Debian 10 and RHEL 8. A static program couldn't open Vulkan.
 const GLIBC: &str = "2.28";
 
 /// The program and the archive, at most: what a person downloads in a few seconds.
@@ -54,7 +54,8 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
         let bytes = fs::metadata(file)?.len();
         ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
     }
-    if target == host { walk(&packages) } else { Ok(()) }
+    // The names of npm's and Python's programs are others on Windows, where nothing of this was ever run.
+    if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 
 /// The target that this machine's Rust compiles for.
@@ -155,16 +156,14 @@ fn walk(packages: &Path) -> Result<()> {
     ensure!(tgz.len() == 2, "there are {} npm packages, not two", tgz.len());
     let wheel = files(packages, |name| name.ends_with(".whl"))?;
     let wheel = wheel.first().context("no wheel was made")?;
+    // Outside of this repository, whose manifest would make it one of its folders.
+    let place = std::env::temp_dir().join(format!("karat-dist-{}", std::process::id()));
     for way in ["npm", "python"] {
-        let folder = command::root().join("target/dist/walk").join(way);
-        if folder.exists() {
-            fs::remove_dir_all(&folder)?;
-        }
+        let folder = place.join(way);
         fs::create_dir_all(&folder)?;
         let began = Instant::now();
         let step = |line: &str, command: &mut Command| {
             let own = Instant::now();
-            // No file above the folder makes it a part of this project.
             command.current_dir(&folder).env("PATH", &path).env_remove("CARGO");
             command::run(command).with_context(|| format!("`{line}` fails"))?;
             eprintln!("{way}: {line}: {:.1} s", own.elapsed().as_secs_f32());
@@ -192,9 +191,9 @@ fn walk(packages: &Path) -> Result<()> {
         step("karat test shaders", Command::new(&run).args(["test", "shaders"]))?;
         eprintln!("{way}: {:.1} s in all", began.elapsed().as_secs_f32());
     }
-    Ok(())
+    fs::remove_dir_all(place).context("can't remove the folders of the walk")
 }
 
-/// What a web developer may have.
+/// A shader as a web developer may have it.
 const SHADER: &str = "/// Reinhard's curve.\nfn reinhard(luminance: f32) -> f32 {\n    \
                       return luminance / (1.0 + luminance);\n}\n";

@@ -189,6 +189,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             .collect());
     }
     if let (Meaning::Any, Shape::Matrix { columns, rows, .. }) = (meaning, shape)
+        && meaning::is_transform(own)
         && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
     {
         return Ok(vec![Described { guessed: false, ..one(part, shape.lanes()) }]);

@@ -86,15 +86,15 @@ fn idioms_are_lowered_and_their_likes_are_not() {
     }";
     let found = Package::from_source("m", clean).hazards().run().expect("it is looked at").found;
     assert!(found.iter().all(|one| !one.text.contains('/')), "{found:?}");
-    let projected = "fn f(clip_from_view: mat4x4f, p: vec3f) -> vec3f {
-        let q = clip_from_view * vec4f(p, 1.0);
-        return q.xyz / q.w;
-    }";
-    assert_eq!(
-        at(projected, Kind::Infinite, "q.xyz / q.w").lowered,
-        None,
-        "a point beside the camera"
-    );
+    for name in ["clip_from_view", "mvp"] {
+        let projected = format!(
+            "fn f({name}: mat4x4f, p: vec3f) -> vec3f {{ let q = {name} * vec4f(p, 1.0); return q.xyz / q.w; }}"
+        );
+        let found = at(&projected, Kind::Infinite, "q.xyz / q.w");
+        assert_eq!(found.lowered, None, "a point beside the camera of {name}");
+    }
+    let inverse = "fn f(m: mat2x2f) -> f32 { return 1.0 / (m[0].x * m[1].y - m[0].y * m[1].x); }";
+    at(inverse, Kind::Infinite, "1.0 / (m[0].x * m[1].y - m[0].y * m[1].x)");
 }
 
 /// Where something uses the value, or one of several functions shows it, a hazard stays.
@@ -130,6 +130,10 @@ fn hazards_that_show_somewhere_are_not_lowered() {
             "{more}"
         );
     }
+    // The last of its rounds divides by 0, and the first ones alone are kept.
+    let rounds = "fn root(roughness: f32) -> f32 { var sum = roughness; let last = 2000u;
+        for (var i = 0u; i < last; i++) { sum += inverse(f32(last - 1u - i)); } return sum; }";
+    assert_eq!(at(&format!("{inverse}{rounds}"), Kind::Infinite, "1.0 / x").lowered, None);
     // Its own hazard stands before the call, whose operation is fine in each case.
     let own =
         "fn caller(x: f32, roughness: f32) -> f32 { return 1.0/x + inverse(0.5 + roughness); }";

@@ -125,8 +125,8 @@ fn nothing_to_compare() {
     let reasons = [
         "is asked for 0 cases",
         "is empty: its list is empty",
-        "rejects nearly everything that its filter sees",
-        "rejects nearly everything that its filter sees",
+        "has a filter that rejects nearly everything",
+        "has a filter that rejects nearly everything",
         "is empty: its range starts at 1 and ends at 0",
     ];
     for (found, reason) in found.into_iter().zip(reasons) {

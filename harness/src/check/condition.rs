@@ -12,6 +12,9 @@ use crate::value::{Scalar, Shape};
 /// The name that diagnostics have for the text around a condition.
 const MODULE: &str = "condition";
 
+/// The name of its value, which no parameter has.
+const RESULT: &str = "karat_condition";
+
 /// The function that the text declares.
 const FUNCTION: &str = "holds";
 
@@ -45,8 +48,8 @@ impl Condition {
     /// # Errors
     /// If it is no expression of type `bool`, or none of the parameters stands in it, in a sentence.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
-        let mut words = text.split(|c: char| !(c.is_alphanumeric() || c == '_'));
-        if !words.any(|word| parameters.iter().any(|(name, _)| name == word)) {
+        let plain = without_comments(text);
+        if !parameters.iter().any(|(name, _)| Self::names(text, name)) {
             let names: Vec<_> = parameters.iter().map(|(name, _)| format!("`{name}`")).collect();
             return Err(match &*names {
                 [] => "the function takes no arguments, so it keeps all or none".to_owned(),
@@ -55,6 +58,14 @@ impl Condition {
                     names.join(", ")
                 ),
             });
+        }
+        let mut depth = 0_i32;
+        let closes = plain.chars().any(|c| {
+            depth += i32::from(c == '(') - i32::from(c == ')');
+            depth < 0
+        });
+        if closes || depth != 0 {
+            return Err(format!("`{text}`: its brackets don't match"));
         }
         let mut lanes = Vec::new();
         let mut below = 0;
@@ -70,8 +81,7 @@ impl Condition {
         // A comment at its end leaves out no bracket.
         let taken = taken.join(", ");
         let source = format!(
-            "{enable}{structures}fn {FUNCTION}({taken}) -> bool {{ let condition: bool = (\n{text}\n); \
-             return condition; }}"
+            "{enable}{structures}fn {FUNCTION}({taken}) -> bool {{ let {RESULT}: bool = (\n{text}\n); return {RESULT}; }}"
         );
         let package = Package::from_source(MODULE, source);
         let probed = Probed::new(&package, FUNCTION).map_err(|error| sentence(&error, text))?;
@@ -80,12 +90,32 @@ impl Condition {
         Ok(Self { interpreted, lanes })
     }
 
-    /// True if it holds for the words of the arguments. What can't be evaluated doesn't hold.
+    /// True if the text names this parameter.
+    #[must_use]
+    pub fn names(text: &str, parameter: &str) -> bool {
+        let plain = without_comments(text);
+        plain.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == parameter)
+    }
+
+    /// True if it holds for the words of the arguments. A case that can't be evaluated doesn't satisfy it.
     #[must_use]
     pub fn holds(&self, row: &[u32]) -> bool {
         let taken: Vec<u32> = self.lanes.iter().map(|lane| row[*lane]).collect();
         self.interpreted.words(1, &taken).is_ok_and(|words| words == [1])
     }
+}
+
+/// A text without comments, which name nothing.
+fn without_comments(text: &str) -> String {
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
+        plain.push_str(&rest[..at]);
+        plain.push(' ');
+        let end = if rest[at..].starts_with("//") { "\n" } else { "*/" };
+        rest = rest[at + 2..].split_once(end).map_or("", |(_, after)| after);
+    }
+    plain + rest
 }
 
 /// The name of a type, and the structures that it needs, the innermost first.
@@ -108,13 +138,14 @@ fn declared(shape: &Shape, structures: &mut String) -> String {
     }
 }
 
-/// What is wrong with the expression: the compiler's words, without the place in a text that nobody wrote.
+/// The compiler's words on the expression, without their place in the text around it.
 fn sentence(error: &ProbeError, text: &str) -> String {
     let told = match error {
         ProbeError::Reflect(error) => error.diagnostic().map(|own| own.message.clone()),
         _ => None,
     };
-    format!("`{text}`: {}", told.unwrap_or_else(|| error.to_string()))
+    let told = told.unwrap_or_else(|| error.to_string());
+    format!("`{text}`: {}", told.replace(&format!("`{RESULT}`"), "the condition"))
 }
 
 #[cfg(test)]
@@ -150,14 +181,20 @@ mod tests {
             ("v.x >", "`v.x >`: "),
             ("dot(s.m, v) > 0.0", "m"),
             ("w > v.x", "w"),
+            ("true // v.x > 0.0", "names no argument"),
+            ("true /* v */", "names no argument"),
             ("true", "names no argument, so it keeps all or none: there is `s`, `v`"),
             ("vv.x > 0.0", "names no argument"),
         ] {
             let error = of(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");
             assert!(!error.contains("condition.wgsl") && !error.contains('\n'), "{error}");
-            println!("{error}");
         }
+        let own = Condition::parse(
+            &[("condition".to_owned(), Shape::Scalar(Scalar::F32))],
+            "condition > 0.5",
+        );
+        assert!(own.expect("a name like another").holds(&[1.0_f32.to_bits()]));
         let none = Condition::parse(&[], "true").expect_err("nothing to filter");
         assert!(none.contains("takes no arguments"), "{none}");
     }

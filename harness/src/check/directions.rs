@@ -1,4 +1,4 @@
-//! What is asked of directions: unit vectors, vectors at right angles, frames.
+//! Checks of directions: unit vectors, vectors at right angles, frames.
 
 use super::demand::Demand;
 use super::ordinary::unsuited;
@@ -11,7 +11,7 @@ use crate::run::or_panic;
 use crate::value::{Scalar, Shape};
 
 /// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
-/// a cosine by `sqrt(1 - c * c)` by several times that; whoever forgets to normalise is off by more.
+/// a cosine by `sqrt(1 - c * c)` by several times that; a vector that is not normalised is off by more.
 const LENGTH: f64 = 1e-5;
 
 impl<V> Check<'_, Calls<V>> {
@@ -41,7 +41,7 @@ impl<V> Check<'_, Calls<V>> {
     }
 
     /// Checks that results are vectors perpendicular to an argument, a vector of the same type: the cosine between
-    /// them is at most 1e-5. A result of zeros fails, unless the argument is one.
+    /// them is at most 1e-5. Where one of them is zeros there is no angle: that fails.
     ///
     /// A tangent, a bitangent or a half-turned vector may be wrong by its sign and pass.
     ///
@@ -75,7 +75,7 @@ impl<V> Check<'_, Calls<V>> {
     /// the third as their cross product, all to within 1e-5. They are the columns of a 3x3 matrix, the elements of
     /// an array or the members of a structure.
     ///
-    /// A frame that is mirrored fails, which [`is_unit`](Self::is_unit) can't see. What the frame is turned around is
+    /// A frame that is mirrored fails, which [`is_unit`](Self::is_unit) can't see. The axis that a frame is turned around is
     /// for [`satisfies`](Self::satisfies).
     ///
     /// ```no_run
@@ -200,8 +200,9 @@ impl Plan<'_> {
                 let to = decoded(scalar, &arguments[first..first + words.len()]);
                 let own = decoded(scalar, words);
                 let lengths = dot(&own, &own).sqrt() * dot(&to, &to).sqrt();
-                let is_direction = own.iter().any(|x| *x != 0.0) || to.iter().all(|x| *x == 0.0);
-                is_direction && dot(&own, &to).abs() <= LENGTH * lengths
+                // Zeros have no direction, and beside an infinite length each cosine is small.
+                let is_angle = lengths > 0.0 && lengths.is_finite();
+                is_angle && dot(&own, &to).abs() <= LENGTH * lengths
             };
             self.states(stream, demand, asserted, (&function.result, &holds))
         })

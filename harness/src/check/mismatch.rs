@@ -119,7 +119,7 @@ pub enum Mismatch {
         name: String,
         /// Its type.
         shape: Shape,
-        /// What the function returns.
+        /// The type of its result.
         result: Shape,
     },
     /// A parameter that is to go to a limit isn't a float.

@@ -1,4 +1,4 @@
-//! What is asked of many functions: results that are finite, in a range, or those of another function.
+//! Checks that many functions have: results that are finite, in a range, or those of another function.
 
 use std::ops::{Bound, RangeBounds};
 

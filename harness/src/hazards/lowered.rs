@@ -149,20 +149,8 @@ impl Callers {
         if is_bound {
             return Some(Lowered::Guessed);
         }
-        if matches!(hazard.kind, Kind::Unbounded | Kind::LostDigits) {
-            let is_one_of = |names: &[&str]| names.iter().any(|name| hazard.text.starts_with(name));
-            if is_one_of(&["sin(", "cos("]) {
-                return Some(Lowered::Trigonometry);
-            }
-            // An exact power of 0 is 0, and each driver that is known returns it.
-            if hazard.kind == Kind::Unbounded && is_one_of(&["pow("]) {
-                return Some(Lowered::Power);
-            }
-            let is_left =
-                is_one_of(&["fract(", "floor("]) || idiom(&hazard.text).starts_with("_ - floor(");
-            if hazard.kind == Kind::LostDigits && is_left {
-                return Some(Lowered::Remainder);
-            }
+        if let Some(lowered) = of_idiom(hazard.kind, &hazard.text) {
+            return Some(lowered);
         }
         let may_be_called = |function: &str| {
             let name = function.rsplit("::").next().unwrap_or_default();
@@ -185,10 +173,11 @@ impl Callers {
         let is_free = |root: &str| {
             self.whole.contains(root) && !of_kind.contains(&(root.to_owned(), hazard.kind))
         };
-        // But what an operation gave is known also where another one is told.
+        // But each operation that is kept has its numbers, also where another one stands in the report.
         let ran_fine = |root: &str| {
             let count = self.fine.get(root).and_then(|fine| *fine.get(&hazard.location)?);
-            is_float && count.is_some_and(|count| count >= ENOUGH)
+            let is_known = is_float && self.whole.contains(root);
+            is_known && count.is_some_and(|count| count >= ENOUGH)
         };
         let has_it = |root: &str| {
             now_and_then.contains(root) || hazard.functions().any(|function| function == root)
@@ -196,6 +185,50 @@ impl Callers {
         let is_clean = |root: &str| is_free(root) || ran_fine(root) && !has_it(root);
         all.into_iter().all(is_clean).then_some(Lowered::Callers)
     }
+}
+
+/// The argument text of a call of one of these functions, where the text is this call and nothing else.
+fn argument<'t>(text: &'t str, names: &[&str]) -> Option<&'t str> {
+    let inner = names.iter().find_map(|name| text.strip_prefix(name)?.strip_prefix('('))?;
+    let inner = inner.strip_suffix(')')?;
+    let mut depth = 0_i32;
+    let closes = inner.chars().any(|c| {
+        depth += i32::from(c == '(') - i32::from(c == ')');
+        depth < 0
+    });
+    (!closes).then_some(inner)
+}
+
+/// True of a number above 0, or a vector of it: `2.2`, `vec3f(2.2)`.
+fn is_positive(text: &str) -> bool {
+    let text = text.trim();
+    let inner = match text.starts_with("vec") {
+        true => text.split_once('(').and_then(|(_, rest)| rest.strip_suffix(')')).unwrap_or(text),
+        false => text,
+    };
+    let digits = inner.trim().trim_end_matches(['f', 'h']);
+    digits.parse::<f64>().is_ok_and(|number| number > 0.0)
+}
+
+/// Why an operation that many write is less than others.
+fn of_idiom(kind: Kind, text: &str) -> Option<Lowered> {
+    let is_either = matches!(kind, Kind::Unbounded | Kind::LostDigits);
+    if is_either && argument(text, &["sin", "cos"]).is_some() {
+        return Some(Lowered::Trigonometry);
+    }
+    // A power of 0 with an exponent above it is 0; of another one it may be anything.
+    let power = argument(text, &["pow"]).filter(|_| kind == Kind::Unbounded);
+    if power
+        .and_then(|both| both.rsplit_once(", "))
+        .is_some_and(|(_, exponent)| is_positive(exponent))
+    {
+        return Some(Lowered::Power);
+    }
+    let form = idiom(text);
+    let rest = form.strip_prefix("_ - floor(").and_then(|rest| rest.split_once(')'));
+    let is_rest = rest.is_some_and(|(_, after)| ["", " * _", " * #", " * #.#"].contains(&after));
+    let is_left = argument(text, &["fract", "floor"]).is_some() || is_rest;
+    (kind == Kind::LostDigits && is_left).then_some(Lowered::Remainder)
 }
 
 /// True of `bitcast<f32>(..)` of a variable, a member or an element, and of nothing else.
@@ -259,6 +292,27 @@ mod tests {
             "bitcast<vec2f>(a)",
         ] {
             assert!(!reads_bits(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_idiom_is_the_whole_operation() {
+        use super::{Kind, Lowered, of_idiom};
+        for (kind, text, lowered) in [
+            (Kind::LostDigits, "sin(a)", Some(Lowered::Trigonometry)),
+            (Kind::LostDigits, "sin(a) - sin(b)", None),
+            (Kind::LostDigits, "cos(r * 1e-3) - 1.0", None),
+            (Kind::Unbounded, "pow(1.0 - max(v, 0.0), 5.0)", Some(Lowered::Power)),
+            (Kind::Unbounded, "pow(srgb, vec3f(2.4))", Some(Lowered::Power)),
+            (Kind::Unbounded, "pow(x, y)", None),
+            (Kind::Unbounded, "pow(x, 0.0)", None),
+            (Kind::Unbounded, "pow(x, -2.0)", None),
+            (Kind::LostDigits, "x - floor(x * (1.0 / 289.0)) * 289.0", None),
+            (Kind::LostDigits, "x - floor(x) * 289.0", Some(Lowered::Remainder)),
+            (Kind::LostDigits, "fract(a) - fract(b)", None),
+            (Kind::LostDigits, "fract(dot(a, b) * 3.0)", Some(Lowered::Remainder)),
+        ] {
+            assert_eq!(of_idiom(kind, text), lowered, "{text}");
         }
     }
 

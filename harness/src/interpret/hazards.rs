@@ -435,7 +435,7 @@ impl Interpreted {
                         (all.all(f32::is_finite), event.values[lane].is_finite());
                     *ran = true;
                     *finite &= of_finite && gives;
-                    // Also where another operation of the case is told in its place.
+                    // Also where another operation of the case stands in the report.
                     if of_finite && !gives {
                         faulty.insert(event.site);
                     }

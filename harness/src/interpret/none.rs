@@ -112,6 +112,10 @@ impl Interpreted {
         match *self {}
     }
 
+    pub(crate) fn words(&self, _: usize, _: &[u32]) -> Result<Vec<u32>, ProbeError> {
+        match *self {}
+    }
+
     pub(crate) fn cause(&self, _: &Bound) -> Option<(Span, String)> {
         match *self {}
     }

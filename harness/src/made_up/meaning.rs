@@ -116,7 +116,25 @@ const SIZED: [&str; 8] =
     ["view", "screen", "texture", "map", "framebuffer", "window", "image", "frame"];
 
 /// Words of names of matrices that divide by a distance.
-const PROJECTIONS: [&str; 4] = ["clip", "projection", "proj", "ndc"];
+const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
+
+/// Words of names of matrices that move points from one space to another: hosts give them an inverse.
+const SPACES: [&str; 14] = [
+    "view",
+    "model",
+    "world",
+    "local",
+    "object",
+    "camera",
+    "mesh",
+    "transform",
+    "pose",
+    "rotation",
+    "normal",
+    "bone",
+    "joint",
+    "tbn",
+];
 
 /// Words of names that mean a distance from a centre: none is negative.
 const RADII: [&str; 3] = ["radius", "radii", "thickness"];
@@ -191,6 +209,12 @@ pub(super) fn words(name: &str) -> Vec<String> {
     }
     words.retain(|word| !word.is_empty());
     words
+}
+
+/// True of the name of a matrix such as `world_from_local`, which a host makes with an inverse. Of another matrix
+/// nothing is known: its determinant may be 0.
+pub(super) fn is_transform(name: &str) -> bool {
+    is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
 /// True of the name of a matrix such as `clip_from_view`.
@@ -340,6 +364,10 @@ mod tests {
         assert_eq!(Meaning::of("size", &vec2), Meaning::Any, "a box may have none");
         assert_eq!(Meaning::of("inner_radius", &float), Meaning::Range(0.0, 1000.0));
         assert!(is_projection("clip_from_view") && !is_projection("world_from_view"));
+        assert!(
+            is_projection("mvp") && is_transform("world_from_view") && is_transform("modelMatrix")
+        );
+        assert!(!is_transform("m") && !is_transform("covariance"));
         assert_eq!(Meaning::of("eta", &float), Meaning::Range(0.25, 4.0));
         for name in ["x", "n", "distance", "world_position", "Node", "editor"] {
             assert_eq!(Meaning::of(name, &float), Meaning::Any, "{name}");

@@ -1,7 +1,7 @@
 //! All rows, and what is wanted of them.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use karat_translate::{NAGA_VERSION, Tool};
 use rayon::prelude::*;
@@ -102,8 +102,8 @@ pub enum MatrixError {
         /// What is wrong with it.
         why: String,
     },
-    /// An override that no row has.
-    #[error("no function and no entry point uses an override `{0}`")]
+    /// An override that no row has, or a value that isn't of its type.
+    #[error("an override: {0}")]
     Override(String),
     /// A column is named twice.
     #[error("the column `{0}` is named twice")]
@@ -146,9 +146,11 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
-    let unknown = unknown_override(request, &items);
-    if let Some(name) = unknown {
-        return Err(MatrixError::Override(name.clone()));
+    if let Some(name) = request.overrides.keys().find(|name| !request.has_override(name)) {
+        return Err(MatrixError::Override(format!("no function and no entry point uses `{name}`")));
+    }
+    if let Some(wrong) = request.programs().find_map(|program| wrong_value(request, &program)) {
+        return Err(MatrixError::Override(wrong));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
         let file = request.journal.as_ref().map_or_else(String::new, |f| f.display().to_string());
@@ -217,19 +219,26 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
     Ok((items, unread))
 }
 
-/// An override that nothing in the package has, or that can't be looked for as no module is valid.
-fn unknown_override<'r>(request: &'r Request, items: &[FunctionItem]) -> Option<&'r String> {
-    let module =
-        |item: &FunctionItem| item.name.rsplit_once("::").map_or("", |(m, _)| m).to_owned();
-    let modules: BTreeSet<String> = match request.overrides.is_empty() {
-        true => BTreeSet::new(),
-        false => items.iter().map(module).collect(),
-    };
-    let programs =
-        modules.iter().filter_map(|module| Program::of_module(&request.package, module).ok());
-    let programs: Vec<_> = programs.collect();
-    let is_known = |name: &String| programs.iter().any(|program| program.has_override(name));
-    request.overrides.keys().find(|name| !is_known(name))
+impl Request {
+    /// The package's modules, as entry points are opened.
+    fn programs(&self) -> impl Iterator<Item = Arc<Program>> + '_ {
+        let modules = self.package.modules().unwrap_or_default().into_iter();
+        modules.filter_map(|module| {
+            Program::of_module(&self.package.for_validating(&module), &module).ok()
+        })
+    }
+
+    /// True if something in the package has an override of this name or number.
+    #[must_use]
+    pub fn has_override(&self, name: &str) -> bool {
+        self.programs().any(|program| program.has_override(name))
+    }
+}
+
+/// A given value that isn't one of its override's type.
+fn wrong_value(request: &Request, program: &Program) -> Option<String> {
+    let given = request.overrides_of(program);
+    program.misfit(&given)
 }
 
 /// What is declared in the test and in `karat.toml`.

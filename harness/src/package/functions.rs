@@ -73,6 +73,7 @@ impl Package {
     }
 
     /// All words of a module but those of comments; `None` if it can't be parsed.
+    #[cfg(feature = "engine")]
     pub(crate) fn words_of(&self, module: &str) -> Option<Vec<String>> {
         Some(self.parsed(module).ok()?.words.iter().cloned().collect())
     }

@@ -60,7 +60,7 @@ fn undeclared(diagnostic: &Diagnostic) -> Option<Mend> {
     let name = span.file.text.get(span.range.clone())?;
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     let is_called = span.file.text[span.range.end..].trim_start().starts_with('(');
-    let mend = if is_called { Mend::Text } else { Mend::Value };
+    let mend = if is_called { Mend::Text } else { Mend::Undeclared };
     (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name.to_owned()))
 }
 

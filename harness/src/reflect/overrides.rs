@@ -79,6 +79,17 @@ impl Program {
         }
     }
 
+    /// A fault of given values of its overrides, in a sentence; an override without a value isn't.
+    #[cfg(feature = "routes")]
+    pub(crate) fn misfit(&self, given: &Overrides) -> Option<String> {
+        let mut values = Overrides::new();
+        for (name, value) in given {
+            values.insert(self.text_name(name).ok()?, *value);
+        }
+        let mut module = self.checked.module.clone();
+        set(&mut module, &values).err().map(|(_, reason)| reason)
+    }
+
     /// Whether it has an override that its author, or its number, calls so.
     pub(crate) fn has_override(&self, name: &str) -> bool {
         self.text_name(name).is_ok()

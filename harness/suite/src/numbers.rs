@@ -31,7 +31,8 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
 /// are floats: what a function does with them is worth a row.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
-    if scalar.is_float() && ["inf", "nan", "NaN"].contains(&unsigned) {
+    let named = unsigned.to_ascii_lowercase();
+    if scalar.is_float() && ["inf", "infinity", "nan"].contains(&&*named) {
         return cell.parse().ok().map(f32::to_bits);
     }
     let Some(value) = hexadecimal(cell).filter(|_| scalar.is_float()) else {
@@ -119,7 +120,7 @@ mod tests {
         assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));
         assert!(argument(Scalar::F32, "nan").is_some_and(|lane| f32::from_bits(lane).is_nan()));
         for (scalar, cell) in
-            [(Scalar::U32, "inf"), (Scalar::F32, "infinity"), (Scalar::F32, "1e39")]
+            [(Scalar::U32, "inf"), (Scalar::F32, "infinite"), (Scalar::F32, "1e39")]
         {
             assert_eq!(argument(scalar, cell), None, "{cell}");
         }

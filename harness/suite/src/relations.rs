@@ -78,7 +78,8 @@ pub(crate) fn related(
         };
         let (vector, to) = pending.remove(next);
         let starts = to.iter().map(|to| to.lanes.start).collect();
-        domain = domain.perpendicular(vector.lanes.clone(), starts, &vector.to.join(", "));
+        let names: Vec<&str> = to.iter().map(|to| &*to.path).collect();
+        domain = domain.perpendicular(vector.lanes.clone(), starts, &names.join(", "));
     }
     Ok(domain)
 }
@@ -88,7 +89,16 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
     let beside = own.path.rfind('.').map(|end| format!("{}.{name}", &own.path[..end]));
     let by = |path: &str| all.iter().find(|vector| vector.path == path);
     let wrong = |what: String| format!("`{}`: {what}", own.path);
-    let Some(other) = beside.as_deref().and_then(by).or_else(|| by(name)) else {
+    let beside = beside.as_deref().and_then(by);
+    if let (Some(one), Some(other)) = (beside, by(name))
+        && one.path != other.path
+    {
+        return Err(wrong(format!(
+            "`{name}` may be `{}` or the parameter: name it `{}`",
+            one.path, one.path
+        )));
+    }
+    let Some(other) = beside.or_else(|| by(name)) else {
         let others = all.iter().filter(|vector| vector.path != own.path);
         let paths: Vec<&str> = others.map(|vector| &*vector.path).collect();
         return Err(wrong(match &*paths {
@@ -189,7 +199,7 @@ mod tests {
         let vertex = Shape::Struct { name: "Vertex".to_owned(), members };
         let text = "v = { tangent = { perpendicular_to = \"normal\" } }";
         let told = of(&[("v", vertex)], text).expect("a neighbour's name");
-        assert!(told.ends_with("a unit vector perpendicular to normal"), "{told}");
+        assert!(told.ends_with("a unit vector perpendicular to v.normal"), "{told}");
     }
 
     #[test]

@@ -491,6 +491,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Limit { argument, toward, through, is } => {
             place(&parameters, argument)?;
+            let names = |text: &&String| Condition::names(text, argument);
+            if let Some(text) = test.filter.as_ref().filter(names) {
+                let wrong = format!("`{text}` names `{argument}`, and the limit says what it is");
+                return Err(Misdeclared::of("where")(wrong));
+            }
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
             let steps: Vec<f32> = through.iter().map(|step| *step as f32).collect();
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]

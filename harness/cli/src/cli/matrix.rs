@@ -121,6 +121,13 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         }
     }
     let overrides = call::bind::overrides(&args.overrides)?;
+    for name in overrides.keys() {
+        let has = |package: &karat::Package| package.matrix().has_override(name);
+        ensure!(
+            packages.iter().any(has),
+            "--override {name}: no function and no entry point uses an override `{name}`"
+        );
+    }
     let mut matrices = Vec::new();
     for package in &packages {
         // Drawn on a terminal alone.
@@ -133,9 +140,10 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             .within(Rel(args.within).or(Abs(args.within)))
             .only(args.only.iter().map(String::as_str))
             .journal(journal);
-        let request = overrides
-            .iter()
-            .fold(request, |request, (name, value)| request.with_override(name, *value));
+        // One package of several has it.
+        let request = overrides.iter().fold(request, |request, (name, value)| {
+            if request.has_override(name) { request.with_override(name, *value) } else { request }
+        });
         let matrix = request.run_with(&|done, of| {
             bar.set_length(of as u64);
             bar.set_position(done as u64);

@@ -31,7 +31,7 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
         "2 of 6 modules whole",
-        "BLOCK_SIZE = 64 # made up",
+        "BLOCK_SIZE = 64 # made up, as nothing declares it",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
         "ROWS = 64 # made up",
@@ -81,6 +81,11 @@ fn a_doctor_leaves_what_no_line_mends() {
     write(&shaders, "karat.toml", "[features]\nMAX_LIGHTS = 3\n");
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert!(ran.out.contains("set_by_engine = [\"MAX_LIGHTS\"]"), "{ran:?}");
+    // A misspelt one isn't the engine's.
+    write(&shaders, "d.wesl", "@if(SHADOWS) fn s() -> f32 { return 1.0; }\n");
+    write(&shaders, "karat.toml", "[features]\nSHADOW = true\n");
+    let ran = karat(folder.path(), &["doctor", "shaders"]);
+    assert!(!ran.out.contains("set_by_engine"), "{ran:?}");
     write(&shaders, "karat.toml", "[features\n");
     let error = karat(folder.path(), &["doctor", "shaders"]).error();
     assert!(error.contains("shaders/karat.toml"), "{error}");
@@ -88,4 +93,40 @@ fn a_doctor_leaves_what_no_line_mends() {
     assert!(missing.contains("`shader`"), "{missing}");
     let without = karat(folder.path(), &["doctor", "--write"]).error();
     assert!(without.contains("<PACKAGE>"), "{without}");
+}
+
+/// The file stays one that can be read, and keeps its form.
+#[test]
+fn a_doctor_breaks_no_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "a.wgsl", "fn rows() -> u32 { return {{ROWS}}u + OLD; }\n");
+    let file = shaders.join("karat.toml");
+    for text in ["values = { OLD = 3 }\n", "values.OLD = 3\n"] {
+        write(&shaders, "karat.toml", text);
+        let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(
+            ran.out.contains("for a place of your own in") && ran.out.contains("ROWS = 64"),
+            "{ran:?}"
+        );
+        assert_eq!(std::fs::read_to_string(&file).expect("there"), text, "nothing is written");
+    }
+    write(&shaders, "karat.toml", "[values]\r\nOLD = 3\r\n");
+    karat(folder.path(), &["doctor", "shaders", "--write"]).good();
+    let text = std::fs::read_to_string(&file).expect("there");
+    assert!(
+        text.starts_with("[values]\r\nROWS = 64") && text.ends_with("\r\nOLD = 3\r\n"),
+        "{text:?}"
+    );
+    // A value that stands nowhere is `karat check`'s to refuse, and not silence here.
+    write(&shaders, "karat.toml", "[values]\nROWS = 1\nOLD = 3\nROW = 2\n");
+    let ran = karat(folder.path(), &["doctor", "shaders"]);
+    assert!(ran.code == Some(1) && ran.out.contains("`ROW`"), "{ran:?}");
+    // A type in a placeholder's place: a number doesn't help, and isn't written.
+    write(&shaders, "a.wgsl", "alias S = {SCALAR};\nfn s(x: S) -> S { return x; }\n");
+    std::fs::remove_file(&file).expect("it is there");
+    let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
+    assert!(ran.code == Some(1) && ran.out.contains("not enough by themselves"), "{ran:?}");
+    assert!(!file.exists(), "{ran:?}");
 }

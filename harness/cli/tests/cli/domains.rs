@@ -18,7 +18,7 @@ fn turn(v: vec2f) -> vec2f { return vec2f(-v.y, v.x); }
 fn capped(x: f32) -> f32 { return min(x, 1.0); }
 ";
 
-/// What a file declares, run on the engine.
+/// The tests of a file, run on the engine.
 fn declared(tests: &str) -> Ran {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "f.wgsl", SHADERS);
@@ -39,7 +39,7 @@ fn domains_say_what_they_mean() {
          [[test]]\nname = \"two of nine\"\nfunction = \"ratio\"\nover = { a = [1, 2, 4], b = [1, 2, 4] }\n\
          where = \"a > b + 1.5\"\nin_range = [2, 4]\n\
          [[test]]\nfunction = \"size\"\nover = { q = \"sphere 2\" }\nin_range = [1.9999, 2.0001]\n\
-         [[test]]\nfunction = \"turn\"\nover = { v = \"ball 3\" }\nperpendicular_to = \"v\"\n\
+         [[test]]\nfunction = \"turn\"\nover = { v = \"sphere 3\" }\nperpendicular_to = \"v\"\n\
          [[test]]\nname = \"round\"\nfunction = \"turn\"\nover = { v = \"unit_vector\" }\nunit = true\n\
          [[test]]\nfunction = \"capped\"\ntable = \"capped.csv\"\ntolerance = \"exact\"\n",
     )
@@ -100,6 +100,22 @@ fn faults_of_frames_and_of_domains_are_told() {
             "function = \"cosines\"\nfinite = true\nover = { t = { perpendicular_to = \"t\" } }",
             "f.test.toml:4:1",
             "`t`: no unit vector is perpendicular to itself",
+        ),
+        (
+            "function = \"turn\"\nover = { v = \"ball 3\" }\nperpendicular_to = \"v\"",
+            "f.wgsl:12:1",
+            "is perpendicular to `v`",
+        ),
+        (
+            "function = \"ratio\"\nfinite = true\nwhere = \"a < 0.5) || (b < 0.5\"",
+            "f.test.toml:4:1",
+            "brackets don't match",
+        ),
+        (
+            "function = \"ratio\"\nover = { b = \"0.5..1\" }\nwhere = \"a < b\"\ntolerance = \"abs 1e-3\"\n\
+             limit = { a = 0, through = [0.1, 0.01, 0.001], equals = 0 }",
+            "f.test.toml:4:1",
+            "names `a`, and the limit says what it is",
         ),
         ("function = \"turn\"\nperpendicular_to = \"u\"", "f.test.toml:3:1", "did you mean `v`?"),
         (

@@ -250,8 +250,6 @@ fn compute_entry_points_with_buffers_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// The matrix of one file on some columns: its JSON, and what else it says.
-#[cfg(target_os = "linux")]
 /// A value reaches the translations and what runs.
 #[test]
 fn overrides_have_values_in_the_matrix() {
@@ -284,10 +282,27 @@ fn overrides_have_values_in_the_matrix() {
     assert!(!with.contains(&"none".to_owned()) && with.len() == 6, "{with:?}");
     let error = matrix(&["--override", "SIEZ=4"]).error();
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
+    let error = matrix(&["--override", "SIZE=1.5"]).error();
+    assert!(error.contains("an override: "), "{error}");
+    // Of several packages one has it.
+    write(
+        folder.path(),
+        "Cargo.toml",
+        "[workspace]\n[workspace.metadata.karat]\npackages = [\"a\", \"b\"]\n",
+    );
+    write(&folder.path().join("a"), "a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
+    write(
+        &folder.path().join("b"),
+        "b.wgsl",
+        "override GAIN = 1.0;\nfn g(x: f32) -> f32 { return GAIN * x; }\n",
+    );
+    karat(folder.path(), &["matrix", "--columns", "cpu", "--override", "GAIN=2"]).good();
     let error = matrix(&["--override", "SIZE"]).error();
     assert!(error.contains("write NAME=VALUE"), "{error}");
 }
 
+/// The matrix of one file on some columns: its JSON, and what else it says.
+#[cfg(target_os = "linux")]
 fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "shader.wgsl", text);

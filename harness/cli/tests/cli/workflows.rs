@@ -263,7 +263,7 @@ fn jobs_that_have_not_run_fail_nothing() {
     }
 }
 
-/// Serves files to whoever asks on this machine; those that aren't there are 404.
+/// Serves files on this machine; those that aren't there are 404.
 #[cfg(unix)]
 fn served(files: Vec<(String, Vec<u8>)>) -> String {
     use std::io::{BufRead as _, BufReader, Write as _};
@@ -342,14 +342,22 @@ fn released_archives_are_taken_with_their_checksum() {
     // The action's step says which it is, and ends the job at a wrong checksum.
     let script = step("Archive")["run"].as_str().expect("a script").to_owned();
     let home = folder.path().join("home");
-    for (releases, found) in [(at.as_str(), "found=no\n"), ("http://127.0.0.1:9", "found=no\n")] {
+    for (releases, version, code, found) in [
+        (at.as_str(), "v0.9.0", 0, "found=yes\n"),
+        (&at, "v0.9.1", 1, ""),
+        (&at, "v0.9.4", 0, "found=no\n"),
+        // Another revision than a release's, and a host that nothing listens on.
+        (&at, "main", 0, "found=no\n"),
+        ("http://127.0.0.1:9", "v0.9.0", 0, "found=no\n"),
+    ] {
         let said = folder.path().join("said");
         let mut bash = Command::new("bash");
         bash.args(["-e", "-c", &script]).env("HOME", &home).env("RELEASES", releases);
+        bash.env("REF", version);
+        std::fs::write(&said, "").expect("written");
         let action = FilePath::new(ROOT).join("ci/action");
         let ran = output(bash.env("ACTION", action).env("GITHUB_OUTPUT", &said));
-        assert_eq!(ran.code, Some(0), "{ran:?}");
-        assert_eq!(std::fs::read_to_string(&said).expect("written"), found, "{ran:?}");
-        std::fs::remove_file(said).expect("written");
+        assert_eq!(ran.code, Some(code), "{version}: {ran:?}");
+        assert_eq!(std::fs::read_to_string(&said).expect("written"), found, "{version}: {ran:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What a line of `karat.toml` mends.
+//! Lines of `karat.toml` that mend a package.
 
 /// A line of a package's `karat.toml` that may mend what a [`Diagnostic`](super::Diagnostic) tells.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -8,8 +8,10 @@ pub enum Mend {
     Feature(String),
     /// `[features]`: a name is declared under a condition with this feature alone.
     Condition(String),
-    /// `[values]`: a placeholder, or a name in capitals that nothing declares.
+    /// `[values]`: a placeholder.
     Value(String),
+    /// `[values]`: a name in capitals that nothing declares, which may be a macro.
+    Undeclared(String),
     /// `[values]`: a text that may be empty, as a placeholder on a line of its own, or a macro before brackets.
     Text(String),
     /// `[dependencies]`: a package that modules import from.

@@ -453,7 +453,7 @@ pub struct Dynamic {
     filter: Option<Filter>,
 }
 
-/// Whether a row is kept.
+/// A statement about a row.
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
 /// The rows that a statement keeps.

@@ -8,6 +8,9 @@ use super::{direction, shrink};
 /// another one is replaced by an axis.
 const SHORT: f64 = 1e-3;
 
+/// Two vectors this nearly parallel are one direction, but for the rounding of `f32`.
+const PARALLEL: f64 = 1e-6;
+
 /// A unit vector that is perpendicular to others of its row.
 #[derive(Debug)]
 pub(super) struct Perpendicular {
@@ -22,28 +25,31 @@ impl Perpendicular {
         lanes.iter().map(|word| f64::from(f32::from_bits(*word))).collect()
     }
 
-    /// Directions at right angles that span the others; a vector of zeros has none.
-    fn others(&self, row: &[u32]) -> Vec<Vec<f64>> {
+    /// Directions at right angles that span the others; a vector of zeros has none. `None` if two are so nearly parallel
+    /// that what is perpendicular to both has few digits, or one isn't finite.
+    fn others(&self, row: &[u32]) -> Option<Vec<Vec<f64>>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
         for first in &self.to {
             let other = self.vector(row, *first);
             let length = dot(&other, &other).sqrt();
+            if !length.is_finite() {
+                return None;
+            }
             let rest = without(&other, &all);
             let left = dot(&rest, &rest).sqrt();
             if left > SHORT * length {
                 all.push(rest.iter().map(|x| x / left).collect());
+            } else if left > PARALLEL * length {
+                return None;
             }
         }
-        all
+        Some(all)
     }
 
     /// Turns the vector by the least that is needed. False if nothing is perpendicular to all the others, or they
     /// aren't finite.
     pub(super) fn settle(&self, row: &mut [u32]) -> bool {
-        let others = self.others(row);
-        if self.to.iter().any(|first| self.vector(row, *first).iter().any(|x| !x.is_finite())) {
-            return false;
-        }
+        let Some(others) = self.others(row) else { return false };
         let own = self.vector(row, self.lanes.start);
         let axis = |at: usize| -> Vec<f64> {
             (0..own.len()).map(|lane| f64::from(u8::from(lane == at))).collect()
@@ -69,7 +75,11 @@ impl Perpendicular {
     /// True if it is perpendicular to as many digits as rounding leaves.
     pub(super) fn holds(&self, row: &[u32]) -> bool {
         let own = self.vector(row, self.lanes.start);
-        self.others(row).iter().all(|other| dot(&own, other).abs() <= 2.0 * direction::LENGTH)
+        self.to.iter().all(|first| {
+            let other = self.vector(row, *first);
+            let length = dot(&other, &other).sqrt();
+            dot(&own, &other).abs() <= (2.0 * direction::LENGTH + PARALLEL) * length
+        })
     }
 
     /// How far the vector is from a simple one.
@@ -83,7 +93,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// What is left of a vector when its parts along others, which are at right angles, are taken away.
+/// A vector without its parts along others, which are at right angles.
 fn without(vector: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
     let mut rest = vector.to_vec();
     for other in others {
@@ -144,11 +154,11 @@ mod tests {
     fn nothing_is_perpendicular_to_two_vectors_of_a_plane() {
         let domain = Dynamic::new(&vectors(&["a", "b", "c"], 2), vec![unit(2), unit(2), unit(2)])
             .perpendicular(4..6, vec![0, 2], "a, b");
-        // Unless the two are parallel, as the first edges are.
+        // Unless the two are parallel, as some edges are.
         assert!(domain.edges() < 50, "{}", domain.edges());
         let near = |row: &Vec<u32>| {
             let [ax, ay, bx, by] = [0, 1, 2, 3].map(|lane| f32::from_bits(row[lane]));
-            (ax * by - ay * bx).abs() < 0.01
+            (ax * by - ay * bx).abs() < 1e-5
         };
         assert!(rows(&domain, 50).iter().all(near));
     }

@@ -120,7 +120,7 @@ impl<V> Sphere<V> {
         }
         let axes = (0..2 * size).map(|at| {
             let mut lanes = vec![0.0; size];
-            // Z, then X and Y, as of `UnitVector`; of two components X, Y.
+            // The last axis first, as of `UnitVector`.
             lanes[(at + size - 1) % size] = if at < size { self.radius } else { -self.radius };
             lanes
         });

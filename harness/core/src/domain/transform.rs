@@ -8,6 +8,9 @@ use super::{Domain, Emptiness, Source, UnitVector};
 /// Sizes of what is transformed: from a quarter to four times.
 const SCALES: f64 = 2.0;
 
+/// The sine and the cosine of an eighth of a turn, by which a quaternion turns by a quarter.
+const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// Distances along each axis.
 const DISTANCE: f64 = 8.0;
 
@@ -52,7 +55,11 @@ impl Words for Transform {
         let axis = if self.rows == 2 { DVec3::Z } else { axis };
         let turn = DQuat::from_axis_angle(axis, std::f64::consts::TAU * source.unit());
         let mut within = |most: f64| most * (2.0 * source.unit() - 1.0);
-        let scale = DVec3::from_array([0; 3].map(|_| within(SCALES).exp2()));
+        let mut scale = DVec3::from_array([0; 3].map(|_| within(SCALES).exp2()));
+        // One in four is mirrored.
+        if within(1.0) > 0.5 {
+            scale.x = -scale.x;
+        }
         let place = DVec3::from_array([0; 3].map(|_| within(DISTANCE)));
         Some(self.words(DMat4::from_scale_rotation_translation(scale, turn, place)))
     }
@@ -63,16 +70,24 @@ impl Words for Transform {
             DMat4::from_scale(DVec3::new(2.0, 0.5, 1.0)),
             DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
             DMat4::from_translation(DVec3::new(1.0, -2.0, 4.0)),
+            // Elements of the diagonal are 0.
+            DMat4::from_quat(DQuat::from_xyzw(0.0, 0.0, HALF, HALF)),
         ];
+        if self.rows > 2 {
+            all.push(DMat4::from_quat(DQuat::from_xyzw(HALF, 0.0, 0.0, HALF)));
+        }
         if (self.columns, self.rows, self.perspective) == (4, 4, true) {
-            // A quarter turn wide, with the near plane at 0.1, depth 1 there, and none that is far.
+            // Early, so that it meets each first edge of a point. A quarter turn wide, with the near plane at 0.1, depth 1 there, and none that is far.
             const NEAR: f64 = 0.1;
-            all.push(DMat4::from_cols_array_2d(&[
-                [1.0, 0.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0, 0.0],
-                [0.0, 0.0, 0.0, -1.0],
-                [0.0, 0.0, NEAR, 0.0],
-            ]));
+            all.insert(
+                1,
+                DMat4::from_cols_array_2d(&[
+                    [1.0, 0.0, 0.0, 0.0],
+                    [0.0, 1.0, 0.0, 0.0],
+                    [0.0, 0.0, 0.0, -1.0],
+                    [0.0, 0.0, NEAR, 0.0],
+                ]),
+            );
         }
         all.into_iter().map(|whole| self.words(whole)).collect()
     }
@@ -134,6 +149,6 @@ mod tests {
         }
         assert!(Transform::of(2, 3, false).is_none() && Transform::of(2, 4, false).is_none());
         let edges = |perspective| Transform::of(4, 4, perspective).map(|own| own.edges().len());
-        assert_eq!((edges(false), edges(true)), (Some(4), Some(5)));
+        assert_eq!((edges(false), edges(true)), (Some(6), Some(7)));
     }
 }

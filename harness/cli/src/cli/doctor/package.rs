@@ -1,16 +1,16 @@
-//! `karat doctor PACKAGE`: what keeps modules from being whole, and the lines of `karat.toml` that mend it.
+//! `karat doctor PACKAGE`: the lines of `karat.toml` that make modules whole, and the modules that stay as they are.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::{Mend, shown};
 use karat::unstable::image::write_whole;
 use karat::unstable::output::counted;
-use karat::unstable::reflect::{Program, ReflectError};
+use karat::unstable::reflect::{Invalid, Program, ReflectError};
 use serde::Serialize;
 
 use super::super::project::Project;
@@ -20,19 +20,28 @@ use super::super::{Ending, Outcome, write_json};
 /// Rounds of lines: one error of a module hides the next.
 const ROUNDS: usize = 32;
 
-/// Modules that are told by name: a screen has no more.
+/// Modules that have lines of their own: a screen has no more.
 const TOLD: usize = 12;
 
-/// What a value is where only the engine knows it.
+/// A remark for a value that only the engine knows.
 const MADE_UP: &str = "made up: write what your engine gives";
 
-/// What a feature is that decides what there is.
+/// A feature's value: an array of so many elements is still small.
+const FEATURE: &str = "4";
+
+/// A placeholder's value: most are sizes of workgroups.
+const VALUE: &str = "64";
+
+/// A name in capitals may be a macro, or misspelt.
+const UNDECLARED: &str = "made up, as nothing declares it: a macro of your engine's, or a slip";
+
+/// A remark for a feature that decides which declarations there are.
 const VARIANT: &str = "a name needs it: your engine may set another variant";
 
-/// What a text is that only the engine knows.
+/// A remark for a text that only the engine knows.
 const TEXT: &str = "empty: write what your engine puts there";
 
-/// What a line can't say by itself.
+/// Advice where a line needs more than is known here.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Preprocess => Some("name a program that expands it: preprocess = [..]".to_owned()),
@@ -61,13 +70,13 @@ impl Line {
     }
 }
 
-/// What isn't whole.
+/// A module that isn't whole.
 #[derive(Clone, Debug, Serialize)]
 struct Left {
     module: String,
     location: Option<String>,
     message: String,
-    /// What only its author can write into karat.toml.
+    /// A line that only its author can write.
     advice: Option<String>,
 }
 
@@ -80,7 +89,11 @@ struct Report {
     lines: Vec<Line>,
     /// Modules that are whole with these lines.
     then_whole: usize,
+    /// Lines that errors ask for, and that make no module whole by themselves, or don't fit into the file.
+    not_enough: Vec<Line>,
     left: Vec<Left>,
+    /// Why `karat check` refuses the file itself.
+    refused: Option<String>,
     written: bool,
 }
 
@@ -88,7 +101,7 @@ struct Report {
 struct Trial<'p> {
     package: &'p Package,
     file: PathBuf,
-    /// What the file has already.
+    /// The file as it is.
     text: String,
     table: toml::Table,
     modules: Vec<String>,
@@ -99,16 +112,14 @@ pub(super) fn run(folder: &Path, write: bool, json: bool, out: &mut dyn Write) -
     let package = Package::open(folder)?;
     let mut trial = Trial::of(&package)?;
     let began = trial.judged();
-    trial.mend();
+    let mut not_enough = trial.mend();
+    not_enough.extend(trial.sift());
     let left = trial.judged();
-    // Lines that break what is whole are no advice.
-    let is_worse = left.len() > began.len();
-    if is_worse {
-        trial.lines.clear();
-    }
-    let left = if is_worse { began.clone() } else { left };
     let writes = write && !trial.lines.is_empty();
     if writes {
+        let known = std::fs::metadata(&trial.file);
+        let is_kept = known.is_ok_and(|known| known.permissions().readonly());
+        ensure!(!is_kept, "`{}` is read-only: nothing is written", shown(&trial.file));
         write_whole(&trial.file, trial.with(&trial.lines).as_bytes())
             .with_context(|| format!("can't write `{}`", shown(&trial.file)))?;
     }
@@ -118,6 +129,8 @@ pub(super) fn run(folder: &Path, write: bool, json: bool, out: &mut dyn Write) -
         modules,
         whole: modules - began.len(),
         then_whole: modules - left.len(),
+        refused: if left.is_empty() { trial.refused() } else { None },
+        not_enough,
         left,
         written: writes,
         lines: trial.lines,
@@ -128,7 +141,8 @@ pub(super) fn run(folder: &Path, write: bool, json: bool, out: &mut dyn Write) -
         write_text(&report, &shown(&trial.file), out)?;
     }
     let whole = if writes { report.then_whole } else { report.whole };
-    Ok(if whole == modules { Ending::Good } else { Ending::Bad })
+    let good = whole == modules && report.refused.is_none();
+    Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 impl<'p> Trial<'p> {
@@ -143,19 +157,23 @@ impl<'p> Trial<'p> {
                 return Err(error).with_context(|| format!("can't read `{}`", shown(&file)));
             }
         };
-        // What is wrong with the file itself is told as other commands tell it.
+        // Other commands tell what is wrong with the file itself, in the same words.
         let modules = package.modules()?;
         let table = text.parse().with_context(|| format!("`{}`", shown(&file)))?;
         Ok(Self { package, file, text, table, modules, lines: Vec::new() })
     }
 
-    /// The text of the file with some lines.
+    /// The text of the file with some lines, which end as its own do.
     fn with(&self, lines: &[Line]) -> String {
-        let mut text = self.text.clone();
+        let is_windows = self.text.contains("\r\n");
+        let mut text = self.text.replace("\r\n", "\n");
         for line in lines {
             let head = format!("[{}]", line.section);
             let own = line.text();
-            let is_head = |known: &str| known.split('#').next().unwrap_or_default().trim() == head;
+            let is_head = |known: &str| {
+                let plain = known.split('#').next().unwrap_or_default();
+                plain.trim_start_matches('\u{feff}').trim() == head
+            };
             let place = text.lines().position(is_head);
             text = match place {
                 Some(at) => {
@@ -165,11 +183,46 @@ impl<'p> Trial<'p> {
                 }
                 None => {
                     let gap = if text.is_empty() { "" } else { "\n" };
-                    format!("{text}{gap}{head}\n{own}\n")
+                    let end = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
+                    format!("{text}{end}{gap}{head}\n{own}\n")
                 }
             };
         }
-        text
+        if is_windows { text.replace('\n', "\r\n") } else { text }
+    }
+
+    /// True if the file has a place for a line: another form of its section would be declared twice.
+    fn fits(&self, line: &Line) -> bool {
+        self.with(std::slice::from_ref(line))
+            .trim_start_matches('\u{feff}')
+            .parse::<toml::Table>()
+            .is_ok()
+    }
+
+    /// Takes out the lines without which as many modules are whole.
+    fn sift(&mut self) -> Vec<Line> {
+        let all = self.errors(&self.lines).len();
+        let without = |at: usize| {
+            let lines = self.lines.iter().enumerate().filter(|(other, _)| *other != at);
+            lines.map(|(_, line)| line.clone()).collect::<Vec<_>>()
+        };
+        let is_needed: Vec<bool> =
+            (0..self.lines.len()).map(|at| self.errors(&without(at)).len() > all).collect();
+        let mut needed = is_needed.iter();
+        let (lines, others) = std::mem::take(&mut self.lines)
+            .into_iter()
+            .partition(|_| *needed.next().unwrap_or(&true));
+        self.lines = lines;
+        others
+    }
+
+    /// The words of `karat check` on the file with these lines, where each module is whole.
+    fn refused(&self) -> Option<String> {
+        let package = self.package.unsaved(&self.file, &self.with(&self.lines));
+        match package.try_is_valid() {
+            Err(Invalid::Package(error)) => Some(error.to_string()),
+            _ => None,
+        }
     }
 
     fn errors(&self, lines: &[Line]) -> Vec<(String, ReflectError)> {
@@ -200,9 +253,10 @@ impl<'p> Trial<'p> {
             .collect()
     }
 
-    /// Adds lines for as long as errors name new ones.
-    fn mend(&mut self) {
+    /// Adds lines for as long as errors name new ones. Returns those that the file has no place for.
+    fn mend(&mut self) -> Vec<Line> {
         let mut tried: BTreeSet<String> = BTreeSet::new();
+        let mut by_hand = Vec::new();
         for _ in 0..ROUNDS {
             let errors = self.errors(&self.lines);
             let mut found: Vec<Line> = Vec::new();
@@ -210,23 +264,30 @@ impl<'p> Trial<'p> {
             for (_, error) in &errors {
                 let mend = error.diagnostic().and_then(|diagnostic| diagnostic.mend.clone());
                 for (line, condition) in self.lines_of(error, mend) {
-                    if tried.insert(format!("{}.{}", line.section, line.key)) {
-                        if condition { conditions.push(line) } else { found.push(line) }
+                    if !tried.insert(format!("{}.{}", line.section, line.key)) {
+                        continue;
+                    }
+                    match (self.fits(&line), condition) {
+                        (false, _) => by_hand.push(line),
+                        (true, true) => conditions.push(line),
+                        (true, false) => found.push(line),
                     }
                 }
             }
-            // One feature may exclude another: each is kept if it makes more modules whole than it breaks.
+            // One feature may exclude another: each is kept unless it breaks more modules than it makes whole.
             for line in &conditions {
-                let with = [&*self.lines, &found, std::slice::from_ref(line)].concat();
-                if self.errors(&with).len() <= errors.len() {
+                let plain = [&*self.lines, &found].concat();
+                let with = [&*plain, std::slice::from_ref(line)].concat();
+                if self.errors(&with).len() <= self.errors(&plain).len() {
                     found.push(line.clone());
                 }
             }
             if found.is_empty() {
-                return;
+                break;
             }
             self.lines.extend(found);
         }
+        by_hand
     }
 
     /// The lines that an error asks for; true of a feature that decides what there is.
@@ -237,16 +298,21 @@ impl<'p> Trial<'p> {
         };
         if let ReflectError::Package(PackageError::UnknownFeature { unknown, .. }) = error {
             let names: Vec<String> = unknown.iter().map(|(name, _)| format!("{name:?}")).collect();
-            let has =
+            let listed =
                 self.table.get("features").is_some_and(|own| own.get("set_by_engine").is_some());
+            // One that is nearly another's name is misspelt, as the message says.
+            let has = listed || unknown.iter().any(|(_, near)| near.is_some());
             let list = line("features", "set_by_engine", &format!("[{}]", names.join(", ")), "");
             return if has { Vec::new() } else { vec![(list, false)] };
         }
         match mend {
-            Some(Mend::Feature(name)) => vec![(line("features", &name, "4", MADE_UP), false)],
+            Some(Mend::Feature(name)) => vec![(line("features", &name, FEATURE, MADE_UP), false)],
             Some(Mend::Condition(name)) => vec![(line("features", &name, "true", VARIANT), true)],
             Some(Mend::Text(name)) => vec![(line("values", &name, "\"\"", TEXT), false)],
-            Some(Mend::Value(name)) => vec![(line("values", &name, "64", MADE_UP), false)],
+            Some(Mend::Value(name)) => vec![(line("values", &name, VALUE, MADE_UP), false)],
+            Some(Mend::Undeclared(name)) => {
+                vec![(line("values", &name, VALUE, UNDECLARED), false)]
+            }
             Some(Mend::Dependency(name)) => {
                 let place = self.dependency(&name);
                 place
@@ -272,10 +338,13 @@ impl<'p> Trial<'p> {
 }
 
 fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Result<()> {
-    let Report { package, modules, whole, lines, then_whole, left, written } = report;
+    let Report { package, modules, whole, lines, then_whole, not_enough, left, refused, written } =
+        report;
     let all = counted(*modules, "module");
+    let refused =
+        refused.as_ref().map_or_else(String::new, |why| format!("\n{BAD}but{BAD:#} {why}"));
     if whole == modules {
-        return writeln!(out, "{GOOD}{package}: {all}, all whole{GOOD:#}");
+        return writeln!(out, "{GOOD}{package}: {all}, all whole{GOOD:#}{refused}");
     }
     writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} whole")?;
     if !lines.is_empty() {
@@ -283,14 +352,13 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
             true => writeln!(out, "\nwritten into {file}:\n")?,
             false => writeln!(out, "\nwrite into {file}, or run this with --write:\n")?,
         }
-        let mut sections: BTreeMap<&str, Vec<String>> = BTreeMap::new();
-        for line in lines {
-            sections.entry(line.section).or_default().push(line.text());
-        }
-        for (section, lines) in sections {
-            writeln!(out, "[{section}]\n{}", lines.join("\n"))?;
-        }
-        writeln!(out, "\nthen {then_whole} of {all} are whole")?;
+        write_lines(lines, out)?;
+        writeln!(out, "\nthen {then_whole} of {all} are whole{refused}")?;
+    }
+    if !not_enough.is_empty() {
+        writeln!(out, "\nnot enough by themselves, or for a place of your own in {file}:\n")?;
+        write_lines(not_enough, out)?;
+        writeln!(out)?;
     }
     let mut advised: BTreeSet<&str> = BTreeSet::new();
     for Left { module, location, message, advice } in left.iter().take(TOLD) {
@@ -307,5 +375,19 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         0 => String::new(),
         more => format!(", {more} of them not listed here: `karat check` has all"),
     };
-    writeln!(out, "\n{} not whole with these lines{rest}", counted(left.len(), "module"))
+    let with = if lines.is_empty() { "" } else { " with these lines" };
+    let first = "; each module shows its first obstacle, which hides the others";
+    writeln!(out, "\n{} not whole{with}{rest}{first}", counted(left.len(), "module"))
+}
+
+/// Lines under the heads of their sections.
+fn write_lines(lines: &[Line], out: &mut dyn Write) -> std::io::Result<()> {
+    let mut sections: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for line in lines {
+        sections.entry(line.section).or_default().push(line.text());
+    }
+    for (section, lines) in sections {
+        writeln!(out, "[{section}]\n{}", lines.join("\n"))?;
+    }
+    Ok(())
 }

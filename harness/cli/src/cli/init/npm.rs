@@ -91,7 +91,7 @@ fn ask_for_tint(folder: &Path, whole: &Path, out: &mut dyn Write) -> anyhow::Res
     if known.contains("[compilers]") {
         return Ok(());
     }
-    // What requires it and hasn't it fails: a first run is green.
+    // A package that requires it fails without it, and a first run is green.
     if let Err(missing) = Tint::beside(whole, true) {
         let remedy = &missing.remedy;
         writeln!(
