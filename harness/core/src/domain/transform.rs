@@ -77,7 +77,8 @@ impl Words for Transform {
             all.push(DMat4::from_quat(DQuat::from_xyzw(HALF, 0.0, 0.0, HALF)));
         }
         if (self.columns, self.rows, self.perspective) == (4, 4, true) {
-            // Early, so that it meets each first edge of a point. A quarter turn wide, with the near plane at 0.1, depth 1 there, and none that is far.
+            // Early, so that it meets each first edge of a point. A quarter turn wide, with the near plane at 0.1,
+            // depth 1 there, and none that is far.
             const NEAR: f64 = 0.1;
             all.insert(
                 1,
