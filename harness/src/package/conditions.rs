@@ -29,6 +29,15 @@ pub(super) struct Inactive {
     pub(super) test: bool,
 }
 
+/// The feature of a condition that asks about it alone: `@if(fast)`, `#ifdef FAST`.
+pub(super) fn feature_of(condition: &str) -> Option<String> {
+    let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
+    let name =
+        rest.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')).unwrap_or(rest).trim();
+    let is_name = |c: char| c == '_' || c.is_alphanumeric();
+    (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
+}
+
 /// What conditions leave of a module.
 pub(super) struct Conditions {
     pub(super) live: Vec<Token>,

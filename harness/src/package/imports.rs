@@ -9,6 +9,7 @@ use std::ops::Range;
 use super::CONSTANTS;
 use super::PackageError;
 use super::brackets::syntax_error;
+use super::conditions::feature_of;
 use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
@@ -372,15 +373,6 @@ fn hinted(
         (None, None) => diagnostic,
     };
     PackageError::Shader(Box::new(diagnostic))
-}
-
-/// The feature of a condition that asks about it alone: `@if(fast)`, `#ifdef FAST`.
-fn feature_of(condition: &str) -> Option<String> {
-    let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
-    let name =
-        rest.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')).unwrap_or(rest).trim();
-    let is_name = |c: char| c == '_' || c.is_alphanumeric();
-    (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
 }
 
 fn cycle(

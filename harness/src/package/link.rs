@@ -165,6 +165,7 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
         called: None,
         discards: None,
         calls: BTreeMap::new(),
+        inactive: BTreeMap::new(),
         sources,
     }
 }

@@ -61,8 +61,19 @@ pub(crate) struct Linked {
     pub(crate) discards: Option<(String, &'static str)>,
     /// Calls of expectations in the modules that it was made of, by the numbers that they have.
     pub(crate) calls: BTreeMap<u32, Span>,
+    /// Declarations under conditions that don't hold, in the modules that it was made of, by their names.
+    pub(crate) inactive: BTreeMap<String, Unmet>,
     /// What it was made of.
     pub(crate) sources: Sources,
+}
+
+/// A condition that doesn't hold.
+#[derive(Clone, Debug)]
+pub(crate) struct Unmet {
+    /// As its author wrote it: `@if(fast)`.
+    pub(crate) condition: String,
+    /// The feature that it asks about, if that is all.
+    pub(crate) feature: Option<String>,
 }
 
 /// An entry point without its attributes, so that it can be called.

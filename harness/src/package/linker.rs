@@ -7,10 +7,11 @@ use std::sync::Arc;
 use blake3::{Hash, Hasher};
 
 use super::PackageError;
+use super::conditions::feature_of;
 use super::discard::{discards, wrapper};
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
-use super::linked::{EntryPoint, Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
+use super::linked::{EntryPoint, Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, Unmet, author_path};
 use super::plain::plain;
 use super::splice::{Edit, Spliced};
 use super::stage::Stage;
@@ -197,6 +198,7 @@ impl<'a> Linker<'a> {
             called: None,
             discards: None,
             calls: self.parts.values().flat_map(|part| part.module.calls.iter().cloned()).collect(),
+            inactive: self.parts.values().flat_map(|part| inactive(&part.module)).collect(),
             sources: self.library.sources(&self.root, file),
         };
         self.copy_directives(&items, whole, &mut linked.spliced);
@@ -424,4 +426,12 @@ fn in_order(mut edits: Vec<Edit>) -> Vec<Edit> {
         }
     }
     kept
+}
+
+/// The declarations of a module under conditions that don't hold.
+fn inactive(module: &Module) -> impl Iterator<Item = (String, Unmet)> + '_ {
+    module.inactive.iter().map(|one| {
+        let (condition, feature) = (one.condition.clone(), feature_of(&one.condition));
+        (one.name.clone(), Unmet { condition, feature })
+    })
 }

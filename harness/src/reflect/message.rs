@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, Mend, Span};
-use crate::package::Linked;
+use crate::package::{Linked, Unmet};
 
 /// The innermost cause of an error, then what led to it.
 pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
@@ -46,22 +46,33 @@ pub(super) fn to_author(
         let span = Span { file: Arc::clone(&linked.file), range: 0..0 };
         diagnostic = diagnostic.at(span, "in this module");
     }
-    let mend = undeclared(&diagnostic);
+    let Some(name) = undeclared(&diagnostic) else { return diagnostic };
+    if let Some(Unmet { condition, feature }) = linked.inactive.get(&name) {
+        let mend = feature.clone().map(Mend::Condition);
+        let note = format!("`{name}` is declared under `{condition}`, which doesn't hold here");
+        return diagnostic.note(note).mended_by(mend);
+    }
+    let mend = macro_of(&diagnostic, name);
     diagnostic.mended_by(mend)
 }
 
-/// A name in capitals that nothing declares: a macro, or a constant that a program writes before the text.
-fn undeclared(diagnostic: &Diagnostic) -> Option<Mend> {
+/// A name that nothing declares.
+fn undeclared(diagnostic: &Diagnostic) -> Option<String> {
     // The words of naga 30, which gives the kind of an error no other way.
     if !diagnostic.message.starts_with("no definition in scope for identifier") {
         return None;
     }
     let span = diagnostic.location()?;
-    let name = span.file.text.get(span.range.clone())?;
+    span.file.text.get(span.range.clone()).map(str::to_owned)
+}
+
+/// A name in capitals may be a macro, or a constant that a program writes before the text.
+fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
+    let span = diagnostic.location()?;
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     let is_called = span.file.text[span.range.end..].trim_start().starts_with('(');
     let mend = if is_called { Mend::Text } else { Mend::Undeclared };
-    (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name.to_owned()))
+    (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name))
 }
 
 /// The author's names for mangled ones. Longer names first: one may begin another.

@@ -16,6 +16,8 @@ fn broken() -> TempDir {
         "uses.wesl",
         "import package::fast::f;\nimport noise::value::hash;\nfn g() -> f32 { return f() + hash(1.0); }\n",
     );
+    // Declared in the module itself, under a condition.
+    write(&shaders, "own.wesl", "@if(slow) const J = 1.0;\nfn j() -> f32 { return J; }\n");
     write(
         &folder.path().join("noise"),
         "value.wgsl",
@@ -30,31 +32,32 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "2 of 6 modules whole",
+        "2 of 7 modules whole",
         "BLOCK_SIZE = 64 # made up, as nothing declares it",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
         "ROWS = 64 # made up",
         "MAX_LIGHTS = 4 # made up",
         "fast = true # a name needs it",
+        "slow = true # a name needs it",
         "noise = { path = \"../noise\" }",
-        "then 6 of 6 modules are whole",
+        "then 7 of 7 modules are whole",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
     assert!(!folder.path().join("shaders/karat.toml").exists(), "it only says so");
     write(&folder.path().join("shaders"), "karat.toml", "# ours\n[values] # by hand\nOWN = 1\n");
-    write(&folder.path().join("shaders"), "own.wgsl", "fn own() -> i32 { return OWN; }\n");
+    write(&folder.path().join("shaders"), "mine.wgsl", "fn own() -> i32 { return OWN; }\n");
     let report = karat(folder.path(), &["doctor", "shaders", "--write", "--json"]).good();
     let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
-    assert_eq!((&report["whole"], &report["then_whole"]), (&3.into(), &7.into()), "{report}");
+    assert_eq!((&report["whole"], &report["then_whole"]), (&3.into(), &8.into()), "{report}");
     let text = std::fs::read_to_string(folder.path().join("shaders/karat.toml")).expect("written");
     assert!(
         text.starts_with("# ours\n[values] # by hand\n") && text.contains("OWN = 1\n"),
         "{text}"
     );
     let again = karat(folder.path(), &["doctor", "shaders"]).good();
-    assert!(again.contains("7 modules, all whole"), "{again}");
+    assert!(again.contains("8 modules, all whole"), "{again}");
     karat(folder.path(), &["check", "--shaders", "shaders"]).good();
 }
 
