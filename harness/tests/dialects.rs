@@ -703,6 +703,18 @@ fn f(x: f32) -> f32 {
     }
 }
 
+/// A misspelt condition, and not the feature that nothing seems to ask about, is what is wrong.
+#[test]
+fn a_misspelt_condition_is_shown_beside_its_feature() {
+    let text =
+        "@iff(fast && !slow) fn g() {}\n@id(3) override fast2: f32;\nfn f() -> f32 { return 1.0; }";
+    let said = error(&one(text).feature("fast", true), "f");
+    assert!(said.contains("`@iff(fast && !slow)` is no condition: write `@if`"), "{said}");
+    assert!(!said.contains("[values]"), "{said}");
+    let other = error(&one(text).feature("fast2", true), "f");
+    assert!(!other.contains("is no condition"), "{other}");
+}
+
 /// Where a condition would take along what isn't its own, or leave half of it.
 #[test]
 fn conditions_end_where_they_should() {

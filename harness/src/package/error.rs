@@ -141,9 +141,10 @@ pub enum PackageError {
     },
     /// A feature that nothing asks about.
     #[error(
-        "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}",
+        "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
         if known.is_empty() { String::new() } else { format!("; it asks about {known}") },
+        misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` is no condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
             "\n`{name}` is a name in the text, which no feature replaces: write what stands for it into karat.toml \
              beside the modules\n\n[values]\n{name} = 64"
@@ -154,6 +155,8 @@ pub enum PackageError {
         unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,
+        /// An attribute that looks like a condition and asks about one of them: `@iff(fast)`.
+        misspelt: Option<String>,
         /// One of them that a module has as a name of its own.
         bare: Option<String>,
         /// The features that it asks about.

@@ -19,6 +19,25 @@ impl Kind for Asked {
     const MOST: usize = 10_000;
 }
 
+/// An attribute whose name is nearly that of a condition, and that has one of these features in its brackets.
+fn misspelt(text: &str, features: &[&String]) -> Option<String> {
+    const CONDITIONS: [&str; 2] = ["if", "elif"];
+    /// Attributes of one letter more or less (WGSL, 12; WESL).
+    const OTHERS: [&str; 2] = ["id", "else"];
+    let is_part = |c: char| c == '_' || c.is_alphanumeric();
+    text.split('@').skip(1).find_map(|rest| {
+        let name = &rest[..rest.find(|c| !is_part(c)).unwrap_or(rest.len())];
+        let inner = rest[name.len()..].trim_start().strip_prefix('(')?;
+        let inner = &inner[..inner.find(')')?];
+        let has =
+            |feature: &&String| inner.split(|c| !is_part(c)).any(|word| word == feature.as_str());
+        let is_near = !CONDITIONS.contains(&name)
+            && !OTHERS.contains(&name)
+            && nearest(name, CONDITIONS).is_some();
+        (is_near && features.iter().any(|one| has(one))).then(|| format!("@{name}({inner})"))
+    })
+}
+
 impl Library {
     /// Whether something asks about each feature that is set.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
@@ -62,12 +81,16 @@ impl Library {
                 let value = Values::from([((**name).clone(), String::new())]);
                 texts.iter().any(|text| !values::used(text, &value).is_empty())
             };
+            let misspelt = texts.iter().find_map(|text| misspelt(text, &unknown));
+            let mut plain = unknown.iter().filter(|name| !manifest.stands_for(name));
+            // In a misspelt attribute the name stands, too.
+            let bare = match &misspelt {
+                Some(_) => None,
+                None => plain.find(is_bare).map(|name| (*name).clone()),
+            };
             return Err(unreadable.unwrap_or_else(|| PackageError::UnknownFeature {
-                bare: unknown
-                    .iter()
-                    .filter(|name| !manifest.stands_for(name))
-                    .find(is_bare)
-                    .map(|name| (*name).clone()),
+                bare,
+                misspelt,
                 unknown: unknown.into_iter().map(|name| (name.clone(), near(name))).collect(),
                 package: package.name(),
                 known: own.iter().cloned().collect::<Vec<_>>().join(", "),
