@@ -156,11 +156,11 @@ pub enum PackageError {
         /// The package.
         package: String,
         /// An attribute that looks like a condition and asks about one of them: `@iff(fast)`.
-        misspelt: Option<String>,
+        misspelt: Option<Box<str>>,
         /// One of them that a module has as a name of its own.
-        bare: Option<String>,
+        bare: Option<Box<str>>,
         /// The features that it asks about.
-        known: String,
+        known: Box<str>,
     },
     /// A path that goes up from the root.
     #[error("`super` leads above the root of package `{package}`")]

@@ -20,7 +20,7 @@ impl Kind for Asked {
 }
 
 /// An attribute whose name is nearly that of a condition, and that has one of these features in its brackets.
-fn misspelt(text: &str, features: &[&String]) -> Option<String> {
+fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
     /// Attributes of one letter more or less (WGSL, 12; WESL).
     const OTHERS: [&str; 2] = ["id", "else"];
@@ -34,7 +34,7 @@ fn misspelt(text: &str, features: &[&String]) -> Option<String> {
         let is_near = !CONDITIONS.contains(&name)
             && !OTHERS.contains(&name)
             && nearest(name, CONDITIONS).is_some();
-        (is_near && features.iter().any(|one| has(one))).then(|| format!("@{name}({inner})"))
+        (is_near && features.iter().any(has)).then(|| format!("@{name}({inner})").into())
     })
 }
 
@@ -86,14 +86,14 @@ impl Library {
             // In a misspelt attribute the name stands, too.
             let bare = match &misspelt {
                 Some(_) => None,
-                None => plain.find(is_bare).map(|name| (*name).clone()),
+                None => plain.find(is_bare).map(|name| name.as_str().into()),
             };
             return Err(unreadable.unwrap_or_else(|| PackageError::UnknownFeature {
                 bare,
                 misspelt,
                 unknown: unknown.into_iter().map(|name| (name.clone(), near(name))).collect(),
                 package: package.name(),
-                known: own.iter().cloned().collect::<Vec<_>>().join(", "),
+                known: own.iter().cloned().collect::<Vec<_>>().join(", ").into(),
             }));
         }
         // A text in memory has no place of its own.
