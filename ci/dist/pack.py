@@ -5,6 +5,7 @@ The same program gives the same bytes: files have no time of their own, and stan
 
 import argparse
 import base64
+import gzip
 import hashlib
 import io
 import json
@@ -27,8 +28,6 @@ LICENCE = "MIT OR Apache-2.0"
 
 def targz(path, files):
     """A .tar.gz of (name, bytes, executable)."""
-    import gzip
-
     with open(path, "wb") as out, gzip.GzipFile("", "wb", 9, out, mtime=0) as gz:
         with tarfile.open(fileobj=gz, mode="w", format=tarfile.USTAR_FORMAT) as tar:
             for name, data, executable in files:

@@ -75,8 +75,8 @@ impl<V> Check<'_, Calls<V>> {
     /// the third as their cross product, all to within 1e-5. They are the columns of a 3x3 matrix, the elements of
     /// an array or the members of a structure.
     ///
-    /// A frame that is mirrored fails, which [`is_unit`](Self::is_unit) can't see. The axis that a frame is turned around is
-    /// for [`satisfies`](Self::satisfies).
+    /// A frame that is mirrored fails, which [`is_unit`](Self::is_unit) can't see. The axis that a frame is turned
+    /// around is for [`satisfies`](Self::satisfies).
     ///
     /// ```no_run
     /// # use karat::prelude::*;

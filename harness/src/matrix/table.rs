@@ -149,7 +149,8 @@ pub(super) fn make(
     if let Some(name) = request.overrides.keys().find(|name| !request.has_override(name)) {
         return Err(MatrixError::Override(format!("no function and no entry point uses `{name}`")));
     }
-    if let Some(wrong) = request.programs().find_map(|program| wrong_value(request, &program)) {
+    let misfit = |program: Arc<Program>| program.misfit(&request.overrides_of(&program));
+    if let Some(wrong) = request.programs().find_map(misfit) {
         return Err(MatrixError::Override(wrong));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
@@ -233,12 +234,6 @@ impl Request {
     pub fn has_override(&self, name: &str) -> bool {
         self.programs().any(|program| program.has_override(name))
     }
-}
-
-/// A given value that isn't one of its override's type.
-fn wrong_value(request: &Request, program: &Program) -> Option<String> {
-    let given = request.overrides_of(program);
-    program.misfit(&given)
 }
 
 /// What is declared in the test and in `karat.toml`.

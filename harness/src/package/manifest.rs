@@ -479,7 +479,6 @@ impl Manifest {
         Ok(package)
     }
 
-    /// Whether modules are what a program prints.
     /// This one without its values.
     pub(super) fn without_values(self) -> Self {
         Self { values: Values::new(), ..self }
@@ -490,6 +489,7 @@ impl Manifest {
         self.values.contains_key(name)
     }
 
+    /// True if modules aren't as their files have them: a program prints them, or values stand for names.
     pub(super) fn expands(&self) -> bool {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }

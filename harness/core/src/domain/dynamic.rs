@@ -508,7 +508,7 @@ impl Dynamic {
     pub fn perpendicular(mut self, lanes: Range<usize>, to: Vec<usize>, names: &str) -> Self {
         let mut below = 0;
         for part in &mut self.parts {
-            if (lanes.start..lanes.end).contains(&below) {
+            if lanes.contains(&below) {
                 part.described.push_str(&format!(" perpendicular to {names}"));
             }
             below += part.width();

@@ -36,6 +36,10 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
         writeln!(out, "{DIM}{name} is no JSON: no script is added{DIM:#}")?;
         return Ok(());
     };
+    if !manifest.is_object() || !matches!(manifest["scripts"], Value::Null | Value::Object(_)) {
+        writeln!(out, "{DIM}{name} isn't npm's: no script is added{DIM:#}")?;
+        return Ok(());
+    }
     if manifest["scripts"][SCRIPT].is_string() {
         return Ok(());
     }
@@ -141,9 +145,17 @@ mod tests {
 
     #[test]
     fn what_isnt_plain_is_left_as_it_is() {
-        for text in
-            ["{ \"scripts\"", "{ \"files\": [\"scripts\", \"a\"], \"scripts\": { \"a\": \"b\" } }"]
-        {
+        for (text, expected) in [
+            ("{ \"scripts\"", "is no JSON"),
+            ("[]", "isn't npm's"),
+            ("{ \"scripts\": 3 }", "isn't npm's"),
+            ("{ \"scripts\": [] }", "isn't npm's"),
+            // The first braces behind the word aren't those of the scripts.
+            (
+                "{ \"files\": [\"scripts\"], \"config\": { \"a\": 1 }, \"scripts\": { \"a\": \"b\" } }",
+                "add to the scripts of",
+            ),
+        ] {
             let folder = tempfile::tempdir().expect("a temporary folder");
             let file = folder.path().join(FILE);
             std::fs::write(&file, text).expect("written");
@@ -151,9 +163,8 @@ mod tests {
             add_script(&file, "shaders", &mut said).expect("a line of advice");
             let now = std::fs::read_to_string(&file).expect("it is there");
             let said = String::from_utf8(said).expect("text");
-            let whole = serde_json::from_str::<Value>(&now);
-            let added = whole.is_ok_and(|whole| whole["scripts"][SCRIPT].is_string());
-            assert!(added || now == text && !said.is_empty(), "{text}: {now}: {said}");
+            assert_eq!(now, text, "{said}");
+            assert!(said.contains(expected), "{text}: {said}");
         }
     }
 }
