@@ -1,4 +1,5 @@
-//! `cargo ci demo`: from a fresh clone to verdicts on every execution path.
+//! `cargo ci demo`: from a fresh clone to verdicts on every execution path, the first of them as soon as the
+//! programs are built.
 
 use std::process::ExitCode;
 
@@ -12,7 +13,9 @@ pub(crate) fn run() -> ExitCode {
     let _ = steps.run("setup", setup::install_missing)
         && steps.run("build", build)
         && steps.run("paths", suite::open_paths)
-        && steps.run("shader tests", shader_tests);
+        && steps.run("first verdict", || shader_tests(&[LIBRARY, FIRST]))
+        && steps.run("every function", || shader_tests(&[LIBRARY]))
+        && steps.run("every frame", || shader_tests(&[FRAMES]));
     steps.finish()
 }
 
@@ -46,15 +49,16 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// The programs of `tests/` that test shaders: modules one by one, and frames.
-const SHADER_TESTS: [&str; 2] = ["library", "golden"];
+/// The programs of `tests/` that test the shader library's functions, and its frames.
+const LIBRARY: &str = "--test=library";
+const FRAMES: &str = "--test=golden";
 
-fn shader_tests() -> anyhow::Result<()> {
-    let mut karat = command::karat(&["test", "--paths", "all", "--require", PATHS])?;
-    for name in SHADER_TESTS {
-        karat.args(["--test", name]);
-    }
-    command::run(&mut karat)
+/// The module whose tests are the first.
+const FIRST: &str = "fresnel::";
+
+fn shader_tests(which: &[&str]) -> anyhow::Result<()> {
+    let karat = &["test", "--paths", "all", "--require", PATHS];
+    command::run(command::karat(karat)?.args(which))
 }
 
 #[cfg(test)]
@@ -66,7 +70,8 @@ mod tests {
     fn the_demo_names_programs_that_are_there() {
         let manifest = std::fs::read_to_string(command::root().join("tests/Cargo.toml"));
         let manifest = manifest.expect("it is in the workspace");
-        for name in SHADER_TESTS {
+        for program in [LIBRARY, FRAMES] {
+            let name = program.trim_start_matches("--test=");
             assert!(manifest.contains(&format!("[[test]]\nname = \"{name}\"\n")), "{name}");
         }
     }

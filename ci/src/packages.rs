@@ -63,11 +63,27 @@ pub(crate) fn check() -> Result<()> {
         missing.extend(misplaced(&listed(name)?));
         problems.extend(missing.into_iter().map(|problem| format!("{name}: {problem}")));
     }
+    problems.extend(extension()?);
     if !problems.is_empty() {
         bail!("{}", problems.join("\n   "));
     }
     eprintln!("{} packages", packages.len());
     Ok(())
+}
+
+/// Where the extension for VS Code has another version than the program that it starts.
+fn extension() -> Result<Vec<String>> {
+    const FILES: [&str; 2] = ["package.json", "package-lock.json"];
+    let mut problems = Vec::new();
+    for name in FILES {
+        let path = Path::new("harness/editors/vscode").join(name);
+        let text = fs::read_to_string(command::root().join(&path))?;
+        let value: serde_json::Value = serde_json::from_str(&text)?;
+        if value["version"] != env!("CARGO_PKG_VERSION") {
+            problems.push(format!("`{}` has the version {}", path.display(), value["version"]));
+        }
+    }
+    Ok(problems)
 }
 
 /// What the manifest doesn't say.

@@ -25,19 +25,17 @@ pub(super) fn run() {
 const SHADER: &str = "fn pow5(x: f32) -> f32 { let y = x * x; return y * y * x; }\n\
     fn schlick(f0: f32, x: f32) -> f32 { return f0 + (1.0 - f0) * pow5(1.0 - x); }\n";
 
-const PROFILES: &str = "karat = { opt-level = 2, debug = \"line-tables-only\" }\n\
-    karat-core = { opt-level = 2, debug = \"line-tables-only\" }\n\
-    karat-engine = { opt-level = 3, debug = \"line-tables-only\" }\n\
-    naga = { opt-level = 1, debug = \"line-tables-only\" }\n";
-
 /// As the guide's first page has it.
 fn write_project(folder: &Path) {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("it is in one");
     let karat = repository.join("harness");
+    let guide = repository.join("docs/guide/first-test.md");
+    let guide = std::fs::read_to_string(guide).expect("it is there");
+    let profiles = guide.split("```toml\n# Cargo.toml\n").nth(1).expect("the page has profiles");
+    let profiles = profiles.split("```").next().expect("a block ends");
     let manifest = format!(
         "[package]\nname = \"own\"\nedition = \"2024\"\n\n[workspace]\n\n\
-         [dev-dependencies]\nkarat = {{ path = {karat:?} }}\n\n\
-         [profile.dev.package]\n{PROFILES}"
+         [dev-dependencies]\nkarat = {{ path = {karat:?} }}\n\n{profiles}"
     );
     write(folder, "Cargo.toml", &manifest);
     // The versions that are on this machine.

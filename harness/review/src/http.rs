@@ -28,13 +28,15 @@ const MOST_OPEN: usize = 64;
 /// once.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Sent with each answer: what an answer is used for is said here, and nobody keeps or frames it.
+/// Sent with each answer: what an answer is used for is said here, and nobody keeps it. VS Code shows it in a panel:
+/// its windows have schemes of their own, and are pages of this machine where it runs in a browser. Another page
+/// that would frame it has to know the token.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     Referrer-Policy: same-origin\r\n\
-    Content-Security-Policy: frame-ancestors 'none'\r\n\
+    Content-Security-Policy: frame-ancestors vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*\r\n\
     Connection: close\r\n";
 
 /// An answer: status, content type, body.

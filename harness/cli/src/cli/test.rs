@@ -294,8 +294,8 @@ impl<'a> Asked<'a> {
         }
         writeln!(
             out,
-            "{DIM}a Rust test that has never run is selected by its own name, not by the functions that it \
-             checks: `karat test` runs all{DIM:#}"
+            "{DIM}the filter finds a new Rust test by its own name alone; once `karat test` has run all, it \
+             also finds tests by the functions that they check{DIM:#}"
         )
     }
 

@@ -557,7 +557,7 @@ fn a_filter_says_what_it_cannot_find() {
     let run = |arguments: &[&str]| {
         output(command(folder, &[&["test"], arguments].concat()).env("CARGO", "/bin/sh")).good()
     };
-    let told = "a Rust test that has never run is selected by its own name";
+    let told = "the filter finds a new Rust test by its own name alone";
     assert!(run(&["double"]).contains(told), "nothing has ever run whole");
     assert!(!run(&[]).contains(told));
     assert!(run(&["double"]).contains(told));

@@ -4,6 +4,7 @@ use std::io::BufRead;
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use base64::Engine;
@@ -14,10 +15,22 @@ use tungstenite::{Message, WebSocket};
 /// Longest wait for anything that the browser does: SwiftShader on a busy machine is slow.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// A browser with a profile of its own and no network but this machine.
-pub(crate) struct Browser {
+/// The process of a browser. It ends with the last test that uses it.
+struct Process {
     child: Child,
     _profile: TempDir,
+    /// Where it listens.
+    url: String,
+}
+
+/// The process that tests share while one of them uses it: to start one takes longer than most tests.
+static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
+
+/// A browser without a network but this machine, and with tabs and storage of its own.
+pub(crate) struct Browser {
+    _process: Arc<Process>,
+    /// The profile of this test, which no other test sees.
+    context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
     /// The session of the tab that is in front.
@@ -58,13 +71,8 @@ fn program() -> PathBuf {
     )
 }
 
-impl Browser {
-    pub(crate) fn start() -> Self {
-        Self::with(&[])
-    }
-
-    /// With more arguments.
-    pub(crate) fn with(arguments: &[&str]) -> Self {
+impl Process {
+    fn start(arguments: &[&str]) -> Self {
         let profile = tempfile::tempdir().expect("a temporary folder");
         let mut command = Command::new(program());
         command.args([
@@ -101,11 +109,43 @@ impl Browser {
             }
         });
         let url = receiver.recv_timeout(PATIENCE).expect("the browser opens its port");
+        Self { child, _profile: profile, url }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+impl Browser {
+    pub(crate) fn start() -> Self {
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let process = shared.upgrade().unwrap_or_else(|| Arc::new(Process::start(&[])));
+        *shared = Arc::downgrade(&process);
+        drop(shared);
+        Self::of(process)
+    }
+
+    /// A process of its own, with more arguments.
+    pub(crate) fn with(arguments: &[&str]) -> Self {
+        Self::of(Arc::new(Process::start(arguments)))
+    }
+
+    fn of(process: Arc<Process>) -> Self {
+        let url = &process.url;
         let place = url.strip_prefix("ws://").and_then(|rest| rest.split('/').next());
         let stream = TcpStream::connect(place.expect("a URL")).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a time");
-        let (socket, _) = tungstenite::client(&url, stream).expect("a WebSocket");
-        Self { child, _profile: profile, socket, calls: 0, front: String::new(), pressed: false }
+        let (socket, _) = tungstenite::client(url, stream).expect("a WebSocket");
+        let (context, front) = Default::default();
+        let mut browser =
+            Self { _process: process, context, socket, calls: 0, front, pressed: false };
+        let context = browser.call(None, "Target.createBrowserContext", json!({}));
+        browser.context = context["browserContextId"].as_str().expect("a context").to_owned();
+        browser
     }
 
     fn call(&mut self, session: Option<&str>, method: &str, parameters: Value) -> Value {
@@ -132,7 +172,9 @@ impl Browser {
 
     /// A tab of 1280 by 720 pixels that has loaded a page.
     pub(crate) fn open(&mut self, url: &str) -> Tab {
-        let target = self.call(None, "Target.createTarget", json!({ "url": "about:blank" }));
+        let target = self.call(None, "Target.createTarget", json!({
+            "url": "about:blank", "browserContextId": self.context,
+        }));
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         let attached = self.call(None, "Target.attachToTarget", attach);
         let session = attached["sessionId"].as_str().expect("a session").to_owned();
@@ -308,9 +350,10 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
+        let parameters = json!({ "browserContextId": self.context });
+        let message = json!({ "id": 0, "method": "Target.disposeBrowserContext", "params": parameters });
+        drop(self.socket.send(Message::text(message.to_string())));
         drop(self.socket.close(None));
-        drop(self.child.kill());
-        drop(self.child.wait());
     }
 }
 

@@ -78,22 +78,27 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
 }
 
-/// The expectations that fail, each where it stands.
+/// The expectations that fail, each once where it stands: what the simplest case saw, and on which paths it fails.
 pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
-    let mut all: Vec<Finding> = Vec::new();
+    let mut all: Vec<(&ExpectationFault, Vec<&str>)> = Vec::new();
     for fault in record.fault.iter().flat_map(|fault| &fault.paths) {
-        let cases = [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten();
-        for ExpectationFault { place, seen } in cases.flat_map(|case| &case.expectations) {
-            let Some(place) = located(place, Path::new(package), root) else { continue };
-            let message = format!("{seen}, in `{function}` on {}", fault.adapter.path);
-            let finding = Finding { place: Some(place), message };
-            if !all.contains(&finding) {
-                all.push(finding);
+        let cases = [&fault.simplest, &fault.worst, &fault.first].into_iter().flatten();
+        for expectation in cases.flat_map(|case| &case.expectations) {
+            let path = &*fault.adapter.path;
+            match all.iter_mut().find(|(known, _)| known.place == expectation.place) {
+                Some((_, paths)) if paths.contains(&path) => {}
+                Some((_, paths)) => paths.push(path),
+                None => all.push((expectation, vec![path])),
             }
         }
     }
-    all
+    let finding = |(ExpectationFault { place, seen }, paths): (&_, Vec<&str>)| {
+        let place = located(place, Path::new(package), root)?;
+        let message = format!("{seen}, in `{function}` on {}", paths.join(", "));
+        Some(Finding { place: Some(place), message })
+    };
+    all.into_iter().filter_map(finding).collect()
 }
 
 /// The headline of a failure, with the worst error and its path.

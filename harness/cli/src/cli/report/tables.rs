@@ -145,9 +145,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran in a test whose name contains `{filter}`, or that checked such a function when \
-             it last ran; one that has never run is known by its own name alone, and `karat test` runs \
-             all; a run that compared nothing is no success"
+            "no check ran: no test's name contains `{filter}`, and no test checked such a function when it last \
+             ran. A new test is found by its own name alone; `karat test` runs all. A run that compared nothing is no success"
         ),
         None => bail!("no test ran a check; a run that compared nothing is no success"),
     }
