@@ -269,7 +269,7 @@ fn a_project_of_its_own() {
     }
 
     let none = project.run(&karat, &["test", "nosuchtest"]);
-    none.says(2, &["error: no check ran in a test whose name contains `nosuchtest`"]);
+    none.says(2, &["error: no check ran: no test's name contains `nosuchtest`"]);
     let listed = project.run(&karat, &["list"]);
     assert!(!listed.out.contains(" yes "), "nothing ran: {}", listed.out);
 

@@ -172,9 +172,13 @@ impl Browser {
 
     /// A tab of 1280 by 720 pixels that has loaded a page.
     pub(crate) fn open(&mut self, url: &str) -> Tab {
-        let target = self.call(None, "Target.createTarget", json!({
-            "url": "about:blank", "browserContextId": self.context,
-        }));
+        let target = self.call(
+            None,
+            "Target.createTarget",
+            json!({
+                "url": "about:blank", "browserContextId": self.context,
+            }),
+        );
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         let attached = self.call(None, "Target.attachToTarget", attach);
         let session = attached["sessionId"].as_str().expect("a session").to_owned();
@@ -351,7 +355,8 @@ impl Browser {
 impl Drop for Browser {
     fn drop(&mut self) {
         let parameters = json!({ "browserContextId": self.context });
-        let message = json!({ "id": 0, "method": "Target.disposeBrowserContext", "params": parameters });
+        let message =
+            json!({ "id": 0, "method": "Target.disposeBrowserContext", "params": parameters });
         drop(self.socket.send(Message::text(message.to_string())));
         drop(self.socket.close(None));
     }

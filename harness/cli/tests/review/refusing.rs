@@ -34,7 +34,8 @@ fn only_who_has_the_url_gets_anything() {
     assert_eq!(status(&foreign), 403);
     let policy = server.get("").text;
     assert!(policy.contains("default-src 'none'"), "{policy}");
-    let own = "frame-ancestors vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*\r\n";
+    let own =
+        "frame-ancestors vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*\r\n";
     assert!(policy.contains(own), "{policy}");
     assert!(policy.contains("Cross-Origin-Resource-Policy: same-origin"), "{policy}");
 }
