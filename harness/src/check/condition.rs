@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::fixture::Fixtures;
 use crate::interpret::Interpreted;
-use crate::package::Package;
+use crate::package::{Package, texts};
 use crate::probe::{ProbeError, Probed};
 use crate::value::{Scalar, Shape};
 
@@ -48,8 +48,8 @@ impl Condition {
     /// # Errors
     /// If it is no expression of type `bool`, or none of the parameters stands in it, in a sentence.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
-        let plain = without_comments(text);
-        if !parameters.iter().any(|(name, _)| Self::names(text, name)) {
+        let all = texts(text);
+        if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
             let names: Vec<_> = parameters.iter().map(|(name, _)| format!("`{name}`")).collect();
             return Err(match &*names {
                 [] => "the function takes no arguments, so it keeps all or none".to_owned(),
@@ -59,12 +59,13 @@ impl Condition {
                 ),
             });
         }
-        let mut depth = 0_i32;
-        let closes = plain.chars().any(|c| {
-            depth += i32::from(c == '(') - i32::from(c == ')');
-            depth < 0
+        // A bracket that closes ours would begin a statement of its own.
+        let depth = all.iter().try_fold(0_u32, |depth, text| match *text {
+            "(" => Some(depth + 1),
+            ")" => depth.checked_sub(1),
+            _ => Some(depth),
         });
-        if closes || depth != 0 {
+        if depth != Some(0) {
             return Err(format!("`{text}`: its brackets don't match"));
         }
         let mut lanes = Vec::new();
@@ -93,8 +94,7 @@ impl Condition {
     /// True if the text names this parameter.
     #[must_use]
     pub fn names(text: &str, parameter: &str) -> bool {
-        let plain = without_comments(text);
-        plain.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == parameter)
+        texts(text).contains(&parameter)
     }
 
     /// True if it holds for the words of the arguments. A case that can't be evaluated doesn't satisfy it.
@@ -103,19 +103,6 @@ impl Condition {
         let taken: Vec<u32> = self.lanes.iter().map(|lane| row[*lane]).collect();
         self.interpreted.words(1, &taken).is_ok_and(|words| words == [1])
     }
-}
-
-/// A text without comments, which name nothing.
-fn without_comments(text: &str) -> String {
-    let mut plain = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
-        plain.push_str(&rest[..at]);
-        plain.push(' ');
-        let end = if rest[at..].starts_with("//") { "\n" } else { "*/" };
-        rest = rest[at + 2..].split_once(end).map_or("", |(_, after)| after);
-    }
-    plain + rest
 }
 
 /// The name of a type, and the structures that it needs, the innermost first.
@@ -182,7 +169,8 @@ mod tests {
             ("dot(s.m, v) > 0.0", "m"),
             ("w > v.x", "w"),
             ("true // v.x > 0.0", "names no argument"),
-            ("true /* v */", "names no argument"),
+            ("true /* /* s */ v */", "names no argument"),
+            ("v.x) > (0.0", "its brackets don't match"),
             ("true", "names no argument, so it keeps all or none: there is `s`, `v`"),
             ("vv.x > 0.0", "names no argument"),
         ] {

@@ -84,6 +84,12 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
     tokens
 }
 
+/// The words, numbers and symbols of a text, without comments.
+#[cfg(feature = "engine")]
+pub(crate) fn texts(text: &str) -> Vec<&str> {
+    lex(text).iter().map(|token| &text[token.range()]).collect()
+}
+
 fn run(text: &str, belongs: impl Fn(char) -> bool) -> usize {
     text.find(|c| !belongs(c)).unwrap_or(text.len())
 }

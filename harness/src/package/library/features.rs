@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
+use crate::package::lexer::lex;
 use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
@@ -24,17 +25,17 @@ fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
     /// Attributes of one letter more or less (WGSL, 12; WESL).
     const OTHERS: [&str; 2] = ["id", "else"];
-    let is_part = |c: char| c == '_' || c.is_alphanumeric();
-    text.split('@').skip(1).find_map(|rest| {
-        let name = &rest[..rest.find(|c| !is_part(c)).unwrap_or(rest.len())];
-        let inner = rest[name.len()..].trim_start().strip_prefix('(')?;
-        let inner = &inner[..inner.find(')')?];
-        let has =
-            |feature: &&String| inner.split(|c| !is_part(c)).any(|word| word == feature.as_str());
+    let tokens = lex(text);
+    let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
+    (0..tokens.len()).filter(|at| of(*at) == "@" && of(at + 2) == "(").find_map(|at| {
+        let name = of(at + 1);
+        let end = (at + 3..tokens.len()).find(|at| of(*at) == ")")?;
+        let has = |feature: &&String| (at + 3..end).any(|at| of(at) == feature.as_str());
         let is_near = !CONDITIONS.contains(&name)
             && !OTHERS.contains(&name)
             && nearest(name, CONDITIONS).is_some();
-        (is_near && features.iter().any(has)).then(|| format!("@{name}({inner})").into())
+        let whole = &text[tokens[at].range().start..tokens[end].range().end];
+        (is_near && features.iter().any(has)).then(|| whole.into())
     })
 }
 
