@@ -146,7 +146,7 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     match filter {
         Some(filter) => bail!(
             "no check ran: no test's name contains `{filter}`, and no test checked such a function when it last \
-             ran. A new test is found by its own name alone; `karat test` runs all. A run that compared nothing is no success"
+             ran. A new test is found by its own name alone; `karat test` runs all; a run that compared nothing is no success"
         ),
         None => bail!("no test ran a check; a run that compared nothing is no success"),
     }
