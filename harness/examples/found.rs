@@ -11,7 +11,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use glam::{DVec2, DVec3, UVec4, Vec3, Vec4};
+use glam::{DVec2, DVec3, Mat3, UVec4, Vec3, Vec4};
 use karat::check::{Agreement, Failure};
 use karat::compute::{ComputeAgreement, ComputeError};
 use karat::domain::UnitRgb;
@@ -75,7 +75,7 @@ struct Found {
     mended: Option<Check>,
 }
 
-const FOUND: [Found; 8] = [
+const FOUND: [Found; 9] = [
     Found {
         name: "hue-of-grey",
         krate: "bevy_render@0.20.1",
@@ -162,6 +162,23 @@ const FOUND: [Found; 8] = [
              let l = ab.y * ab.y - ab.x * ab.x;\n",
         ],
         mended: Some(|package| nearly_round_ellipse(package).into()),
+    },
+    Found {
+        name: "along-the-normal",
+        krate: "bevy_pbr@0.20.1",
+        function: "render::pbr_lighting::ltc_integrate_quad",
+        says: "A rectangle gives no light where the view is along the normal: all of a floor that an orthographic camera \
+               sees from above stays black. The first tangent is the part of the view across the normal. That is 0 \
+               here, and normalising it gives NaN, which no comparison below takes for above the horizon. Each tangent \
+               is right there.",
+        check: |package| along_the_normal(package).into(),
+        change: [
+            "    let T1 = normalize(V - N * dot(V, N));\n",
+            "    let across = V - N * dot(V, N);\n    \
+             let axis = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 1.0, 0.0), abs(N.x) > 0.9);\n    \
+             let T1 = normalize(select(cross(N, axis), across, dot(across, across) > 1e-12));\n",
+        ],
+        mended: None,
     },
     Found {
         name: "last-bin",
@@ -310,6 +327,21 @@ fn round_ellipse(package: &Package) -> Result<Agreement, Failure> {
         .over(circles)
         .unrecorded()
         .try_agrees_with(|p: DVec2, a: f64, _b: f64| p.length() - a, Abs(1e-4))
+    // end
+}
+
+fn along_the_normal(package: &Package) -> Result<Agreement, Failure> {
+    // found: along-the-normal
+    let above = UnitVector.map(|n: Vec3| {
+        let (x, y) = n.any_orthonormal_pair();
+        let light = [x + y, y - x, -x - y, x - y].map(|corner| 2.0 * n + corner);
+        (n, n, Vec3::ZERO, Mat3::IDENTITY, light)
+    });
+    package
+        .function("render::pbr_lighting::ltc_integrate_quad")
+        .over(above)
+        .unrecorded()
+        .try_satisfies("is lit", |_, light: f32| light.abs() > 0.0)
     // end
 }
 

@@ -38,7 +38,9 @@ use crate::output::counted;
 use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed};
+use crate::reflect::Idiom;
 use crate::value::format_f32;
+use karat_engine::Bounds;
 use lowered::Callers;
 pub use lowered::Lowered;
 
@@ -92,8 +94,14 @@ pub struct Hazard {
     /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
     /// knows whether these are arguments that it gets.
     pub guessed: bool,
-    /// True if each case has a float beyond 10,000 among the arguments of which nothing is known.
-    pub large: bool,
+    /// True if each case has a float beyond 10,000 among the arguments of which nothing is known, or one within
+    /// 1e-10 of 0.
+    pub extreme: bool,
+    #[serde(skip)]
+    idiom: Option<Idiom>,
+    /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
+    #[serde(skip)]
+    of_made_up_size: bool,
     /// Why `karat.toml` accepts it, where those are asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
@@ -480,7 +488,12 @@ impl Look<'_> {
                             values: shown(one),
                             operands: operands(one),
                             guessed: false,
-                            large: true,
+                            extreme: true,
+                            idiom: one.idiom,
+                            of_made_up_size: matches!(
+                                one.bounds,
+                                Some(Bounds::Texture | Bounds::Runtime)
+                            ),
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
@@ -490,11 +503,11 @@ impl Look<'_> {
                     });
                 hazard.cases.0 += 1;
                 // Arguments that a caller may give say more.
-                if hazard.large && moderate {
+                if hazard.extreme && moderate {
                     hazard.arguments = described(case);
                     hazard.operands = operands(one);
                     hazard.values = shown(one);
-                    hazard.large = false;
+                    hazard.extreme = false;
                 }
                 *is_plain |= plain;
                 // That it shows in one case is worse than that it is hidden in others.
@@ -528,7 +541,9 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         values: None,
         operands: Vec::new(),
         guessed: true,
-        large: false,
+        extreme: false,
+        idiom: None,
+        of_made_up_size: false,
         accepted: None,
         lowered: None,
         also: Vec::new(),
@@ -546,7 +561,7 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
             let known = place.get_mut();
             // That it shows says more than that it is hidden, and known arguments more than guessed ones. A function
             // with fewer of them is closer to it.
-            let rank = |one: &Hazard| (one.hidden, one.large, one.guessed, one.arguments.len());
+            let rank = |one: &Hazard| (one.hidden, one.extreme, one.guessed, one.arguments.len());
             let (better, other) = match rank(known) <= rank(&hazard) {
                 true => (known.clone(), hazard),
                 false => (hazard, known.clone()),

@@ -288,18 +288,21 @@ impl Arguments {
     }
 
     /// True if no float of a row that is drawn by its type alone is beyond what shaders compute with: positions,
-    /// times and sizes are thousands at most.
+    /// times and sizes are thousands at most. And none but those that are declared is nearer to 0 than what is
+    /// computed: the part of a scene that a pixel sees is above a billionth.
     pub(crate) fn is_moderate(&self, row: &[u32]) -> bool {
         const MOST: f32 = 1e4;
+        const LEAST: f32 = 1e-10;
         let mut rest = row;
         self.described.iter().all(|one| {
             let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
             rest = others;
-            let is_moderate = |(scalar, word): (&Scalar, &u32)| match scalar {
-                Scalar::F32 | Scalar::F16 => f32::from_bits(*word).abs() <= MOST,
-                _ => true,
+            let is_moderate = |(scalar, word): (&Scalar, &u32)| {
+                let size = f32::from_bits(*word).abs();
+                let (is_small, is_tiny) = (size <= MOST, size > 0.0 && size < LEAST);
+                !scalar.is_float() || (is_small || !one.guessed) && (!is_tiny || one.declared)
             };
-            !one.guessed || one.scalars.iter().zip(own).all(is_moderate)
+            one.scalars.iter().zip(own).all(is_moderate)
         })
     }
 

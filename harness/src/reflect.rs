@@ -14,6 +14,8 @@ mod dependence;
 #[cfg(feature = "engine")]
 mod element;
 mod handles;
+#[cfg(feature = "engine")]
+mod idiom;
 mod inputs;
 mod kept;
 mod layout;
@@ -47,6 +49,8 @@ pub(crate) use adapter::ADAPTER;
 pub use binding::Binding;
 pub(crate) use covering::COVERING;
 pub use dependence::Dependence;
+#[cfg(feature = "engine")]
+pub(crate) use idiom::Idiom;
 pub use inputs::Input;
 use kept::Wanted;
 pub use layout::LayoutError;

@@ -620,8 +620,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         if SEEN {
             let site = self.site(instruction);
+            let fault = Fault::Index(self.bounds(instruction.op));
             for &lane in &self.strayed {
-                observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
+                observer.fault(&Faulty { fault, site, case: case + lane });
             }
         }
         if self.detector.is_some() && !self.defines_outside(instruction.op) {

@@ -2,6 +2,7 @@
 
 use crate::arithmetic::Arithmetic;
 use crate::code::Site;
+use crate::races::Bounds;
 
 /// Values of all lanes at one operation.
 #[derive(Debug)]
@@ -26,8 +27,8 @@ pub struct Lanes<'a, A: Arithmetic> {
 /// WGSL defines in a way that authors seldom mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Fault {
-    /// An index leaves its array or texture, and was clamped.
-    Index,
+    /// An index leaves what it is an index of, and was clamped.
+    Index(Bounds),
     /// An integer is divided by zero, or its remainder taken.
     Division,
     /// A float is converted to an integer type that doesn't reach so far, and saturates.

@@ -117,7 +117,7 @@ pub struct Unwritten {
 }
 
 /// The kind of what an index leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Bounds {
     /// An array whose length the program says.
     Fixed,

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Hazard, Kind};
 use crate::interpret::hazards::Fine;
 use crate::package::Package;
-use crate::reflect::Program;
+use crate::reflect::{Idiom, Program};
 
 /// Why a hazard is less than others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -19,10 +19,10 @@ pub enum Lowered {
     Hidden,
     /// It reads the bits of a number, and these were drawn at random.
     Bits,
-    /// Each case has a number beyond 10,000 of which nothing is known.
-    Large,
+    /// Each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0.
+    Extreme,
     /// A float that becomes an integer, or edges of `clamp`, of numbers of which nothing is known; or a place in a
-    /// texture, whose size is made up.
+    /// texture, or in an array as long as its buffer, whose sizes are made up.
     Guessed,
     /// A sine or a cosine beyond pi, where WGSL has no bound, or near its zero, where it has few digits.
     Trigonometry,
@@ -42,9 +42,11 @@ impl Lowered {
         match self {
             Self::Hidden => "a later operation drops it in each case that was drawn",
             Self::Bits => "each word is some number, and this one was made up",
-            Self::Large => "each case has a number beyond 10,000 of which nothing is known",
+            Self::Extreme => {
+                "each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0"
+            }
             Self::Guessed => {
-                "nothing is known of the numbers, or of the texture, that it was asked with"
+                "nothing is known of the numbers, the texture or the buffer that it was asked with"
             }
             Self::Trigonometry => {
                 "WGSL bounds sine and cosine from -pi to pi alone, and near their zeros digits are few"
@@ -133,23 +135,22 @@ impl Callers {
             return Some(Lowered::Hidden);
         }
         let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
-        if is_float && hazard.guessed && reads_bits(&hazard.text) {
+        if is_float && hazard.guessed && hazard.idiom == Some(Idiom::Bits) {
             return Some(Lowered::Bits);
         }
-        if hazard.guessed && hazard.large {
-            return Some(Lowered::Large);
+        if hazard.extreme {
+            return Some(Lowered::Extreme);
         }
         let is_bound = match hazard.kind {
             Kind::Saturated => hazard.guessed,
-            Kind::EdgesReversed => hazard.guessed && hazard.text.starts_with("clamp("),
-            // The size of a texture is made up, whatever the place is.
-            Kind::OutOfRange => hazard.text.starts_with("texture"),
+            Kind::EdgesReversed => hazard.guessed && hazard.idiom == Some(Idiom::Clamp),
+            Kind::OutOfRange => hazard.of_made_up_size,
             _ => false,
         };
         if is_bound {
             return Some(Lowered::Guessed);
         }
-        if let Some(lowered) = of_idiom(hazard.kind, &hazard.text) {
+        if let Some(lowered) = hazard.idiom.and_then(|idiom| of_idiom(hazard.kind, idiom)) {
             return Some(lowered);
         }
         let may_be_called = |function: &str| {
@@ -187,63 +188,16 @@ impl Callers {
     }
 }
 
-/// The argument text of a call of one of these functions, where the text is this call and nothing else.
-fn argument<'t>(text: &'t str, names: &[&str]) -> Option<&'t str> {
-    let inner = names.iter().find_map(|name| text.strip_prefix(name)?.strip_prefix('('))?;
-    let inner = inner.strip_suffix(')')?;
-    let mut depth = 0_i32;
-    let closes = inner.chars().any(|c| {
-        depth += i32::from(c == '(') - i32::from(c == ')');
-        depth < 0
-    });
-    (!closes).then_some(inner)
-}
-
-/// True of a number above 0, or a vector of it: `2.2`, `vec3f(2.2)`.
-fn is_positive(text: &str) -> bool {
-    let text = text.trim();
-    let inner = match text.starts_with("vec") {
-        true => text.split_once('(').and_then(|(_, rest)| rest.strip_suffix(')')).unwrap_or(text),
-        false => text,
-    };
-    let digits = inner.trim().trim_end_matches(['f', 'h']);
-    digits.parse::<f64>().is_ok_and(|number| number > 0.0)
-}
-
 /// Why an operation that many write is less than others.
-fn of_idiom(kind: Kind, text: &str) -> Option<Lowered> {
+fn of_idiom(kind: Kind, idiom: Idiom) -> Option<Lowered> {
     let is_either = matches!(kind, Kind::Unbounded | Kind::LostDigits);
-    if is_either && argument(text, &["sin", "cos"]).is_some() {
-        return Some(Lowered::Trigonometry);
+    match idiom {
+        Idiom::Trigonometry if is_either => Some(Lowered::Trigonometry),
+        // A power of 0 with an exponent above it is 0; of another one it may be anything.
+        Idiom::Power if kind == Kind::Unbounded => Some(Lowered::Power),
+        Idiom::Remainder if kind == Kind::LostDigits => Some(Lowered::Remainder),
+        _ => None,
     }
-    // A power of 0 with an exponent above it is 0; of another one it may be anything.
-    let power = argument(text, &["pow"]).filter(|_| kind == Kind::Unbounded);
-    if power
-        .and_then(|both| both.rsplit_once(", "))
-        .is_some_and(|(_, exponent)| is_positive(exponent))
-    {
-        return Some(Lowered::Power);
-    }
-    let form = idiom(text);
-    let rest = form.strip_prefix("_ - floor(").and_then(|rest| rest.split_once(')'));
-    let is_rest = rest.is_some_and(|(_, after)| ["", " * _", " * #", " * #.#"].contains(&after));
-    let is_left = argument(text, &["fract", "floor"]).is_some() || is_rest;
-    (kind == Kind::LostDigits && is_left).then_some(Lowered::Remainder)
-}
-
-/// True of `bitcast<f32>(..)` of a variable, a member or an element, and of nothing else.
-fn reads_bits(text: &str) -> bool {
-    let inner = text.strip_prefix("bitcast<f32>(").and_then(|rest| rest.strip_suffix(')'));
-    let Some(inner) = inner else { return false };
-    let mut depth = 0_usize;
-    inner.chars().all(|c| {
-        match c {
-            '[' => depth += 1,
-            ']' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        depth > 0 || matches!(c, ']' | '.' | '_') || c.is_alphanumeric()
-    })
 }
 
 /// The shape of an operation, for those that many write alike: names that aren't called, and numbers, are left out;
@@ -276,45 +230,7 @@ pub(super) fn idiom(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{idiom, reads_bits};
-
-    #[test]
-    fn bits_are_read_of_one_word() {
-        for text in
-            ["bitcast<f32>(word)", "bitcast<f32>(info[i + 3u])", "bitcast<f32>(a.b[c[i]].d)"]
-        {
-            assert!(reads_bits(text), "{text}");
-        }
-        for text in [
-            "bitcast<f32>(word) / d",
-            "bitcast<f32>(0x5f3759dfu - (bitcast<u32>(x) >> 1u))",
-            "bitcast<f32>(a) * bitcast<f32>(b)",
-            "bitcast<vec2f>(a)",
-        ] {
-            assert!(!reads_bits(text), "{text}");
-        }
-    }
-
-    #[test]
-    fn an_idiom_is_the_whole_operation() {
-        use super::{Kind, Lowered, of_idiom};
-        for (kind, text, lowered) in [
-            (Kind::LostDigits, "sin(a)", Some(Lowered::Trigonometry)),
-            (Kind::LostDigits, "sin(a) - sin(b)", None),
-            (Kind::LostDigits, "cos(r * 1e-3) - 1.0", None),
-            (Kind::Unbounded, "pow(1.0 - max(v, 0.0), 5.0)", Some(Lowered::Power)),
-            (Kind::Unbounded, "pow(srgb, vec3f(2.4))", Some(Lowered::Power)),
-            (Kind::Unbounded, "pow(x, y)", None),
-            (Kind::Unbounded, "pow(x, 0.0)", None),
-            (Kind::Unbounded, "pow(x, -2.0)", None),
-            (Kind::LostDigits, "x - floor(x * (1.0 / 289.0)) * 289.0", None),
-            (Kind::LostDigits, "x - floor(x) * 289.0", Some(Lowered::Remainder)),
-            (Kind::LostDigits, "fract(a) - fract(b)", None),
-            (Kind::LostDigits, "fract(dot(a, b) * 3.0)", Some(Lowered::Remainder)),
-        ] {
-            assert_eq!(of_idiom(kind, text), lowered, "{text}");
-        }
-    }
+    use super::idiom;
 
     #[test]
     fn operations_of_one_shape_are_alike() {

@@ -60,7 +60,9 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             values: None,
             operands: Vec::new(),
             guessed: variant > 0,
-            large: false,
+            extreme: false,
+            idiom: None,
+            of_made_up_size: false,
             accepted: None,
             lowered: None,
             also: Vec::new(),
@@ -82,6 +84,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 arguments: described(invocation.clone()),
                 cases: ((*count).min(of), of),
                 hidden: found.hidden,
+                idiom: found.idiom,
                 operands: operands(found),
                 ..of_pass(found.kind, found.span.to_string(), one_line(&found.text))
             });

@@ -9,12 +9,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results, Truth,
+    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results,
+    Truth,
 };
 
 use super::{Interpreted, Options};
 use crate::diagnostic::Span;
 use crate::probe::ProbeError;
+use crate::reflect::Idiom;
 
 /// What kind of thing goes wrong, the worst first.
 #[derive(
@@ -115,6 +117,9 @@ pub(crate) struct Found {
     pub(crate) values: Option<(f32, f64)>,
     /// What the operation was computed from, in `f32`.
     pub(crate) operands: Vec<f32>,
+    pub(crate) idiom: Option<Idiom>,
+    /// What an index left.
+    pub(crate) bounds: Option<Bounds>,
 }
 
 /// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
@@ -213,8 +218,8 @@ struct Event<F> {
 /// Keeps what operations give.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
-    /// Operations whose operands are a fault: the case, the kind and the operation.
-    wrong: Mutex<BTreeSet<(usize, Kind, usize)>>,
+    /// Of each case the operations whose operands are a fault.
+    wrong: Mutex<BTreeMap<usize, BTreeSet<(Fault, usize)>>>,
     /// Lanes in which a NaN decides a comparison, or becomes an integer.
     decided: Mutex<BTreeSet<usize>>,
 }
@@ -228,7 +233,7 @@ impl<F> Default for Recorder<F> {
 /// The kind of an operation with such operands.
 pub(super) fn kind_of(fault: Fault) -> Kind {
     match fault {
-        Fault::Index => Kind::OutOfRange,
+        Fault::Index(_) => Kind::OutOfRange,
         Fault::Division => Kind::ByZero,
         Fault::Conversion => Kind::Saturated,
         Fault::Order => Kind::EdgesReversed,
@@ -266,9 +271,9 @@ macro_rules! recorder {
             }
 
             fn fault(&self, one: &Faulty<'_>) {
-                let kind = kind_of(one.fault);
                 let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-                wrong.insert((one.case, kind, std::ptr::from_ref(one.site).addr()));
+                let own = wrong.entry(one.case).or_default();
+                own.insert((one.fault, std::ptr::from_ref(one.site).addr()));
             }
         }
     };
@@ -403,8 +408,14 @@ impl Interpreted {
             let dropped = finite && !is_used;
             let lost = differ(&result, &shadow, (&scales, &halves));
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
-            let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
-            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, dropped)));
+            for (fault, site) in wrong.get(&lane).into_iter().flatten() {
+                let one = self.found(kind_of(*fault), *site, dropped);
+                let bounds = match fault {
+                    Fault::Index(bounds) => Some(*bounds),
+                    _ => None,
+                };
+                found.extend(one.map(|one| Found { bounds, ..one }));
+            }
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
@@ -531,7 +542,9 @@ impl Interpreted {
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
         let (span, text) = super::author_of(&self.program, site)?;
         let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
-        Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
+        let idiom = self.program.idiom(site);
+        let (values, operands, bounds) = Default::default();
+        Some(Found { kind, span, text, hidden, values, operands, idiom, bounds })
     }
 }
 

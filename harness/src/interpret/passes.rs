@@ -85,7 +85,9 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let Some((span, text)) = author.filter(|_| kind != Kind::OutOfRange) else { continue };
             // The operations behind a NaN aren't kept here, and one of them may depend on it.
             let hidden = finite && kind == Kind::Infinite;
-            let found = Found { kind, span, text, hidden, values: None, operands: fault.operands };
+            let idiom = site.and_then(|site| pass.program.idiom(site));
+            let (operands, values, bounds) = (fault.operands, None, None);
+            let found = Found { kind, span, text, hidden, values, operands, idiom, bounds };
             let invocation = pass.invocation(size, fault.case);
             all.push(FoundInPass { found, invocation, count: fault.count });
         }

@@ -89,7 +89,7 @@ macro_rules! values {
             }
 
             fn fault(&self, one: &Faulty<'_>) {
-                if one.fault == Fault::Index {
+                if let Fault::Index(_) = one.fault {
                     self.lost.store(true, Ordering::Relaxed);
                 }
             }

@@ -1,0 +1,147 @@
+//! Operations that many shaders write alike, and that go wrong alike in all of them.
+
+use naga::{BinaryOperator, Expression, Function, Handle, Literal, MathFunction, ScalarKind};
+
+use super::Program;
+
+/// An operation that many shaders have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Idiom {
+    /// A sine or a cosine.
+    Trigonometry,
+    /// A power whose exponent is a constant above 0.
+    Power,
+    /// `fract(x)`, `floor(x)`, or `x` less a whole number that `floor` gives, such as `x - floor(x / n) * n`.
+    Remainder,
+    /// The bits of a number that is read as a float.
+    Bits,
+    /// `clamp`.
+    Clamp,
+}
+
+impl Program {
+    /// The idiom that an operation is, if it is one.
+    pub(crate) fn idiom(&self, site: &karat_engine::Site) -> Option<Idiom> {
+        let module = &self.checked.module;
+        let mut functions = module.functions.iter().map(|(_, function)| function);
+        let function = functions.find(|known| known.name.as_deref() == Some(&*site.function))?;
+        // The handle is one of this function.
+        let at = site.expression.filter(|at| at.index() < function.expressions.len())?;
+        let of = |at: Handle<Expression>| &function.expressions[at];
+        let is_floor = |at: Handle<Expression>| {
+            matches!(of(at), Expression::Math { fun: MathFunction::Floor, .. })
+        };
+        match *of(at) {
+            Expression::Math { fun: MathFunction::Sin | MathFunction::Cos, .. } => {
+                Some(Idiom::Trigonometry)
+            }
+            Expression::Math { fun: MathFunction::Pow, arg1: Some(exponent), .. } => {
+                self.is_positive(function, exponent).then_some(Idiom::Power)
+            }
+            Expression::Math { fun: MathFunction::Fract | MathFunction::Floor, .. } => {
+                Some(Idiom::Remainder)
+            }
+            Expression::Math { fun: MathFunction::Clamp, .. } => Some(Idiom::Clamp),
+            Expression::Binary { op: BinaryOperator::Subtract, right, .. } => {
+                let is_whole = match *of(right) {
+                    Expression::Binary { op: BinaryOperator::Multiply, left, right } => {
+                        is_floor(left) || is_floor(right)
+                    }
+                    _ => is_floor(right),
+                };
+                is_whole.then_some(Idiom::Remainder)
+            }
+            Expression::As { expr, kind: ScalarKind::Float, convert: None } => {
+                let is_read = matches!(
+                    of(expr),
+                    Expression::Load { .. }
+                        | Expression::Access { .. }
+                        | Expression::AccessIndex { .. }
+                        | Expression::FunctionArgument(_)
+                );
+                is_read.then_some(Idiom::Bits)
+            }
+            _ => None,
+        }
+    }
+
+    /// True of a constant above 0, in each component.
+    fn is_positive(&self, function: &Function, at: Handle<Expression>) -> bool {
+        let module = &self.checked.module;
+        let literal = |literal: &Literal| match *literal {
+            Literal::F32(x) => x > 0.0,
+            Literal::F64(x) | Literal::AbstractFloat(x) => x > 0.0,
+            Literal::F16(x) => x > half::f16::ZERO,
+            _ => false,
+        };
+        match &function.expressions[at] {
+            Expression::Literal(own) => literal(own),
+            Expression::Splat { value, .. } => self.is_positive(function, *value),
+            Expression::Compose { components, .. } => {
+                components.iter().all(|one| self.is_positive(function, *one))
+            }
+            Expression::Constant(constant) => {
+                let init = module.constants[*constant].init;
+                match &module.global_expressions[init] {
+                    Expression::Literal(own) => literal(own),
+                    Expression::Splat { value, .. } => {
+                        matches!(&module.global_expressions[*value], Expression::Literal(own) if literal(own))
+                    }
+                    _ => false,
+                }
+            }
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+
+    #[test]
+    fn an_idiom_is_the_whole_operation() {
+        for (text, expected) in [
+            ("sin(a)", Some(Idiom::Trigonometry)),
+            ("cos(a) - 1.0", None),
+            ("pow(1.0 - max(a, b), 5.0)", Some(Idiom::Power)),
+            ("pow(v, vec3f(2.4))", Some(Idiom::Power)),
+            ("pow(v, vec3f(1.0 / 3.0))", Some(Idiom::Power)),
+            ("pow(a, GAMMA)", Some(Idiom::Power)),
+            ("pow(v, vec3f(2.0, 0.0, 1.0))", None),
+            ("pow(a, b)", None),
+            ("pow(a, 0.0)", None),
+            ("pow(a, -2.0)", None),
+            ("a - floor(a * (1.0 / 289.0)) * 289.0", Some(Idiom::Remainder)),
+            ("a - b * floor(a / b)", Some(Idiom::Remainder)),
+            ("floor(a) - b", None),
+            ("fract(a) - fract(b)", None),
+            ("fract(dot(v, v) * 3.0)", Some(Idiom::Remainder)),
+            ("bitcast<f32>(word)", Some(Idiom::Bits)),
+            ("bitcast<f32>(words[word + 3u])", Some(Idiom::Bits)),
+            ("bitcast<f32>(0x5f3759dfu - (word >> 1u))", None),
+            ("bitcast<f32>(word) / a", None),
+            ("clamp(a, b, 1.0)", Some(Idiom::Clamp)),
+            ("smoothstep(a, b, 1.0)", None),
+        ] {
+            let source = format!(
+                "const GAMMA = 2.2;\nvar<private> words: array<u32, 4>;\n\
+                 fn f(a: f32, b: f32, v: vec3f, word: u32) {{ let own = {text}; }}"
+            );
+            let program = Program::of_module(&Package::from_source("m", source), "");
+            let program = program.expect(text);
+            let module = &program.checked.module;
+            let (_, function) = module.functions.iter().next().expect("it has one");
+            let (expression, _) = function.named_expressions.iter().last().expect("it has a name");
+            let site = karat_engine::Site {
+                function: function.name.clone().expect("it has a name"),
+                expression: Some(*expression),
+                name: None,
+                span: naga::Span::UNDEFINED,
+                half: false,
+            };
+            assert_eq!(program.idiom(&site), expected, "{text}");
+        }
+    }
+}
