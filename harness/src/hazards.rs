@@ -40,7 +40,6 @@ use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Idiom;
 use crate::value::format_f32;
-use karat_engine::Bounds;
 use lowered::Callers;
 pub use lowered::Lowered;
 
@@ -490,10 +489,7 @@ impl Look<'_> {
                             guessed: false,
                             extreme: true,
                             idiom: one.idiom,
-                            of_made_up_size: matches!(
-                                one.bounds,
-                                Some(Bounds::Texture | Bounds::Runtime)
-                            ),
+                            of_made_up_size: one.of_given_size,
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),

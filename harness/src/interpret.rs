@@ -30,7 +30,7 @@ use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{ADAPTER, Program};
+use crate::reflect::{ADAPTER, Idiom, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
@@ -338,6 +338,11 @@ fn author_of(program: &Program, site: &karat_engine::Site) -> Option<(Span, Stri
         return Some((span, text));
     }
     Some((span, text))
+}
+
+/// The idiom that an operation is, if it is one.
+fn idiom_of(program: &Program, site: &karat_engine::Site) -> Option<Idiom> {
+    program.idiom(&site.function, site.expression?.index())
 }
 
 /// What WGSL allows a lane to be.

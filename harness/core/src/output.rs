@@ -96,6 +96,17 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
+/// The first line of a message that says something, without the word that all errors begin with.
+///
+/// ```
+/// assert_eq!(karat_core::output::headline("\nerror: no module `a`\n  --> b.wgsl:1:1"), "no module `a`");
+/// ```
+#[must_use]
+pub fn headline(message: &str) -> &str {
+    let line = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default().trim();
+    line.strip_prefix("error: ").unwrap_or(line)
+}
+
 /// A text in one line: [`visible`], and with ends of lines and tabs escaped, too.
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {

@@ -118,8 +118,8 @@ pub(crate) struct Found {
     /// What the operation was computed from, in `f32`.
     pub(crate) operands: Vec<f32>,
     pub(crate) idiom: Option<Idiom>,
-    /// What an index left.
-    pub(crate) bounds: Option<Bounds>,
+    /// True of an index beyond a texture, or an array as long as its buffer: who binds it says the size.
+    pub(crate) of_given_size: bool,
 }
 
 /// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
@@ -410,11 +410,9 @@ impl Interpreted {
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
             for (fault, site) in wrong.get(&lane).into_iter().flatten() {
                 let one = self.found(kind_of(*fault), *site, dropped);
-                let bounds = match fault {
-                    Fault::Index(bounds) => Some(*bounds),
-                    _ => None,
-                };
-                found.extend(one.map(|one| Found { bounds, ..one }));
+                let of_given_size =
+                    matches!(fault, Fault::Index(Bounds::Texture | Bounds::Runtime));
+                found.extend(one.map(|one| Found { of_given_size, ..one }));
             }
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
@@ -542,9 +540,9 @@ impl Interpreted {
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
         let (span, text) = super::author_of(&self.program, site)?;
         let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
-        let idiom = self.program.idiom(site);
-        let (values, operands, bounds) = Default::default();
-        Some(Found { kind, span, text, hidden, values, operands, idiom, bounds })
+        let idiom = super::idiom_of(&self.program, site);
+        let (values, operands, of_given_size) = Default::default();
+        Some(Found { kind, span, text, hidden, values, operands, idiom, of_given_size })
     }
 }
 

@@ -8,7 +8,7 @@ use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 use super::dispatch::{in_order, options};
 use super::hazards::{Found, Kind, kind_of};
 use super::sanitizer::made_up_options;
-use super::{author_of, dispatch};
+use super::{author_of, dispatch, idiom_of};
 use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::value::Scalar;
 
@@ -85,9 +85,9 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let Some((span, text)) = author.filter(|_| kind != Kind::OutOfRange) else { continue };
             // The operations behind a NaN aren't kept here, and one of them may depend on it.
             let hidden = finite && kind == Kind::Infinite;
-            let idiom = site.and_then(|site| pass.program.idiom(site));
-            let (operands, values, bounds) = (fault.operands, None, None);
-            let found = Found { kind, span, text, hidden, values, operands, idiom, bounds };
+            let idiom = site.and_then(|site| idiom_of(&pass.program, site));
+            let (operands, values, of_given_size) = (fault.operands, None, false);
+            let found = Found { kind, span, text, hidden, values, operands, idiom, of_given_size };
             let invocation = pass.invocation(size, fault.case);
             all.push(FoundInPass { found, invocation, count: fault.count });
         }

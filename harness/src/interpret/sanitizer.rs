@@ -12,6 +12,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
     DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
 };
+use crate::output::headline;
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
 
@@ -42,7 +43,7 @@ fn examine_with(passes: &Passes, options: &Options) -> Examined {
     let mut examined =
         Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
     if let Err(error) = run(passes, &mut examined, options) {
-        examined.watched.reason = first_line(&error.to_string());
+        examined.watched.reason = headline(&error.to_string()).to_owned();
     }
     if passes.has_subgroups() && examined.watched.reason.is_empty() {
         in_small_subgroups(passes, &mut examined, options);
@@ -58,7 +59,7 @@ fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Option
     if let Err(error) =
         run(passes, &mut small, &Options { schedule: Some(schedule), ..options.clone() })
     {
-        small.watched.reason = first_line(&error.to_string());
+        small.watched.reason = headline(&error.to_string()).to_owned();
     }
     if !small.watched.reason.is_empty() {
         examined.watched.reason =
@@ -121,7 +122,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             };
             let stop = alone.as_ref().unwrap_or(stop);
             let stopped = super::stopped(&pass.program, &pass.name, stop);
-            watched.reason = first_line(&stopped.to_string());
+            watched.reason = headline(&stopped.to_string()).to_owned();
             if let ProbeError::Rounds { diagnostic, .. } = stopped {
                 *endless = Some(*diagnostic);
             }
@@ -156,11 +157,6 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
         }
     }
     Ok(())
-}
-
-fn first_line(text: &str) -> String {
-    let line = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-    line.trim_start_matches("error: ").to_owned()
 }
 
 /// A pass with violations, and the size of its workgroups.

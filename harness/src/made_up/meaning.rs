@@ -170,7 +170,7 @@ const COUNTS: [&str; 20] = [
 ];
 
 /// Words of names that mean a small whole number, of integers: loops to a large one never end.
-const INDICES: [&str; 18] = [
+const INDICES: [&str; 17] = [
     "i",
     "j",
     "k",
@@ -179,7 +179,6 @@ const INDICES: [&str; 18] = [
     "level",
     "mip",
     "lod",
-    "face",
     "layer",
     "channel",
     "octaves",
@@ -304,6 +303,8 @@ impl Meaning {
             // From what monitors decode to what they encode.
             () if !whole && has(&["gamma"]) => Self::Range(0.25, 4.0),
             () if whole && has(&COUNTS) => Self::Count,
+            // A cube has six.
+            () if whole && has(&["face"]) => Self::Range(0.0, 5.0),
             () if whole && has(&INDICES) => Self::Index,
             () if has(&UNIT) => Self::Range(0.0, 1.0),
             () => Self::Any,

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Replay;
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::Violation;
+use crate::output::headline;
 use crate::path::Adapter;
 
 /// A failure as data.
@@ -102,9 +103,7 @@ impl std::fmt::Display for ExpectationFault {
 impl Fault {
     /// A fault that isn't about values: its message in one line.
     pub(crate) fn of(message: &str) -> Self {
-        let line = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-        let headline = line.trim().trim_start_matches("error: ").to_owned();
-        Self { headline, ..Self::default() }
+        Self { headline: headline(message).to_owned(), ..Self::default() }
     }
 
     /// With the place of a message, if that has one.

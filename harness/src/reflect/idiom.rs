@@ -20,13 +20,12 @@ pub(crate) enum Idiom {
 }
 
 impl Program {
-    /// The idiom that an operation is, if it is one.
-    pub(crate) fn idiom(&self, site: &karat_engine::Site) -> Option<Idiom> {
+    /// The idiom that an expression of a function, by its index, is.
+    pub(crate) fn idiom(&self, function: &str, expression: usize) -> Option<Idiom> {
         let module = &self.checked.module;
         let mut functions = module.functions.iter().map(|(_, function)| function);
-        let function = functions.find(|known| known.name.as_deref() == Some(&*site.function))?;
-        // The handle is one of this function.
-        let at = site.expression.filter(|at| at.index() < function.expressions.len())?;
+        let function = functions.find(|known| known.name.as_deref() == Some(function))?;
+        let (at, _) = function.expressions.iter().nth(expression)?;
         let of = |at: Handle<Expression>| &function.expressions[at];
         let is_floor = |at: Handle<Expression>| {
             matches!(of(at), Expression::Math { fun: MathFunction::Floor, .. })
@@ -134,14 +133,8 @@ mod tests {
             let module = &program.checked.module;
             let (_, function) = module.functions.iter().next().expect("it has one");
             let (expression, _) = function.named_expressions.iter().last().expect("it has a name");
-            let site = karat_engine::Site {
-                function: function.name.clone().expect("it has a name"),
-                expression: Some(*expression),
-                name: None,
-                span: naga::Span::UNDEFINED,
-                half: false,
-            };
-            assert_eq!(program.idiom(&site), expected, "{text}");
+            let name = function.name.as_deref().expect("it has a name");
+            assert_eq!(program.idiom(name, expression.index()), expected, "{text}");
         }
     }
 }

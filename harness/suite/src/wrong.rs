@@ -4,6 +4,7 @@ use std::fmt;
 
 use karat::package::PackageError;
 use karat::unstable::diagnostic::Diagnostic;
+use karat::unstable::output::headline;
 use karat::unstable::record::Subject;
 use karat::unstable::reflect::ReflectError;
 use serde::{Deserialize, Serialize};
@@ -29,9 +30,7 @@ impl Wrong {
     /// A message without a place, or whose text has it. Its first line says what is wrong.
     #[must_use]
     pub fn of(message: String) -> Self {
-        let first = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-        let headline = first.trim_start_matches("error: ").to_owned();
-        Self { headline, place: None, message }
+        Self { headline: headline(&message).to_owned(), place: None, message }
     }
 
     /// The same once it is in the record of the run: no check has put it there.

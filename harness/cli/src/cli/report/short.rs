@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use karat::unstable::diagnostic::shown;
-use karat::unstable::output::one_line;
+use karat::unstable::output::{headline as headline_of, one_line};
 use karat::unstable::record::{ExpectationFault, PathRecord, Record, Subject};
 use karat::unstable::reflect::{Invalid, Opinion};
 
@@ -35,7 +35,7 @@ pub(in crate::cli) fn write(
     }
     for (package, invalid) in invalid {
         let Invalid::Modules { errors, .. } = invalid else {
-            lines.push(format!("error: {package}: {}", first_line(&invalid.to_string())));
+            lines.push(format!("error: {package}: {}", headline_of(&invalid.to_string())));
             continue;
         };
         for (_, error) in errors {
@@ -44,12 +44,12 @@ pub(in crate::cli) fn write(
                 diagnostic.and_then(|found| found.location()).map(|span| format!("{span}: "));
             let message =
                 diagnostic.map_or_else(|| error.to_string(), |found| found.message.clone());
-            lines.push(format!("{}error: {}", place.unwrap_or_default(), first_line(&message)));
+            lines.push(format!("{}error: {}", place.unwrap_or_default(), headline_of(&message)));
         }
     }
     for remark in opinion.remarks() {
         let place = remark.location().map(|span| format!("{span}: ")).unwrap_or_default();
-        lines.push(format!("{place}warning: {}", first_line(&remark.message)));
+        lines.push(format!("{place}warning: {}", headline_of(&remark.message)));
     }
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
     let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };
@@ -122,10 +122,4 @@ fn worst(record: &Record) -> Option<&PathRecord> {
         record.paths.iter().filter(|path| path.failures > 0 && path.known_issue.is_none());
     let ratio = |path: &PathRecord| path.ratio.unwrap_or(f64::INFINITY);
     failing.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))
-}
-
-/// The first line that says something, without the word that all begin with.
-fn first_line(message: &str) -> String {
-    let line = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
-    line.trim().trim_start_matches("error: ").to_owned()
 }
