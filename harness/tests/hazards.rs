@@ -31,6 +31,23 @@ fn hazards_that_matter_less_are_lowered() {
     assert_eq!(at(large, Kind::Infinite, "exp(a * 1e-4)").lowered, Some(Lowered::Extreme));
     let exp = "fn f(a: f32) -> f32 { return exp(a); }";
     assert_eq!(at(exp, Kind::Infinite, "exp(a)").lowered, None);
+    let tiny = "fn f(n_dot_v: f32) -> f32 { if n_dot_v == 0.0 { return 0.0; } return 1.0 / (n_dot_v * n_dot_v); }";
+    let extreme = at(tiny, Kind::Infinite, "1.0 / (n_dot_v * n_dot_v)");
+    assert_eq!(extreme.lowered, Some(Lowered::Extreme));
+    let declared = Package::from_source("planted", tiny).hazards().input("n_dot_v", 1e-38..=1.0);
+    assert_eq!(declared.run().expect("it is looked at").found.len(), 1, "who declares it means it");
+    // Who binds a buffer says how long it is.
+    let given = "@group(0) @binding(0) var<storage> lights: array<f32>; fn f(id: u32) -> f32 { return lights[id]; }";
+    assert_eq!(at(given, Kind::OutOfRange, "lights[id]").lowered, Some(Lowered::Guessed));
+    for fixed in [
+        "@group(0) @binding(0) var<uniform> lights: array<vec4f, 8>; fn f(i: u32) -> f32 { return lights[i].x; }",
+        "struct L { w: array<f32, 8> } @group(0) @binding(0) var<storage> lights: array<L>; \
+         fn f(i: u32) -> f32 { return lights[0].w[i]; }",
+    ] {
+        let all = found(fixed);
+        let outside = all.iter().find(|hazard| hazard.kind == Kind::OutOfRange).expect(fixed);
+        assert_eq!(outside.lowered, None, "{fixed}");
+    }
     let edges = "fn f(a: f32, b: f32, c: f32) -> f32 { return clamp(a, b, c); }";
     assert_eq!(at(edges, Kind::EdgesReversed, "clamp(a, b, c)").lowered, Some(Lowered::Guessed));
     let sure = "fn f(roughness: f32) -> f32 { return clamp(0.5, roughness, 1.0 - roughness); }";

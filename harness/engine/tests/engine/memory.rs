@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use crate::common::{doubles, floats, intervals, module, program, words};
 use karat_engine::{
-    F32, F64, Fault, Faulty, Intervals, Lane, Observer, Options, Program, Resources, Scalar,
-    Settings, Stop,
+    Bounds, F32, F64, Fault, Faulty, Intervals, Lane, Observer, Options, Program, Resources,
+    Scalar, Settings, Stop,
 };
 
 #[test]
@@ -51,7 +51,7 @@ struct Outside(Mutex<Vec<(usize, String)>>);
 
 impl Observer<F32> for Outside {
     fn fault(&self, one: &Faulty<'_>) {
-        assert_eq!(one.fault, Fault::Index);
+        assert_eq!(one.fault, Fault::Index(Bounds::Fixed));
         self.0.lock().expect("no test panics here").push((one.case, one.site.function.clone()));
     }
 }
