@@ -1,7 +1,7 @@
 #!/usr/bin/env node
 // Runs the program of this machine, which is in a package of its own: nothing is downloaded when this is installed.
 "use strict";
-const { spawnSync } = require("node:child_process");
+const { spawn } = require("node:child_process");
 
 const own = `karat-${process.platform}-${process.arch}`;
 const file = process.platform === "win32" ? "karat.exe" : "karat";
@@ -11,17 +11,23 @@ try {
   program = require.resolve(`${own}/bin/${file}`);
 } catch {
   console.error(
-    `karat: the package ${own} isn't here. Install without --omit=optional; if there is no such package, ` +
-      "build karat with Rust, from its repository: cargo install --path harness/cli",
+    `karat: the package ${own} isn't here. Install it, too: from the archives of a release give npm both; from a ` +
+      "registry leave --omit=optional out. Where there is none for this system, Rust builds karat from its repository.",
   );
   process.exit(2);
 }
 
-const ran = spawnSync(program, process.argv.slice(2), { stdio: "inherit" });
-if (ran.error) {
-  console.error(`karat: ${program} doesn't run: ${ran.error.message}`);
+const running = spawn(program, process.argv.slice(2), { stdio: "inherit" });
+running.on("error", (error) => {
+  console.error(`karat: ${program} doesn't run: ${error.message}`);
   process.exit(2);
-}
-// Who is ended by a signal ends so, too.
-if (ran.signal) process.kill(process.pid, ran.signal);
-process.exit(ran.status ?? 2);
+});
+// Who ends this ends the program, which a terminal tells by itself.
+for (const signal of ["SIGINT", "SIGTERM", "SIGHUP"]) process.on(signal, () => running.kill(signal));
+running.on("exit", (status, signal) => {
+  if (signal) {
+    // Who is ended by a signal ends so, too.
+    process.removeAllListeners(signal);
+    process.kill(process.pid, signal);
+  } else process.exit(status ?? 2);
+});

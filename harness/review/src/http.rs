@@ -28,16 +28,19 @@ const MOST_OPEN: usize = 64;
 /// once.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Sent with each answer: what an answer is used for is said here, and nobody keeps it. VS Code shows it in a panel:
-/// its windows have schemes of their own, and are pages of this machine where it runs in a browser. Another page
-/// that would frame it has to know the token.
+/// Sent with each answer: what an answer is used for is said here, and nobody keeps it.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     Referrer-Policy: same-origin\r\n\
-    Content-Security-Policy: frame-ancestors vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*\r\n\
     Connection: close\r\n";
+
+/// Who may frame the page, as a policy: nobody.
+const UNFRAMED: &str = "'none'";
+/// An editor that asked for the page, in a panel: VS Code's windows have schemes of their own, and are pages of this
+/// machine where it runs in a browser. Another page that would frame it has to know the token.
+const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// An answer: status, content type, body.
 pub(super) struct Answer(pub(super) u16, pub(super) &'static str, pub(super) String);
@@ -54,6 +57,7 @@ pub(super) struct Http {
     address: SocketAddr,
     stopped: Arc<AtomicBool>,
     open: Arc<Open>,
+    ancestors: &'static str,
 }
 
 /// Stops an [`Http`].
@@ -72,11 +76,13 @@ impl Stopper {
 }
 
 impl Http {
-    /// Takes a port, any that is free if it is 0.
-    pub(super) fn bind(port: u16) -> io::Result<Self> {
+    /// Takes a port, any that is free if it is 0. An editor may show the page in a frame.
+    pub(super) fn bind(port: u16, in_editor: bool) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         let address = listener.local_addr()?;
-        Ok(Self { listener, address, stopped: Arc::default(), open: Arc::default() })
+        let (stopped, open) = Default::default();
+        let ancestors = if in_editor { FRAMED } else { UNFRAMED };
+        Ok(Self { listener, address, stopped, open, ancestors })
     }
 
     pub(super) fn port(&self) -> u16 {
@@ -96,10 +102,10 @@ impl Http {
                 continue;
             };
             let connection = Open::enter(&self.open, stream);
-            let answer = Arc::clone(&answer);
+            let (answer, ancestors) = (Arc::clone(&answer), self.ancestors);
             let serve = move || {
                 // A client that has gone, or never spoke, needs no answer.
-                drop(connection.serve(&*answer));
+                drop(connection.serve(&*answer, ancestors));
             };
             if thread::Builder::new().name("review".to_owned()).spawn(serve).is_err() {
                 thread::sleep(PAUSE);
@@ -153,21 +159,27 @@ impl Drop for Connection {
 }
 
 impl Connection {
-    fn serve(self, answer: &impl Fn(&mut Request) -> Answer) -> io::Result<()> {
+    fn serve(self, answer: &impl Fn(&mut Request) -> Answer, ancestors: &str) -> io::Result<()> {
         self.stream.set_write_timeout(Some(PATIENCE))?;
         let source = Timed { stream: Arc::clone(&self.stream), end: Instant::now() + PATIENCE };
         let (head_only, answer) = match Request::read(&self, source)? {
             Ok(mut request) => (request.method == "HEAD", answer(&mut request)),
             Err(refusal) => (false, refusal),
         };
-        self.send(&answer, head_only)?;
+        self.send(&answer, head_only, ancestors)?;
         self.linger()
     }
 
-    fn send(&self, Answer(status, kind, body): &Answer, head_only: bool) -> io::Result<()> {
+    fn send(
+        &self,
+        Answer(status, kind, body): &Answer,
+        head_only: bool,
+        ancestors: &str,
+    ) -> io::Result<()> {
         let length = body.len();
         let head = format!(
-            "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{HEADERS}\r\n"
+            "HTTP/1.1 {status} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\
+             Content-Security-Policy: frame-ancestors {ancestors}\r\n{HEADERS}\r\n"
         );
         let mut stream = &*self.stream;
         stream.write_all(head.as_bytes())?;

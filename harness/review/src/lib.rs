@@ -153,6 +153,7 @@ pub struct Review {
     accepted: bool,
     /// True if accepting may write where `CI` is set.
     ci_may_write: bool,
+    in_editor: bool,
 }
 
 /// An entry of the page, by the number of its data file.
@@ -177,6 +178,7 @@ impl Review {
             run: LastRun::default(),
             accepted: false,
             ci_may_write: false,
+            in_editor: false,
         }
     }
 
@@ -184,6 +186,13 @@ impl Review {
     #[must_use]
     pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
+        self
+    }
+
+    /// Lets VS Code show the served page in a panel of its own.
+    #[must_use]
+    pub fn in_editor(mut self, is: bool) -> Self {
+        self.in_editor = is;
         self
     }
 

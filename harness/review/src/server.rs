@@ -74,7 +74,7 @@ enum Refused {
 impl Server {
     pub(super) fn bind(review: Review, port: u16) -> Result<Self, ReviewError> {
         let failed = |reason: String| ReviewError::Serve { port, reason };
-        let http = Http::bind(port).map_err(|error| failed(error.to_string()))?;
+        let http = Http::bind(port, review.in_editor).map_err(|error| failed(error.to_string()))?;
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(|error| failed(error.to_string()))?;
         let token = random.iter().map(|byte| format!("{byte:02x}")).collect();

@@ -38,7 +38,7 @@ impl FolderArgs {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
             return Ok(folder.clone());
         }
-        let project = Project::find()?;
+        let project = Project::last_tested()?;
         let (folder, all) = (project.golden(), project.goldens());
         let own = folder.canonicalize().ok();
         let others = all.iter().filter(|other| other.canonicalize().ok() != own);
@@ -56,7 +56,7 @@ impl FolderArgs {
         let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
         };
-        let project = Project::find()?;
+        let project = Project::last_tested()?;
         let mut all: Vec<Goldens> = Vec::new();
         for pending in artefact.frames().pending().frames {
             let goldens = pending.goldens(project.root())?;
@@ -312,14 +312,14 @@ impl Waiting {
     fn of(folder: &FolderArgs, artefact: Option<&Artefact>) -> anyhow::Result<Self> {
         let named = folder.named().map(Goldens::open);
         if let Some(artefact) = artefact {
-            let project = if named.is_none() { Some(Project::find()?) } else { None };
+            let project = if named.is_none() { Some(Project::last_tested()?) } else { None };
             return Ok(Self { places: vec![artefact.frames()], named, project });
         }
         if named.is_some() {
             let places = vec![Goldens::open(&folder.path()?)];
             return Ok(Self { places, named, project: None });
         }
-        let all = Project::find()?.goldens();
+        let all = Project::last_tested()?.goldens();
         let places = match all.is_empty() {
             true => vec![Goldens::open(&folder.path()?)],
             false => all.iter().map(|folder| Goldens::open(folder)).collect(),

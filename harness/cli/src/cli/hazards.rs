@@ -99,6 +99,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     match args.json {
         true => write_json(&all.iter().map(|(hazards, _)| hazards).collect::<Vec<_>>(), out)?,
         false => {
+            if !args.only.is_empty() {
+                writeln!(
+                    out,
+                    "{DIM}--only leaves their callers out: hazards that no caller causes aren't lowered{DIM:#}"
+                )?;
+            }
             all.iter()
                 .try_for_each(|(hazards, others)| write_text(hazards, *others, args.all, out))?;
         }

@@ -78,6 +78,10 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     }
 }
 
+fn here() -> anyhow::Result<PathBuf> {
+    std::env::current_dir().context("the working directory is gone")
+}
+
 /// The project around the working directory.
 #[derive(Debug)]
 pub(super) struct Project {
@@ -94,26 +98,35 @@ impl Project {
     /// The Cargo workspace of the working directory, or else the nearest package, or else the
     /// working directory itself or its folder `shaders`.
     pub(super) fn find() -> anyhow::Result<Self> {
-        let here = std::env::current_dir().context("the working directory is gone")?;
-        Self::opened_at(&here)
+        Self::at(&here()?)
     }
 
-    /// The project around a folder. Without Cargo it is the folder that was tested last, of this one and those
-    /// below it; where none was, it is the folder `shaders`, as for `karat test` and `karat init`.
-    pub(super) fn opened_at(folder: &Path) -> anyhow::Result<Self> {
+    /// The project around a folder. Without Cargo it is the folder's `shaders`, where there is one.
+    pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
+        let shaders = folder.join(SHADERS);
+        Ok(if !own.cargo && shaders.is_dir() { Self::plain(shaders) } else { own })
+    }
+
+    /// The project whose last run commands tell of: without Cargo it is the folder that was tested last, of the
+    /// working directory and those below it.
+    pub(super) fn last_tested() -> anyhow::Result<Self> {
+        Self::last_tested_at(&here()?)
+    }
+
+    /// The same, of a folder.
+    pub(super) fn last_tested_at(folder: &Path) -> anyhow::Result<Self> {
+        let own = Self::at(folder)?;
         if own.cargo {
             return Ok(own);
         }
-        let plain = Self::plain;
         let mut tested = Vec::new();
         // What lies below a person's folder, or the whole disk, is no project of its own.
         let is_home = std::env::home_dir().is_some_and(|home| home == folder);
         let depth = if is_home || folder.parent().is_none() { 0 } else { DEPTH };
         tested_below(folder, depth, &mut tested);
-        let shaders = folder.join(SHADERS);
-        let last = tested.into_iter().max_by_key(|(ran, _)| *ran).map(|(_, root)| plain(root));
-        Ok(last.unwrap_or_else(|| if shaders.is_dir() { plain(shaders) } else { own }))
+        let last = tested.into_iter().max_by_key(|(ran, _)| *ran);
+        Ok(last.map_or(own, |(_, root)| Self::plain(root)))
     }
 
     /// The project around a folder.

@@ -59,7 +59,7 @@ fn command(record: &Record) -> Option<&Replay> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let project = Project::find()?;
+    let project = Project::last_tested()?;
     let recorded = Recorded::read(&project.record())?;
     let none = || NotThere("there is no record of a run: run `karat test` first".to_owned());
     let records = recorded.ok_or_else(none)?.records;

@@ -85,7 +85,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let project = Project::find()?;
+    let project = Project::last_tested()?;
     // A folder of records, or a project that has one.
     let of_project =
         |folder: &Path| anyhow::Ok(Recorded::read(&Project::around(folder)?.record())?);

@@ -28,6 +28,9 @@ pub(super) struct Args {
     /// Open the page in a browser
     #[arg(long)]
     open: bool,
+    /// Let VS Code show the page in a panel
+    #[arg(long, conflicts_with = "files")]
+    in_editor: bool,
     /// Show all goldens, too, with their history
     #[arg(long)]
     all_goldens: bool,
@@ -46,7 +49,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let goldens = args.folder.open(artefact.as_ref())?;
     let mut review = Review::new(goldens.clone()).with_arguments(&arguments(args));
-    review = review.may_write_in_ci(args.ci.ci_may_write);
+    review = review.may_write_in_ci(args.ci.ci_may_write).in_editor(args.in_editor);
     if let Some(artefact) = &artefact {
         review = review.pending_in(artefact.folder());
     }
@@ -100,7 +103,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     let folder = match artefact {
         Some(artefact) => artefact.folder().to_owned(),
-        None => Project::find().ok()?.record(),
+        None => Project::last_tested().ok()?.record(),
     };
     let mut records = Recorded::read(&folder).ok().flatten()?.records;
     // Crates of a workspace may have frames of one name. Folders of another machine can't be told apart.

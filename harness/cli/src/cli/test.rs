@@ -316,7 +316,10 @@ impl<'a> Asked<'a> {
 
     /// The project of the folder, or of the working directory.
     fn project(&self) -> anyhow::Result<Project> {
-        let Some(folder) = &self.folder else { return Project::find() };
+        let Some(folder) = &self.folder else {
+            // What failed may be of a folder that was named then.
+            return if self.args.failed { Project::last_tested() } else { Project::find() };
+        };
         let folder = folder.canonicalize().context("the folder can't be read")?;
         let folder = if folder.is_file() { folder.parent().unwrap_or(&folder) } else { &folder };
         Project::around(folder)

@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = args.folder.path()?;
     let record = match &args.record {
         Some(folder) => folder.clone(),
-        None => Project::find()?.record(),
+        None => Project::last_tested()?.record(),
     };
     let (record, evidence) = Evidence::of(&record, &folder)?;
     let Files { goldens, stray } = Files::of(&folder)?;

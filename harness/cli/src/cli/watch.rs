@@ -207,7 +207,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let filter = args.filter.clone().unwrap_or_default();
     let around = if whole.is_file() { whole.parent().unwrap_or(&whole) } else { &whole };
     let mut watch = Watch {
-        project: Project::opened_at(around)?,
+        project: Project::at(around)?,
         folder: whole,
         filter,
         typing: None,

@@ -34,9 +34,11 @@ fn only_who_has_the_url_gets_anything() {
     assert_eq!(status(&foreign), 403);
     let policy = server.get("").text;
     assert!(policy.contains("default-src 'none'"), "{policy}");
+    assert!(policy.contains("frame-ancestors 'none'"), "{policy}");
+    let framed = project.serve_with(&["--in-editor"]).get("").text;
     let own =
         "frame-ancestors vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*\r\n";
-    assert!(policy.contains(own), "{policy}");
+    assert!(framed.contains(own), "{framed}");
     assert!(policy.contains("Cross-Origin-Resource-Policy: same-origin"), "{policy}");
 }
 

@@ -42,8 +42,7 @@ pub(super) struct Verdicts {
 }
 
 impl Root {
-    pub(super) fn open(folder: &Path) -> anyhow::Result<Self> {
-        let project = Project::opened_at(folder)?;
+    pub(super) fn open(project: Project) -> anyhow::Result<Self> {
         let (packages, unstated, uses, records, last) = Default::default();
         let mut root =
             Self { project, packages, unstated, uses, records, last, whole: false, stamp: None };

@@ -15,6 +15,7 @@ use lsp_types::{
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::super::project::Project;
 use super::super::watch::files::{Watching, watch};
 use super::documents::{Document, Documents, Now};
 use super::findings::Findings;
@@ -198,8 +199,14 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
+    /// Opens what commands look at in a folder and, where another folder below it was tested last, that one.
     fn open_root(&mut self, folder: &Path) {
-        match Root::open(folder) {
+        self.open_project(Project::at(folder));
+        self.open_project(Project::last_tested_at(folder));
+    }
+
+    fn open_project(&mut self, project: anyhow::Result<Project>) {
+        match project.and_then(Root::open) {
             Ok(root)
                 if self.roots.iter().any(|known| known.project.root() == root.project.root()) => {}
             Ok(root) => {
@@ -254,8 +261,8 @@ impl Server {
             return;
         }
         let Some(folder) = file.parent().filter(|folder| folder.is_dir()) else { return };
-        match Root::open(folder) {
-            Ok(root) if root.project.is_cargo() => self.open_root(folder),
+        match Project::around(folder) {
+            Ok(project) if project.is_cargo() => self.open_root(folder),
             _ => {
                 // It may be the first module of a folder that is open.
                 self.find_packages();
