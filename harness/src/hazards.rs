@@ -261,6 +261,12 @@ impl Request {
             }
         }
         names.retain(|item| wanted(&item.name));
+        if names.is_empty() && !self.only.is_empty() {
+            let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
+            let (package, only) = (self.package.name(), only.join(" or "));
+            let why = format!("no function of package `{package}` has {only} in its name");
+            return Err(HazardError::Declaration(why));
+        }
         let done = Mutex::new(0);
         let all = names.len();
         let each: Vec<(String, Result<Seen, String>)> = names

@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::diagnostic::{Diagnostic, Mend, Span};
+use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
+use crate::expectation;
 use crate::package::{Linked, Unmet};
 
 /// The innermost cause of an error, then what led to it.
@@ -46,7 +47,16 @@ pub(super) fn to_author(
         let span = Span { file: Arc::clone(&linked.file), range: 0..0 };
         diagnostic = diagnostic.at(span, "in this module");
     }
-    let Some(name) = undeclared(&diagnostic) else { return diagnostic };
+    if let Some(name) = of_words(&diagnostic, "unknown attribute") {
+        let near = nearest(&name, ATTRIBUTES).map(|near| format!("did you mean `@{near}`?"));
+        return near.into_iter().fold(diagnostic, Diagnostic::note);
+    }
+    let Some(name) = of_words(&diagnostic, "no definition in scope for identifier") else {
+        return diagnostic;
+    };
+    if expectation::package("karat").is_some_and(|karat| karat.names.contains(&name)) {
+        return diagnostic.note(format!("add `import karat::{name};`"));
+    }
     if let Some(Unmet { condition, feature }) = linked.inactive.get(&name) {
         let mend = feature.clone().map(Mend::Condition);
         let note = format!("`{name}` is declared under `{condition}`, which doesn't hold here");
@@ -56,10 +66,36 @@ pub(super) fn to_author(
     diagnostic.mended_by(mend)
 }
 
-/// A name that nothing declares.
-fn undeclared(diagnostic: &Diagnostic) -> Option<String> {
-    // The words of naga 30, which gives the kind of an error no other way.
-    if !diagnostic.message.starts_with("no definition in scope for identifier") {
+/// Attributes of functions, parameters and members: WGSL's (12), those of conditions and those of tests.
+const ATTRIBUTES: [&str; 22] = [
+    "align",
+    "binding",
+    "blend_src",
+    "builtin",
+    "cases",
+    "compute",
+    "diagnostic",
+    "elif",
+    "else",
+    "fragment",
+    "group",
+    "id",
+    "if",
+    "interpolate",
+    "invariant",
+    "location",
+    "must_use",
+    "over",
+    "size",
+    "test",
+    "vertex",
+    "workgroup_size",
+];
+
+/// The text that an error of these words is about.
+fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
+    // Those of naga 30, which gives the kind of an error no other way.
+    if !diagnostic.message.starts_with(words) {
         return None;
     }
     let span = diagnostic.location()?;

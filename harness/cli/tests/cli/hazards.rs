@@ -44,7 +44,7 @@ fn hazards_are_told_with_their_line() {
         (&["--input", "v_dot_h=1..0"], "1 to 0 is no range"),
         (&["--input", "v_dot_h"], "write NAME=LEAST..MOST"),
         (&["--kind", "nann"], "unknown variant `nann`, expected one of `nan`"),
-        (&["--only", "nothing"], "no function of package `shaders` can be looked at"),
+        (&["--only", "nothing"], "no function of package `shaders` has `nothing` in its name"),
         (&["--cases", "0"], "0 is not in 1..=65536"),
     ] {
         let error = karat(folder.path(), &[&["hazards"], wrong].concat()).error();
