@@ -4,7 +4,7 @@ use super::{Change, Compared, PathChange, Request, Side, distance, interface, re
 use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
 use crate::fixture::Fixtures;
-use crate::interpret::examine_made_up;
+use crate::interpret::{OrderOf, examine_made_up, in_order_of};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
 use crate::reflect::{Overrides, Program};
@@ -98,6 +98,12 @@ impl Request {
                     None => paths.push(change),
                 }
             }
+            // A driver has an order of its own: what the edit leaves to it may look the same in the engine's. A violation
+            // that the edit brings says more.
+            let is_silent = paths.is_empty() && compared.violations.is_empty();
+            if is_silent && variant < Extents::LIKELY {
+                paths.extend(ordered((&old, &new), &renamed, &made.members)?);
+            }
             if !made.varies {
                 break;
             }
@@ -115,6 +121,35 @@ impl Request {
             false => Change::Changed { paths },
         })
     }
+}
+
+/// Other orders of invocations that are compared: the reverse one, two in which each invocation runs to its next
+/// barrier by itself, and a shuffled one.
+const ORDERS: u64 = 4;
+
+/// The change in an order of invocations that left the same as the usual one before the edit.
+fn ordered(
+    (old, new): (&Passes, &Passes),
+    renamed: &[(String, String)],
+    members: &[(String, String)],
+) -> Result<Option<PathChange>, String> {
+    let run =
+        |passes: &Passes, order| in_order_of(passes, order).map_err(|error| error.to_string());
+    let usual = run(old, None)?;
+    for seed in 0..ORDERS {
+        let order = OrderOf::whole(new, seed);
+        let (was, is) = (run(old, Some(order))?, run(new, Some(order))?);
+        // What depended on the order before tells nothing of the edit.
+        if was != usual {
+            continue;
+        }
+        let path = format!("{}, in another order", crate::path::Path::CPU);
+        let difference = Difference::of((old, was), (new, is), renamed)?;
+        if let Some(change) = difference.change(path, members) {
+            return Ok(Some(change));
+        }
+    }
+    Ok(None)
 }
 
 /// Violations that the pass after an edit has, and hadn't before.
@@ -208,5 +243,45 @@ impl Difference {
             before: format!("{element} = {was}"),
             after: is,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Change, Request};
+    use crate::package::Package;
+
+    const COUNTS: &str = "@group(0) @binding(0) var<storage, read> data: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> bins: array<atomic<u32>, 16>;
+        var<workgroup> own: array<atomic<u32>, 16>;
+        @compute @workgroup_size(64) fn count(@builtin(global_invocation_id) g: vec3u,
+            @builtin(local_invocation_index) i: u32) {
+            if i < 16u { atomicStore(&own[i], 0u); }
+            workgroupBarrier();
+            if g.x < arrayLength(&data) { atomicAdd(&own[data[g.x] % 16u], 1u); }
+            workgroupBarrier();
+            if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
+        }";
+
+    /// Atomics race with none, and statements side by side count right without a barrier.
+    #[test]
+    fn what_an_edit_leaves_to_the_order_is_a_change() {
+        let change = |texts: [&str; 2]| {
+            let [before, after] = texts.map(|text| Package::from_source("counts", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let [one] = &all[..] else { panic!("{all:?}") };
+            one.change.clone()
+        };
+        let barrier = "workgroupBarrier();";
+        let last = COUNTS.rfind(barrier).expect("it has two");
+        let without = format!("{}{}", &COUNTS[..last], &COUNTS[last + barrier.len()..]);
+        match change([COUNTS, &without]) {
+            Change::Changed { paths } => assert_eq!(paths[0].path, "cpu, in another order"),
+            other => panic!("{other:?}"),
+        }
+        let alike = COUNTS.replace("% 16u", "& 15u");
+        assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
+        // What depended on the order before is no edit's.
+        assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 }
