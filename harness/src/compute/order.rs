@@ -77,7 +77,7 @@ impl fmt::Display for OrderDependence {
         if !self.location.is_empty() {
             writeln!(f, "  --> {}", self.location)?;
         }
-        writeln!(f, "  it holds that {}, until {}", self.assertion, self.swap)?;
+        writeln!(f, "  in the usual order {}. Not where {}", self.assertion, self.swap)?;
         if let Some(Element { place, actual, expected, .. }) = &self.element {
             writeln!(f, "  then: {place}")?;
             writeln!(f, "      actual = {actual}")?;
@@ -91,8 +91,8 @@ impl fmt::Display for OrderDependence {
         }
         writeln!(
             f,
-            "  = WGSL promises no order, and each driver has its own: compare elements up to their order (`up_to_order`), assert what \
-             holds in each order, or allow for sums of floats with a tolerance"
+            "  = WGSL promises no order, and each driver has its own. A barrier may be missing. If the order is meant not to matter, \
+             compare elements up to it (`up_to_order`), or allow for sums of floats with a tolerance"
         )
     }
 }

@@ -31,7 +31,8 @@ impl Range {
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
-        let wrong = || format!("in_range = {quote}{self}{quote} has no value");
+        let wrong =
+            || format!("in_range = {quote}{self}{quote} has no value: the lower end comes first");
         if is_some { Ok(self) } else { Err(wrong()) }
     }
 }

@@ -22,7 +22,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Paths that functions run on
-    #[arg(long, value_name = "PATHS", default_value = "cpu")]
+    #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
     /// Inputs of each function
     #[arg(long, value_name = "COUNT", default_value_t = 4096,

@@ -420,8 +420,8 @@ impl<'a> Asked<'a> {
         let Some(filter) = self.filter else {
             if let Some(folder) = &self.folder {
                 let none = format!(
-                    "`{}` has no tests: no function with `@test`, and no `*.test.toml`; Rust tests run with \
-                     `karat test` alone",
+                    "`{0}` has no tests: no function with `@test`, and no `*.test.toml`; `karat init {0}` writes a \
+                     first one, and `karat test` alone runs tests in Rust",
                     folder.display()
                 );
                 return NotThere(none);
