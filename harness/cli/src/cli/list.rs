@@ -42,7 +42,7 @@ struct Entry {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let project = Project::find()?;
+    let project = Project::last_tested()?;
     let ran = tested_functions(&project)?;
     let mut entries = Vec::new();
     let mut valid = true;

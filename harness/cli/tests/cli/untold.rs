@@ -383,3 +383,36 @@ fn places_are_found_from_within() {
     let listed = karat(folder.path(), &["list"]).good();
     assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
 }
+
+/// What was tested last changes nothing of what is looked at next.
+#[test]
+fn a_run_of_another_folder_hides_nothing() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    write(folder.path(), "shaders/bad.wgsl", "fn f(x: f32) -> f32 { return y; }\n");
+    let is_bad = |arguments: &[&str]| {
+        let ran = karat(folder.path(), arguments);
+        assert!(
+            ran.code != Some(0) && format!("{ran:?}").contains("bad.wgsl"),
+            "{arguments:?}: {ran:?}"
+        );
+    };
+    is_bad(&["check"]);
+    test(folder.path(), &[]).good();
+    is_bad(&["check"]);
+    is_bad(&["test"]);
+}
+
+/// The two mistakes that a first test has.
+#[test]
+fn a_first_test_is_helped_on() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    for (text, hint) in [
+        ("@test fn t() { expect_true(true); }\n", "add `import karat::expect_true;`"),
+        ("@case(10) @test fn t() { karat::expect_true(true); }\n", "did you mean `@cases`?"),
+    ] {
+        write(folder.path(), "wgsl/a_test.wgsl", text);
+        let ran = test(folder.path(), &[]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.out.contains(hint) || ran.err.contains(hint), "{ran:?}");
+    }
+}
