@@ -298,8 +298,27 @@ enum Command {
     },
 }
 
+/// Where the shaders are; a folder needs no option.
+#[derive(clap::Args)]
+struct PlaceArgs {
+    /// Folder of WGSL modules, or one file: as with `--shaders`
+    #[arg(value_name = "FOLDER", conflicts_with_all = ["package", "krate"])]
+    folder: Option<PathBuf>,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+impl PlaceArgs {
+    /// The same as options.
+    fn package(&self) -> PackageArgs {
+        let mut package = self.package.clone();
+        package.package = package.package.or_else(|| self.folder.clone());
+        package
+    }
+}
+
 /// Where the shaders are.
-#[derive(clap::Args, Default)]
+#[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
     /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
     /// `shaders` beside one and the folders that recorded tests used; without a Cargo.toml `shaders`, or

@@ -13,7 +13,7 @@ use karat::unstable::reflect::{Dependence, Invalid, Opinion};
 use super::project::Project;
 use super::search::{self, Found};
 use super::table::{BAD, GOOD, HEAD};
-use super::{Ending, Outcome, PackageArgs};
+use super::{Ending, Outcome, PlaceArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -21,7 +21,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COMPILER")]
     require: Option<Compiler>,
     #[command(flatten)]
-    package: PackageArgs,
+    place: PlaceArgs,
 }
 
 /// A compiler of WGSL besides naga.
@@ -32,7 +32,7 @@ enum Compiler {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let mut found = project.found(&args.package)?;
+    let mut found = project.found(&args.place.package())?;
     if args.require.is_some() {
         found.iter_mut().for_each(|one| one.package = one.package.require_tint());
     }

@@ -12,7 +12,7 @@ use karat::unstable::output::counted;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Ending, Outcome, PackageArgs, terminal, write_json};
+use super::{Ending, Outcome, PlaceArgs, terminal, write_json};
 
 /// Reasons that are shown why functions weren't looked at.
 const REASONS: usize = 4;
@@ -46,7 +46,7 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    package: PackageArgs,
+    place: PlaceArgs,
 }
 
 /// The range of an input by name.
@@ -73,7 +73,7 @@ fn input(text: &str) -> Result<Input, String> {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let packages = project.packages(&args.package)?;
+    let packages = project.packages(&args.place.package())?;
     let mut all = Vec::new();
     // Of several packages each has inputs of its own; one that none has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::project::Project;
 use super::search;
 use super::table::{BAD, DIM, GOOD, Table};
-use super::{Ending, Outcome, PackageArgs, write_json};
+use super::{Ending, Outcome, PlaceArgs, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -22,7 +22,7 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    package: PackageArgs,
+    place: PlaceArgs,
 }
 
 /// Functions of a broken module that are read one by one, some milliseconds each.
@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let ran = tested_functions(&project)?;
     let mut entries = Vec::new();
     let mut valid = true;
-    let packages = project.packages(&args.package)?;
+    let packages = project.packages(&args.place.package())?;
     let no_tests = search::broken_files(&packages)?;
     for package in packages {
         let tested = with_called(&package, &ran);

@@ -400,6 +400,10 @@ fn a_run_of_another_folder_hides_nothing() {
     test(folder.path(), &[]).good();
     is_bad(&["check"]);
     is_bad(&["test"]);
+    is_bad(&["check", "shaders"]);
+    karat(folder.path(), &["check", "wgsl"]).good();
+    karat(folder.path(), &["hazards", "wgsl"]).good();
+    karat(folder.path(), &["check", "wgsl", "--shaders", "shaders"]).failure(2);
 }
 
 /// The two mistakes that a first test has.

@@ -6,7 +6,7 @@ use karat::Path;
 use karat::compute::Compute;
 use karat::unstable::compute::{Content, left, violations};
 
-use super::super::table::{BAD, DIM, HEAD};
+use super::super::table::{BAD, DIM, HEAD, KNOWN};
 use super::super::{Ending, Outcome};
 
 /// Elements of an array that are shown.
@@ -29,10 +29,27 @@ pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
 /// Looks through the passes, dispatches them on each path and prints what they leave.
 pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) -> Outcome {
     let (found, watched) = violations(compute)?;
+    let mut first: Vec<Content> = Vec::new();
+    let mut unlike: Vec<String> = Vec::new();
     for path in paths {
-        for content in left(compute, *path)? {
-            writeln!(out, "{HEAD}{path:<8}{HEAD:#} {} = {}", content.name, shown(&content))?;
+        let all = left(compute, *path)?;
+        for content in &all {
+            writeln!(out, "{HEAD}{path:<8}{HEAD:#} {} = {}", content.name, shown(content))?;
+            let other = first.iter().find(|other| other.name == content.name);
+            if other.is_some_and(|other| differ(other, content)) && !unlike.contains(&content.name)
+            {
+                unlike.push(content.name.clone());
+            }
         }
+        if first.is_empty() {
+            first = all;
+        }
+    }
+    for name in unlike {
+        writeln!(
+            out,
+            "{KNOWN}paths leave other numbers in `{name}`: it may depend on the order of invocations{KNOWN:#}"
+        )?;
     }
     for (one, message) in &found {
         let style = if one.kind.fails() { BAD } else { DIM };
@@ -43,6 +60,13 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     }
     let fails = found.iter().any(|(one, _)| one.kind.fails());
     Ok(if fails { Ending::Bad } else { Ending::Good })
+}
+
+/// True if whole numbers or truth values differ, which no driver rounds.
+fn differ(one: &Content, other: &Content) -> bool {
+    let scalars = one.shape.lanes();
+    let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);
+    lanes.any(|((one, other), scalar)| one != other && !scalar.is_float())
 }
 
 /// The content of a resource; of a long array its first elements.
@@ -57,5 +81,24 @@ fn shown(content: &Content) -> String {
     match count.saturating_sub(SHOWN) {
         0 => format!("[{}]", first.join(", ")),
         more => format!("[{}, and {more} more]", first.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use karat::value::{Scalar, Shape};
+
+    use super::{Content, differ};
+
+    #[test]
+    fn floats_are_rounded_and_whole_numbers_are_not() {
+        let content = |scalar: Scalar, word: u32| Content {
+            name: "bins".to_owned(),
+            shape: Shape::Scalar(scalar),
+            lanes: vec![word],
+        };
+        let of = |scalar, a, b| differ(&content(scalar, a), &content(scalar, b));
+        assert!(of(Scalar::U32, 1, 2) && of(Scalar::I32, 1, 2) && !of(Scalar::U32, 2, 2));
+        assert!(!of(Scalar::F32, 1.0_f32.to_bits(), 1.5_f32.to_bits()));
     }
 }
