@@ -200,8 +200,7 @@ enum Command {
                             can't be read, or nothing was judged.")]
     Matrix(matrix::Args),
     /// Find what can go wrong inside of functions, without a test: NaN, infinities, lost digits
-    #[command(
-        after_help = "Examples:\n  karat hazards\n  karat hazards --shaders my/shaders --all\n  \
+    #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
                             Karat's own engine runs each function in f32, in f64 and in intervals; no \
                             driver is needed.\nArguments come from their types and names: `n` is a unit \
@@ -209,8 +208,7 @@ enum Command {
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
                             Exit codes: 0 there is none; 1 there are some, lowered ones included; 2 nothing could \
-                            be looked at, or a declaration isn't true."
-    )]
+                            be looked at, or a declaration isn't true.")]
     Hazards(hazards::Args),
     /// Tell what an edit changed: every function before and after it, with no test written
     #[command(

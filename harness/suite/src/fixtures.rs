@@ -439,8 +439,8 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// An array without a length that says its size, and what its elements are drawn from: `{ size = 256, range = "0..1" }`.
-/// `None` if the value says something else.
+/// An array that says its size, unless the shader does, and what its elements are drawn from: `{ size = 256, range = "0..1" }`;
+/// without a range they are 0. `None` if the value says something else.
 fn spread(
     program: &Program,
     binding: &Binding,
@@ -449,9 +449,10 @@ fn spread(
     /// As many words as a buffer may have on every device: 128 MiB.
     const MOST: usize = 1 << 25;
     let plain = program.buffer_of(binding, 0);
-    let (Some(Shape::Array { element, length: 0 }), Value::Table(table)) = (&plain, value) else {
+    let (Some(Shape::Array { element, length }), Value::Table(table)) = (&plain, value) else {
         return Ok(None);
     };
+    let fixed = Some(*length as usize).filter(|length| *length > 0);
     let known = ["size", "range", "seed"];
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(no_such("key", unknown, known));
@@ -459,12 +460,21 @@ fn spread(
     let width = element.lanes().len().max(1);
     let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));
     let size = match whole("size") {
+        Some((value, size)) if let Some(length) = fixed => match size {
+            Some(size) if usize::try_from(size) == Ok(length) => length,
+            _ => return Err(format!("size = {value}, and the array has {length} elements")),
+        },
         Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
         Some((value, _)) => {
             let most = MOST / width;
             return Err(format!("size = {value} is no number of elements from 1 to {most}"));
         }
-        None => return Err("an array without a length is a list, or says its `size`".to_owned()),
+        None => match fixed {
+            Some(length) => length,
+            None => {
+                return Err("an array without a length is a list, or says its `size`".to_owned());
+            }
+        },
     };
     let seed = match whole("seed") {
         Some((_, Some(seed))) => seed.cast_unsigned(),
@@ -547,6 +557,31 @@ mod tests {
         ] {
             let error = bound(declared, value).expect_err(declared);
             assert!(error.contains(part), "{declared}: {error}");
+        }
+    }
+    /// An array whose length is fixed needs no list.
+    #[test]
+    fn fixed_arrays_are_spread() {
+        let of = |value: &str| {
+            let text = "@group(0) @binding(0) var<uniform> v: array<vec4u, 3>; fn f() -> u32 { return v[0].x; }";
+            let probed =
+                Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+            let table: toml::Table = format!("v = {value}").parse().expect("TOML");
+            fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
+        };
+        for value in
+            ["{}", "{ size = 3 }", "{ range = \"0..9\" }", "{ range = \"0..9\", seed = 2 }"]
+        {
+            of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
+        }
+        for (value, part) in [
+            ("{ size = 4 }", "size = 4, and the array has 3 elements"),
+            ("{ size = -3 }", "size = -3, and the array has 3 elements"),
+            ("{ sise = 3 }", "did you mean `size`?"),
+            ("{ seed = 1 }", "`seed` does nothing without a `range`"),
+        ] {
+            let error = of(value).expect_err(value);
+            assert!(error.contains(part), "{value}: {error}");
         }
     }
 }

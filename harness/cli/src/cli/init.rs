@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         out,
         "  karat watch {folder}     the tests again at each edit: break a function, and see it"
     )?;
-    writeln!(out, "  karat hazards --shaders {folder}   what can go wrong, with no test")?;
+    writeln!(out, "  karat hazards {folder}   what can go wrong, with no test")?;
     match written {
         Some(file) => writeln!(
             out,
@@ -283,7 +283,7 @@ impl<'i> Functions<'i> {
         tell(
             named(&mut self.floats.iter().map(|(item, _)| *item)),
             &format!(
-                "not finite for arguments that names and types suggest; `karat hazards --shaders {folder}` \
+                "not finite for arguments that names and types suggest; `karat hazards {folder}` \
                  says why"
             ),
         );
