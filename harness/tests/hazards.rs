@@ -693,3 +693,17 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     let tenth = over("tenth", 1.0..=8.0).try_agrees_with(|x: f64| 0.1 * x, Spec.needing(Rel(1e-2)));
     tenth.expect("0.1h is any number that is rounded to it");
 }
+
+/// A pass whose results nobody reads is looked through all the same.
+#[test]
+fn a_pass_that_leaves_nothing_has_races_and_barriers() {
+    let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
+        var<workgroup> tile: array<f32, 64>;
+        @compute @workgroup_size(64) fn parts(@builtin(local_invocation_index) i: u32) {
+            if src[i] > 0.5 { workgroupBarrier(); }
+            tile[i] = 1.0;
+        }
+        @compute @workgroup_size(64) fn races(@builtin(local_invocation_index) i: u32) { tile[0] = f32(i); }";
+    assert_eq!(at(text, Kind::Barrier, "workgroupBarrier()").function, "parts");
+    assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
+}
