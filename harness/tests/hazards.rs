@@ -710,3 +710,23 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Barrier, "workgroupBarrier()").function, "parts");
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
+
+/// Contents decide who writes, and not where: that is no made-up index.
+#[test]
+fn a_race_for_one_element_is_one_whatever_contents_are() {
+    let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
+        @group(0) @binding(1) var<storage, read_write> a: array<u32>;
+        @group(0) @binding(2) var<storage, read> idx: array<u32>;
+        @compute @workgroup_size(64) fn bright(@builtin(global_invocation_id) g: vec3u) {
+            if g.x < arrayLength(&src) && src[g.x] > 12345.0 { a[0] = g.x; }
+        }
+        @compute @workgroup_size(64) fn scatter(@builtin(global_invocation_id) g: vec3u) {
+            if g.x < arrayLength(&idx) { a[idx[g.x]] = g.x; }
+        }";
+    let hazards = look(text);
+    let of = |all: &[Hazard]| all.iter().map(|one| one.function.clone()).collect::<Vec<_>>();
+    assert_eq!(
+        (of(&hazards.found), of(&hazards.rare)),
+        (vec!["bright".to_owned()], vec!["scatter".to_owned()])
+    );
+}

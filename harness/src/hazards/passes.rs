@@ -14,12 +14,17 @@ use crate::package::Package;
 /// The first argument of a hazard in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
+/// Contents in which a race is about one element and the same, so that no content makes its index.
+const SEVERAL: usize = 3;
+
 /// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
 /// meanings that no name tells.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let mut seen = Seen::default();
     let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+    // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
+    let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
     for variant in 0..Extents::VARIANTS {
         let made = Passes::arbitrary(package, name, None, ranges, (variant, &Vec::new()));
         let (passes, made) = made.map_err(|error| first_line(&error))?;
@@ -101,7 +106,14 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             let in_workgroup = hazard.violation.as_ref().is_some_and(|one| one.in_workgroup);
             // Invocations that part by what they read may always part.
             let by_index = matches!(hazard.kind, Kind::Race | Kind::EqualWrites | Kind::OutOfRange);
-            let of_content = by_index && !surely.contains(&(hazard.location.clone(), hazard.kind));
+            let key = (hazard.location.clone(), hazard.kind);
+            let of_content = by_index && !surely.contains(&key);
+            if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
+                let known = alone.entry(key).or_insert_with(|| Some((race.element.clone(), 0)));
+                let same =
+                    known.take().filter(|(element, _)| race.count == 1 && *element == race.element);
+                *known = same.map(|(element, count)| (element, count + 1));
+            }
             let likely = match hazard.kind {
                 Kind::OutOfRange | Kind::Endless => variant < Extents::SIZED,
                 // Of numbers that repeat two are the same, and so are the elements that they index.
@@ -128,6 +140,11 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             break;
         }
     }
+    // An index that contents make isn't the same in each: what they decide here is who comes there.
+    let is_fixed = |key: &(String, Kind), _: &mut Hazard| {
+        alone.get(key).is_some_and(|one| one.as_ref().is_some_and(|(_, count)| *count >= SEVERAL))
+    };
+    found.extend(rare.extract_if(.., is_fixed));
     rare.retain(|key, _| !found.contains_key(key));
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();
