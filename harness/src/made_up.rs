@@ -289,7 +289,7 @@ impl Arguments {
 
     /// True if no float of a row that is drawn by its type alone is beyond what shaders compute with: positions,
     /// times and sizes are thousands at most. And none but those that are declared is nearer to 0 than what is
-    /// computed: the part of a scene that a pixel sees is above a billionth.
+    /// computed: no distance, weight or density of a scene is so small.
     pub(crate) fn is_moderate(&self, row: &[u32]) -> bool {
         const MOST: f32 = 1e4;
         const LEAST: f32 = 1e-10;

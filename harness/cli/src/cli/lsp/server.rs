@@ -199,10 +199,18 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens what commands look at in a folder and, where another folder below it was tested last, that one.
+    /// Opens what commands look at in a folder, and the folder that was tested last. Where that lies within the other its
+    /// modules are a package of its own.
     fn open_root(&mut self, folder: &Path) {
-        self.open_project(Project::at(folder));
-        self.open_project(Project::last_tested_at(folder));
+        let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
+        let is_within = match (&own, &last) {
+            (Ok(own), Ok(last)) => last.root() != own.root() && last.root().starts_with(own.root()),
+            _ => false,
+        };
+        if !is_within {
+            self.open_project(own);
+        }
+        self.open_project(last);
     }
 
     fn open_project(&mut self, project: anyhow::Result<Project>) {
