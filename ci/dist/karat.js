@@ -22,11 +22,13 @@ running.on("error", (error) => {
   console.error(`karat: ${program} doesn't run: ${error.message}`);
   process.exit(2);
 });
-// Who ends this ends the program, which a terminal tells by itself.
-for (const signal of ["SIGINT", "SIGTERM", "SIGHUP"]) process.on(signal, () => running.kill(signal));
+// A signal that ends this script ends the program. A terminal sends Ctrl-C to both already.
+for (const signal of ["SIGINT", "SIGTERM", "SIGHUP"]) {
+  process.on(signal, () => signal === "SIGINT" && process.stdin.isTTY || running.kill(signal));
+}
 running.on("exit", (status, signal) => {
   if (signal) {
-    // Who is ended by a signal ends so, too.
+    // This script ends by the program's signal, too.
     process.removeAllListeners(signal);
     process.kill(process.pid, signal);
   } else process.exit(status ?? 2);

@@ -36,7 +36,7 @@ fn hazards_that_matter_less_are_lowered() {
     assert_eq!(extreme.lowered, Some(Lowered::Extreme));
     let declared = Package::from_source("planted", tiny).hazards().input("n_dot_v", 1e-38..=1.0);
     assert_eq!(declared.run().expect("it is looked at").found.len(), 1, "who declares it means it");
-    // Who binds a buffer says how long it is.
+    // The host that binds a buffer says how long it is.
     let given = "@group(0) @binding(0) var<storage> lights: array<f32>; fn f(id: u32) -> f32 { return lights[id]; }";
     assert_eq!(at(given, Kind::OutOfRange, "lights[id]").lowered, Some(Lowered::Guessed));
     for fixed in [
@@ -697,7 +697,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     tenth.expect("0.1h is any number that is rounded to it");
 }
 
-/// A pass whose results nobody reads is looked through all the same.
+/// The sanitizer looks through a pass that leaves no result, too.
 #[test]
 fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;

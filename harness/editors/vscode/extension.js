@@ -10,7 +10,7 @@ const { LanguageClient } = require("vscode-languageclient/node");
 /** @type {LanguageClient | undefined} */
 let client;
 
-/** What is being started or stopped: one thing at a time. */
+/** The last start or stop of the server: the next one waits for it. */
 let turn = Promise.resolve();
 
 /** The open review, and the process that serves it. */

@@ -28,7 +28,7 @@ const MOST_OPEN: usize = 64;
 /// once.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Sent with each answer: what an answer is used for is said here, and nobody keeps it.
+/// Sent with each answer: browsers use it for nothing else, and don't keep it.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
@@ -36,7 +36,7 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// Who may frame the page, as a policy: nobody.
+/// The policy for frames: no page may frame this one.
 const UNFRAMED: &str = "'none'";
 /// An editor that asked for the page, in a panel: VS Code's windows have schemes of their own, and are pages of this
 /// machine where it runs in a browser. Another page that would frame it has to know the token.

@@ -138,7 +138,7 @@ fn ordered(
     let usual = run(old, None)?;
     for seed in 0..ORDERS {
         let order = OrderOf::whole(new, seed);
-        // What depended on the order before, or didn't end in this one, tells nothing of the edit.
+        // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
         let Some(was) = run(old, Some(order)).ok().filter(|was| *was == usual) else { continue };
         let is = run(new, Some(order))?;
         let path = format!("{}, in another order", crate::path::Path::CPU);
@@ -279,7 +279,7 @@ mod tests {
         }
         let alike = COUNTS.replace("% 16u", "& 15u");
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
-        // What depended on the order before is no edit's.
+        // An edit that removes the dependence on order is no change.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 }

@@ -140,7 +140,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             break;
         }
     }
-    // An index that contents make isn't the same in each: what they decide here is who comes there.
+    // Contents that make an index make another one each time. Here they decide only which invocations come.
     let is_fixed = |key: &(String, Kind), _: &mut Hazard| {
         alone.get(key).is_some_and(|one| one.as_ref().is_some_and(|(_, count)| *count >= SEVERAL))
     };

@@ -118,7 +118,7 @@ pub(crate) struct Found {
     /// What the operation was computed from, in `f32`.
     pub(crate) operands: Vec<f32>,
     pub(crate) idiom: Option<Idiom>,
-    /// True of an index beyond a texture, or an array as long as its buffer: who binds it says the size.
+    /// True of an index beyond a texture, or an array as long as its buffer: the host says the size.
     pub(crate) of_given_size: bool,
 }
 

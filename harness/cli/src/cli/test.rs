@@ -318,7 +318,7 @@ impl<'a> Asked<'a> {
     /// The project of the folder, or of the working directory.
     fn project(&self) -> anyhow::Result<Project> {
         let Some(folder) = &self.folder else {
-            // What failed may be of a folder that was named then.
+            // The last run may have named a folder, whose failures these are.
             return if self.args.failed { Project::last_tested() } else { Project::find() };
         };
         let folder = folder.canonicalize().context("the folder can't be read")?;

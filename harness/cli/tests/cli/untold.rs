@@ -384,7 +384,7 @@ fn places_are_found_from_within() {
     assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
 }
 
-/// What was tested last changes nothing of what is looked at next.
+/// Commands without a folder look at `shaders`, whatever the last run named.
 #[test]
 fn a_run_of_another_folder_hides_nothing() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);

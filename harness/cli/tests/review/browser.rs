@@ -23,7 +23,7 @@ struct Process {
     url: String,
 }
 
-/// The process that tests share while one of them uses it: to start one takes longer than most tests.
+/// The process that tests share while one of them uses it: starting one keeps both cores busy for half a second.
 static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 
 /// A browser without a network but this machine, and with tabs and storage of its own.
