@@ -243,6 +243,24 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
 
+/// A product that goes beyond 32 bits, and finds an element all the same.
+#[test]
+fn an_index_that_wraps_around() {
+    let row = |stride: &str| {
+        format!(
+            "let row = {stride} * id.x;\nif i == 0u {{ sums[id.x] = data[row % 7u] + data[row + id.x]; }}"
+        )
+    };
+    let violations = races(&row("67108864u"), 2);
+    let [Violation { kind: ViolationKind::Wrapped, count: 1, accesses, .. }] = &*violations else {
+        panic!("{violations:?}");
+    };
+    assert_eq!(accesses[0].invocation, "local (0, 0, 0) of workgroup (1, 0, 0)");
+    assert_eq!(accesses[0].does, "finds another element than is meant");
+    assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 2)));
+    assert!(races(&row("0u"), 2).is_empty());
+}
+
 /// A workgroup whose size is an override has invocations by that size.
 #[test]
 fn a_size_that_is_an_override() {
@@ -510,6 +528,37 @@ fn a_tail_that_no_invocation_writes() {
         let wrong = written(entries, variable);
         let Err(ComputeError::Differs(found)) = &wrong else { panic!("{entries:?}: {wrong:?}") };
         assert_eq!(found.paths[0].failures, elements, "{entries:?}");
+        assert_eq!(found.paths[0].shown[0].place, first);
+    }
+}
+
+/// A pass over a texture whose guard is one too strict, and a buffer that nothing writes.
+#[test]
+fn texels_that_no_invocation_writes() {
+    let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba16float, write>;
+        @group(0) @binding(1) var<storage, read_write> data: array<u32>;
+        @compute @workgroup_size(2, 2) fn fill(@builtin(global_invocation_id) id: vec3u) {
+            textureStore(image, id.xy, vec4f(f32(data[0])));
+        }";
+    let package = Package::from_source("texels", text);
+    let written = |groups: [u32; 3], variable: &str| {
+        let passes = package
+            .compute()
+            .with("image", Texture::from_fn(5, 3, |_, _| glam::Vec4::ZERO))
+            .with("data", Storage::new([0_u32; 2]))
+            .dispatch("fill", groups);
+        let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+        passes.on(cpu).after(variable).unrecorded().try_is_written()
+    };
+    written([3, 2, 1], "image").expect("all are");
+    for (groups, variable, first, elements) in [
+        ([2, 2, 1], "image", "[4].x", 3),
+        ([3, 1, 1], "image", "[10].x", 5),
+        ([3, 2, 1], "data", "[0]", 2),
+    ] {
+        let wrong = written(groups, variable);
+        let Err(ComputeError::Differs(found)) = &wrong else { panic!("{groups:?}: {wrong:?}") };
+        assert_eq!(found.paths[0].failures, elements, "{groups:?}");
         assert_eq!(found.paths[0].shown[0].place, first);
     }
 }

@@ -90,6 +90,8 @@ pub(crate) enum Op {
     Image(u32),
     /// Operands: floats, coordinates and layer, integers.
     ImageStore(u32),
+    /// An index, and the registers that it is computed of. Tells where it has wrapped. Which are in [`Code::wraps`].
+    Wrap(u32),
 
     /// Condition. Jumps when it holds nowhere.
     If,
@@ -155,6 +157,30 @@ pub(crate) enum Count {
         offset: u32,
         stride: u32,
     },
+}
+
+/// An index that may wrap around, and what it is an index of.
+#[derive(Clone, Debug)]
+pub(crate) struct Wrap {
+    /// Where the elements are, if they are in a buffer.
+    pub(crate) buffer: Option<u32>,
+    pub(crate) step: Step,
+    /// How it is computed, operands first.
+    pub(crate) terms: Vec<Term>,
+}
+
+/// A term of a number that is computed without an end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Term {
+    /// The next register.
+    Register {
+        signed: bool,
+    },
+    Negate,
+    Add,
+    Subtract,
+    Multiply,
+    ShiftLeft,
 }
 
 /// How indices find a register, or bytes of a buffer.
@@ -239,6 +265,7 @@ pub(crate) struct Code {
     pub(crate) pool: Vec<u32>,
     pub(crate) sites: Vec<Site>,
     pub(crate) walks: Vec<Walk>,
+    pub(crate) wraps: Vec<Wrap>,
     pub(crate) tables: Vec<(Vec<Constant>, bool)>,
     pub(crate) images: Vec<ImageOp>,
     pub(crate) subgroups: Vec<SubgroupOp>,
@@ -426,6 +453,11 @@ impl Code {
             Op::Image(image) | Op::ImageStore(image) => {
                 let image = &self.images[image as usize];
                 Shape { outs: image.outs, ins: image.ins }
+            }
+            Op::Wrap(wrap) => {
+                let terms = &self.wraps[wrap as usize].terms;
+                let leaves = terms.iter().filter(|term| matches!(term, Term::Register { .. }));
+                Shape { outs: [0; 3], ins: [0, 1 + leaves.count() as u32, 0] }
             }
             Op::Subgroup(operation) => {
                 let SubgroupOp { kind, scalar } = self.subgroups[operation as usize];

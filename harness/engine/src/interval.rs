@@ -445,7 +445,8 @@ fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64)
 
 /// The least power of two that isn't below a number above zero, and at least 2^-126.
 fn power_above(x: f64) -> f64 {
-    let floor = 2f64.powi(libm::ilogb(x).max(-126));
+    // Its exponent alone.
+    let floor = f64::from_bits(x.to_bits() & 0x7FF << 52).max(f64::from(f32::MIN_POSITIVE));
     if floor < x { 2.0 * floor } else { floor }
 }
 

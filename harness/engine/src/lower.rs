@@ -11,6 +11,7 @@ mod math;
 mod memory;
 mod operator;
 mod subgroup;
+mod wrap;
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -107,6 +108,8 @@ pub(crate) struct Lower<'m> {
     code: Code,
     constants: HashMap<(Constant, File), Reg>,
     words: HashMap<Reg, Constant>,
+    /// How integer registers are computed whose results may wrap.
+    computed: HashMap<Reg, wrap::Computed>,
     globals: HashMap<Handle<naga::GlobalVariable>, Value>,
     overrides: HashMap<Handle<Override>, Value>,
     constant_values: HashMap<Handle<naga::Constant>, Value>,
@@ -144,6 +147,7 @@ impl<'m> Lower<'m> {
             code,
             constants: HashMap::new(),
             words: HashMap::new(),
+            computed: HashMap::new(),
             globals: HashMap::new(),
             overrides: HashMap::new(),
             constant_values: HashMap::new(),

@@ -7,6 +7,7 @@ mod masks;
 mod memory;
 mod subgroups;
 mod worlds;
+mod wrap;
 
 use naga::Span;
 
@@ -402,6 +403,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                     self.report::<SEEN>(observer, instruction, case);
                 }
+                Op::Wrap(wrap) => {
+                    if SEEN || self.detector.is_some() {
+                        self.wrapped(wrap, registers, memory);
+                        self.report::<SEEN>(observer, instruction, case);
+                    }
+                }
                 Op::Round => self.round(instruction)?,
                 Op::If
                 | Op::Else
@@ -620,7 +627,10 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         if SEEN {
             let site = self.site(instruction);
-            let fault = Fault::Index(self.bounds(instruction.op));
+            let fault = match instruction.op {
+                Op::Wrap(_) => Fault::Wrap,
+                op => Fault::Index(self.bounds(op)),
+            };
             for &lane in &self.strayed {
                 observer.fault(&Faulty { fault, site, case: case + lane });
             }
@@ -647,6 +657,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         match op {
             Op::Subgroup(_) => Bounds::Subgroup,
+            Op::Wrap(_) => Bounds::Wrapped,
             Op::Image(_) => Bounds::Texture,
             Op::Load(_, walk) | Op::Write(_, walk) | Op::Atomic(walk) if is_runtime(walk) => {
                 Bounds::Runtime

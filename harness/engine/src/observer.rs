@@ -29,6 +29,8 @@ pub struct Lanes<'a, A: Arithmetic> {
 pub enum Fault {
     /// An index leaves what it is an index of, and was clamped.
     Index(Bounds),
+    /// A sum or a product wraps around on its way to an index, which is one of the array all the same.
+    Wrap,
     /// An integer is divided by zero, or its remainder taken.
     Division,
     /// A float is converted to an integer type that doesn't reach so far, and saturates.

@@ -24,7 +24,10 @@ use crate::scalar::{File, Scalar};
 /// first level, and what finding an operation costs is shared by 256 cases.
 const LANES: usize = 256;
 
-/// Twice what the largest variable may have: 32 MiB of floats a thread.
+/// So many cases share what finding an operation costs with twice as many, and still keep all cores busy.
+const MANY: usize = 16_384;
+
+/// Twice what the largest variable may have: 32 MiB of floats a thread, and twice that for many cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
 /// Columns are as wide as the cases need, in steps of this many lanes: two vectors of AVX.
@@ -186,10 +189,11 @@ impl Program {
         self.has_rules::<A>()?;
         let memory = self.memory::<A>(resources)?;
         let scalars = self.results();
-        let chunks = cases.div_ceil(LANES);
+        let most = if cases < MANY { LANES } else { 2 * LANES };
+        let chunks = cases.div_ceil(most);
         // Chunks behind the first one that failed needn't run; those before it may fail earlier.
         let failed = AtomicUsize::new(usize::MAX);
-        let lanes = LANES.min(cases.next_multiple_of(STEP));
+        let lanes = most.min(cases.next_multiple_of(STEP));
         let run = |state: &mut (Machine<'_, A>, Memory<'_, A>), chunk: usize| {
             if failed.load(Ordering::Relaxed) < chunk {
                 return Ok(Results {
@@ -200,8 +204,8 @@ impl Program {
                     cases: 0,
                 });
             }
-            let first = chunk * LANES;
-            let active = LANES.min(cases - first);
+            let first = chunk * most;
+            let active = most.min(cases - first);
             let (machine, memory) = state;
             let chunk_rows = &rows[first * width..(first + active) * width];
             for (k, &(register, scalar)) in self.code.parameters.iter().enumerate() {

@@ -127,6 +127,8 @@ pub enum Bounds {
     Texture,
     /// A subgroup: there is no such invocation, or it isn't active.
     Subgroup,
+    /// Nothing: it is one of the array, but only because a sum or a product has wrapped around.
+    Wrapped,
 }
 
 /// Indices of an operation that leave their array.
@@ -159,7 +161,8 @@ pub struct Observed {
     pub outside: Vec<Outside>,
     /// Reads of workgroup memory before it is written, each line once.
     pub unwritten: Vec<Unwritten>,
-    /// Of storage buffers that the program may write, by group and binding: which of their words it wrote.
+    /// Of storage buffers and storage textures that the program may write, by group and binding: which of their words, or
+    /// texels, it wrote.
     pub written: BTreeMap<(u32, u32), Touched>,
     /// Why the dispatch ended before all of it had run.
     pub stopped: Option<Stop>,
@@ -205,22 +208,22 @@ const EMPTY: Cell = Cell {
     earlier_read: NONE_YET,
 };
 
-/// A set of the bytes at which elements of a variable begin.
+/// A set of the bytes at which elements of a variable begin; of a texture, of the numbers of texels, row after row.
 #[derive(Clone, Debug, Default)]
 pub struct Touched(Vec<u64>);
 
 impl Touched {
-    /// True if the element that begins at this byte is in the set.
+    /// True if the element that begins at this byte is in the set, or the texel of this number.
     #[must_use]
-    pub fn contains(&self, byte: usize) -> bool {
-        self.0.get(byte / 64).is_some_and(|bits| bits >> (byte % 64) & 1 == 1)
+    pub fn contains(&self, at: usize) -> bool {
+        self.0.get(at / 64).is_some_and(|bits| bits >> (at % 64) & 1 == 1)
     }
 
-    fn add(&mut self, byte: usize) {
-        if self.0.len() <= byte / 64 {
-            self.0.resize(byte / 64 + 1, 0);
+    fn add(&mut self, at: usize) {
+        if self.0.len() <= at / 64 {
+            self.0.resize(at / 64 + 1, 0);
         }
-        self.0[byte / 64] |= 1 << (byte % 64);
+        self.0[at / 64] |= 1 << (at % 64);
     }
 }
 
@@ -438,6 +441,9 @@ impl Detector {
     }
 
     pub(crate) fn texture(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
+        if writes {
+            self.textures[slot as usize].touched.add(accessed.index);
+        }
         self.access(code, (slot, 2), accessed, writes);
     }
 
@@ -548,7 +554,9 @@ impl Detector {
             }
             _ => None,
         });
-        let written = written.collect();
+        let textures = code.textures.iter().zip(self.textures).filter(|(slot, _)| slot.written);
+        let textures = textures.map(|(slot, shadow)| ((slot.group, slot.binding), shadow.touched));
+        let written = written.chain(textures).collect();
         let outside = self.outside.into_values();
         let outside = outside.map(|one| Outside { of: self.ran[one.number as usize], ..one });
         let outside = outside.collect();

@@ -7,7 +7,7 @@ mod sample;
 use thiserror::Error;
 
 pub(crate) use format::stored;
-pub(crate) use sample::{Level, Mean, Place};
+pub(crate) use sample::{Level, Many, Mean, Place, TOGETHER};
 
 /// How coordinates find texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -179,6 +179,7 @@ fn class(kind: Kind) -> Class {
         Kind::Infinite => Class::Infinite,
         Kind::Unbounded => Class::Unbounded,
         Kind::OutOfRange
+        | Kind::Wrapped
         | Kind::ByZero
         | Kind::Saturated
         | Kind::EdgesReversed

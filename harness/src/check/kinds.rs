@@ -8,9 +8,10 @@ pub(super) struct Kinds(u16);
 
 impl Kinds {
     /// Those that an operation inside of a function may have.
-    pub(super) const ALL: [Kind; 8] = [
+    pub(super) const ALL: [Kind; 9] = [
         Kind::Nan,
         Kind::OutOfRange,
+        Kind::Wrapped,
         Kind::ByZero,
         Kind::Infinite,
         Kind::Saturated,

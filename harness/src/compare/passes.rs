@@ -1,7 +1,7 @@
 //! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
 use super::{Change, Compared, PathChange, Request, Side, distance, interface, renamed};
-use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
+use crate::dispatch::{Examined, Passes, Usual, Violation};
 use crate::executor;
 use crate::fixture::Fixtures;
 use crate::interpret::{OrderOf, examine_made_up, in_order_of};
@@ -55,8 +55,7 @@ impl Request {
             compared.location = new.span().map_or_else(String::new, |span| span.to_string());
             compared.drawn.merge(made.drawn);
             // Where sizes don't follow from each other an index leaves its array in one of the two alone.
-            let counts =
-                |one: &&Violation| variant < Extents::SIZED || one.kind != ViolationKind::Outside;
+            let counts = |one: &&Violation| variant < Extents::SIZED || !one.kind.is_of_index();
             let (seen_old, seen_new) = (examine_made_up(&old), examine_made_up(&new));
             match (&seen_old.endless, &seen_new.endless) {
                 (None, Some(_)) => return Err("after the edit a loop of it doesn't end".to_owned()),

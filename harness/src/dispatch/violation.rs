@@ -21,6 +21,8 @@ pub enum ViolationKind {
     Unwritten,
     /// An index leaves its array, and the element is written, or the words that passes leave depend on it.
     Outside,
+    /// A sum or a product of an index goes beyond 32 bits, and it is one of the array all the same.
+    Wrapped,
 }
 
 impl ViolationKind {
@@ -34,6 +36,11 @@ impl ViolationKind {
     #[must_use]
     pub fn fails(self) -> bool {
         self != Self::Unwritten
+    }
+
+    /// True of an index that isn't the element's that is meant.
+    pub(crate) fn is_of_index(self) -> bool {
+        matches!(self, Self::Outside | Self::Wrapped)
     }
 }
 

@@ -21,7 +21,7 @@ pub enum Lowered {
     Bits,
     /// Each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0.
     Extreme,
-    /// A float that becomes an integer, or edges of `clamp`, of numbers of which nothing is known; or a place in a
+    /// A float that becomes an integer, edges of `clamp`, or an index that wraps, of numbers of which nothing is known; or a place in a
     /// texture, or in an array as long as its buffer, whose sizes are made up.
     Guessed,
     /// A sine or a cosine beyond pi, where WGSL has no bound, or near its zero, where it has few digits.
@@ -145,6 +145,7 @@ impl Callers {
             Kind::Saturated => hazard.guessed,
             Kind::EdgesReversed => hazard.guessed && hazard.idiom == Some(Idiom::Clamp),
             Kind::OutOfRange => hazard.of_made_up_size,
+            Kind::Wrapped => hazard.guessed,
             _ => false,
         };
         if is_bound {

@@ -105,7 +105,10 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
             let in_workgroup = hazard.violation.as_ref().is_some_and(|one| one.in_workgroup);
             // Invocations that part by what they read may always part.
-            let by_index = matches!(hazard.kind, Kind::Race | Kind::EqualWrites | Kind::OutOfRange);
+            let by_index = matches!(
+                hazard.kind,
+                Kind::Race | Kind::EqualWrites | Kind::OutOfRange | Kind::Wrapped
+            );
             let key = (hazard.location.clone(), hazard.kind);
             let of_content = by_index && !surely.contains(&key);
             if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
@@ -115,7 +118,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 *known = same.map(|(element, count)| (element, count + 1));
             }
             let likely = match hazard.kind {
-                Kind::OutOfRange | Kind::Endless => variant < Extents::SIZED,
+                Kind::OutOfRange | Kind::Wrapped | Kind::Endless => variant < Extents::SIZED,
                 // Of numbers that repeat two are the same, and so are the elements that they index.
                 Kind::Race | Kind::EqualWrites => {
                     in_workgroup || variant < Extents::LIKELY && variant != Extents::REPEATED
@@ -158,6 +161,7 @@ fn kind_of(kind: ViolationKind) -> Kind {
         ViolationKind::Barrier => Kind::Barrier,
         ViolationKind::Unwritten => Kind::Unwritten,
         ViolationKind::Outside => Kind::OutOfRange,
+        ViolationKind::Wrapped => Kind::Wrapped,
     }
 }
 

@@ -28,6 +28,8 @@ pub enum Kind {
     Nan,
     /// An index leaves its array.
     OutOfRange,
+    /// An index is one of its array because a sum or a product wraps around.
+    Wrapped,
     /// Nothing orders two accesses of an element.
     Race,
     /// Some invocations of a workgroup don't reach a barrier.
@@ -59,6 +61,7 @@ impl Kind {
         match self {
             Self::Nan => "NaN",
             Self::OutOfRange => "out of range",
+            Self::Wrapped => "index wraps",
             Self::Race => "race",
             Self::Barrier => "barrier that some miss",
             Self::EqualWrites => "race of equal writes",
@@ -79,6 +82,9 @@ impl Kind {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
             Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
+            Self::Wrapped => {
+                "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
+            }
             Self::Race => {
                 "nothing orders these two accesses of an element: each driver has an order of its own"
             }
@@ -234,6 +240,7 @@ impl<F> Default for Recorder<F> {
 pub(super) fn kind_of(fault: Fault) -> Kind {
     match fault {
         Fault::Index(_) => Kind::OutOfRange,
+        Fault::Wrap => Kind::Wrapped,
         Fault::Division => Kind::ByZero,
         Fault::Conversion => Kind::Saturated,
         Fault::Order => Kind::EdgesReversed,

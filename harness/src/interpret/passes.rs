@@ -82,7 +82,11 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let mut sites = lowered.sites().iter();
             let site = sites.find(|one| std::ptr::from_ref(*one).addr() == address);
             let author = site.and_then(|site| author_of(&pass.program, site));
-            let Some((span, text)) = author.filter(|_| kind != Kind::OutOfRange) else { continue };
+            let Some((span, text)) =
+                author.filter(|_| !matches!(kind, Kind::OutOfRange | Kind::Wrapped))
+            else {
+                continue;
+            };
             // The operations behind a NaN aren't kept here, and one of them may depend on it.
             let hidden = finite && kind == Kind::Infinite;
             let idiom = site.and_then(|site| idiom_of(&pass.program, site));

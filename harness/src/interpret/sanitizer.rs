@@ -149,6 +149,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             continue;
         }
         let matters = one.writes
+            || one.bounds == Bounds::Wrapped
             || (watched.reason.is_empty()
                 && super::depends_on(passes, (pass, one.number), options.schedule)?);
         if matters {
@@ -354,16 +355,20 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
     let pass = examining.pass;
     let reads = "and the words that the passes leave depend on it";
-    let headline = match (one.writes, one.bounds == Bounds::Subgroup) {
+    let headline = match (one.writes, one.bounds) {
+        (_, Bounds::Wrapped) => format!("`{}` has an index that wraps around", pass.name),
         (true, _) => format!("`{}` writes outside of an array", pass.name),
-        (false, false) => format!("`{}` reads outside of an array, {reads}", pass.name),
-        (false, true) => {
+        (false, Bounds::Fixed | Bounds::Runtime | Bounds::Texture) => {
+            format!("`{}` reads outside of an array, {reads}", pass.name)
+        }
+        (false, Bounds::Subgroup) => {
             format!("`{}` takes the value of an invocation that isn't there, {reads}", pass.name)
         }
     };
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
     let beyond = match one.bounds {
         Bounds::Subgroup => "asks one that isn't in its subgroup, or not active",
+        Bounds::Wrapped => "finds another element than is meant",
         _ => "has an index beyond it",
     };
     let does = match one.count {
@@ -378,6 +383,10 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         Bounds::Subgroup => {
             "WGSL allows any value (*Subgroup Built-in Functions*): compare with `subgroup_size`, and `select`"
         }
+        Bounds::Wrapped => {
+            "a sum or a product of it goes beyond 32 bits, and WGSL keeps the lowest 32 (*Arithmetic Expressions*): compare its parts before, \
+             or index by parts that are small"
+        }
         _ => {
             "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or nowhere \
              (6.4.4): compare the index with `arrayLength` or a count, and return"
@@ -387,12 +396,16 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
     // is likely made for a larger array.
     let by_size = match one.bounds {
-        Bounds::Fixed | Bounds::Subgroup => false,
+        Bounds::Fixed | Bounds::Subgroup | Bounds::Wrapped => false,
         Bounds::Runtime => 3 * one.count >= one.of,
         Bounds::Texture => true,
     };
     let accesses = vec![access((place, invocation, does))];
-    let violation = violation(pass, ViolationKind::Outside, (headline, one.count), accesses);
+    let kind = match one.bounds {
+        Bounds::Wrapped => ViolationKind::Wrapped,
+        _ => ViolationKind::Outside,
+    };
+    let violation = violation(pass, kind, (headline, one.count), accesses);
     (Violation { by_size, ..violation }, diagnostic)
 }
 

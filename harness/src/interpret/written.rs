@@ -2,10 +2,9 @@
 
 use super::dispatch::{in_order, options};
 use crate::dispatch::{DispatchError, Passes};
-use crate::path::{Path, PathError};
 use crate::reflect::BindingKind;
 
-/// For each lane of a buffer, in order, whether a pass writes it.
+/// For each lane of a buffer or a texture, in order, whether a pass writes it.
 pub(crate) fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
     let mut marks: Vec<u8> = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
@@ -15,24 +14,27 @@ pub(crate) fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, Dis
         }
         let own = pass.bindings.iter().filter(|(_, number)| *number == resource);
         for at in own.map(|(binding, _)| (binding.group, binding.binding)) {
-            let (Some(bytes), Some(touched)) =
-                (resources.buffer(at.0, at.1), observed.written.get(&at))
-            else {
-                continue;
+            let texels = || {
+                let size = resources.texture(at.0, at.1)?.size();
+                Some(size.into_iter().map(|n| n as usize).product())
             };
-            marks.resize(bytes.len(), 0);
-            (0..bytes.len())
-                .filter(|byte| touched.contains(*byte))
-                .for_each(|byte| marks[byte] = 1);
+            let length = resources.buffer(at.0, at.1).map(<[u8]>::len).or_else(texels);
+            let length = length.expect("each binding of a pass has its resource");
+            marks.resize(length, 0);
+            // A pass that writes nothing of a buffer has no set of it.
+            let touched = observed.written.get(&at);
+            (0..length)
+                .filter(|at| touched.is_some_and(|touched| touched.contains(*at)))
+                .for_each(|at| marks[at] = 1);
         }
         Ok(true)
     })?;
     let is_texture = |(_, binding): (_, &crate::reflect::Binding)| {
         matches!(binding.kind, BindingKind::StorageTexture { .. })
     };
-    if marks.is_empty() || passes.writer(resource).is_some_and(is_texture) {
-        let message = "the engine notes the elements of buffers, and not of textures".to_owned();
-        return Err(PathError::Route { path: Path::CPU, message }.into());
+    if passes.writer(resource).is_some_and(is_texture) {
+        // A texel is written whole, and is four lanes to a host.
+        return Ok(marks.into_iter().flat_map(|mark| [mark != 0; 4]).collect());
     }
     // A number whose first byte is 1 isn't 0, in each of WGSL's types.
     let words: Vec<u32> = marks

@@ -20,7 +20,7 @@ use crate::settings;
 use metadata::Metadata;
 
 /// Grows when what is kept changes its form or its meaning.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 
 /// Folders in folders of a crate that are looked at: far more than any has.
 const DEEPEST: usize = 16;
@@ -273,27 +273,37 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
     std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
-    let mut wanted = BTreeSet::from([name.to_owned()]);
-    for round in 1.. {
+    // Each as a manifest has it.
+    let exact = format!("{{ version = \"={version}\", default-features = false }}");
+    let mut wanted = BTreeMap::from([(name.to_owned(), exact.clone())]);
+    let ask = |wanted: &BTreeMap<String, String>| {
         let mut text = format!(
             "[package]\nname = \"{ASKING}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
              [workspace]\n\n[dependencies]\n"
         );
-        for name in &wanted {
-            text += &format!("{name} = {{ version = \"={version}\", default-features = false }}\n");
-        }
+        wanted.iter().for_each(|(name, how)| text += &format!("{name} = {how}\n"));
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
         // The project is nobody's, and a version doesn't change.
-        let graph = Graph { local: BTreeMap::new(), ..graph };
+        Ok::<_, String>(Graph { local: BTreeMap::new(), ..graph })
+    };
+    let mut graph = ask(&wanted)?;
+    for _ in 1..ROUNDS {
         // Crates of one engine, with one version, may import from each other whoever depends on whom.
-        let missing = graph.missing(version);
-        if round == ROUNDS || missing.is_subset(&wanted) {
-            return Ok(graph);
+        let missing: Vec<String> = graph.missing(version).into_iter().collect();
+        if missing.iter().all(|name| wanted.contains_key(name)) {
+            break;
         }
-        wanted.extend(missing);
+        wanted.extend(missing.into_iter().map(|name| (name, exact.clone())));
+        graph = ask(&wanted)?;
     }
-    unreachable!("rounds have an end")
+    // Cargo leaves out what a crate's examples depend on. What can't be had is an import that isn't found.
+    let of_examples = graph.of_examples(name, version);
+    if of_examples.is_empty() {
+        return Ok(graph);
+    }
+    wanted.extend(of_examples);
+    Ok(ask(&wanted).unwrap_or(graph))
 }
 
 impl Graph {
@@ -306,13 +316,43 @@ impl Graph {
         };
         imports.filter(|name| !known(name)).cloned().collect()
     }
+
+    /// Development dependencies of a crate that its shaders import from, as its manifest has them.
+    fn of_examples(&self, name: &str, version: &str) -> BTreeMap<String, String> {
+        let is_it = |krate: &&Crate| krate.name == name && krate.version == version;
+        let Some(krate) = self.crates.iter().find(is_it) else { return BTreeMap::new() };
+        let manifest = std::fs::read_to_string(krate.folder.join("Cargo.toml")).ok();
+        let manifest = manifest.and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+        let Some(developed) = manifest.as_ref().and_then(|table| table.get("dev-dependencies"))
+        else {
+            return BTreeMap::new();
+        };
+        let files = metadata::shaders(&krate.folder, 0);
+        let texts: Vec<String> =
+            files.iter().filter_map(|file| std::fs::read_to_string(file).ok()).collect();
+        let all = developed.as_table().into_iter().flatten().filter_map(|(name, how)| {
+            let version = how.as_str().or_else(|| how.get("version")?.as_str())?;
+            let package = how.get("package").and_then(toml::Value::as_str);
+            let package = package.map_or_else(String::new, |name| format!(", package = {name:?}"));
+            let how = format!("{{ version = {version:?}, default-features = false{package} }}");
+            Some((name, how))
+        });
+        let is_imported = |name: &str| {
+            let library = name.replace('-', "_");
+            let path = format!("{library}::");
+            !self.crates.iter().any(|known| known.library == library)
+                && texts.iter().any(|text| text.contains(&path))
+        };
+        let imported = all.filter(|(name, _)| is_imported(name));
+        imported.map(|(name, how)| (name.clone(), how)).collect()
+    }
 }
 
 /// The hash of a manifest, and of whether there are shaders beside it.
 fn hash_of(manifest: &Path) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&std::fs::read(manifest).ok()?);
-    let shaders = manifest.parent().and_then(|folder| metadata::common(folder, 0));
+    let shaders = manifest.parent().and_then(metadata::common);
     hasher.update(shaders.unwrap_or_default().as_os_str().as_encoded_bytes());
     Some(hasher.finalize().to_hex().to_string())
 }

@@ -72,7 +72,7 @@
 //! | `sum_of = "input"` | its numbers add up to those that a buffer holds before |
 //! | `permutation_of = "input"` | its elements are those that a buffer holds before, in any order |
 //! | `unchanged = true` | it holds what it held before |
-//! | `written = true` | some invocation writes each element of the buffer: the last ones, too |
+//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture: the last ones, too |
 //! | `in_range = [0, 1]`, `finite = true` | as of functions |
 //!
 //! `no_hazards = true` beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides

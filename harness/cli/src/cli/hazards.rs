@@ -274,6 +274,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     let style = match hazard.kind {
         Kind::Nan
         | Kind::OutOfRange
+        | Kind::Wrapped
         | Kind::Race
         | Kind::Barrier
         | Kind::ByZero

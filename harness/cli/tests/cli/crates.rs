@@ -193,6 +193,41 @@ fn a_crate_at_a_version_needs_no_project() {
     assert_eq!(place.kept(), 1, "nothing is left of what failed");
 }
 
+/// Shaders of a crate's examples import what its examples depend on, which cargo leaves out of what it fetches.
+#[test]
+fn examples_import_development_dependencies() {
+    let place = Place::new();
+    let folder = place.folder.path();
+    let vendored = |name: &str, more: &str, shader: &str, text: &str| {
+        let vendored = folder.join("vendor").join(format!("{name}-1.2.3"));
+        write(&vendored, "Cargo.toml", &(manifest(name, "") + more));
+        write(&vendored, ".cargo-checksum.json", "{\"files\":{}}");
+        write(&vendored.join("src"), "lib.rs", "");
+        write(&vendored.join("examples"), shader, text);
+    };
+    vendored("sky-kit", "", "sky.wesl", "fn twice(x: f32) -> f32 { return 2.0 * x; }\n");
+    let example =
+        "import sky_kit::sky::twice;\nfn four(x: f32) -> f32 { return twice(twice(x)); }\n";
+    let developed = |more: &str| format!("\n[dev-dependencies]\n{more}unrelated = \"9.9.9\"\n");
+    vendored("clouds", &developed("sky-kit = \"1.2\"\n"), "clouds.wesl", example);
+    // One that can't be had is an import that isn't found, and the rest of the crate is there.
+    let gone = example.replace("twice", "thrice").replace("sky_kit", "gone_kit");
+    vendored("rain", &developed("gone-kit = \"1.2\"\n"), "rain.wesl", &gone);
+    let config = format!(
+        "[source.crates-io]\nreplace-with = \"here\"\n[source.here]\ndirectory = {:?}\n",
+        folder.join("vendor")
+    );
+    write(&folder.join("home"), "config.toml", &config);
+    std::fs::create_dir(folder.join("nowhere")).expect("a folder");
+    let call = ["call", "clouds::four", "3", "--crate", "clouds@1.2.3"];
+    assert!(place.karat("nowhere", &call).good().contains(" 12"));
+    let rain = place.karat("nowhere", &["list", "--crate", "rain@1.2.3"]);
+    assert!(
+        rain.out.contains("no dependency `gone_kit`") && rain.out.contains("rain::four"),
+        "{rain:?}"
+    );
+}
+
 #[test]
 fn a_crate_that_cannot_be_had_says_why() {
     let place = Place::new();

@@ -81,6 +81,11 @@ impl Process {
             // Frames are drawn in software, so that any machine can.
             "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader",
+            // Only what a page asks of WebGL: pages themselves are drawn faster without.
+            "--disable-gpu-compositing",
+            "--disable-gpu-rasterization",
+            // One more process for a page that may come keeps a core busy.
+            "--disable-features=SpareRendererForSitePerProcess",
             // As root there is no sandbox; all that is loaded is ours.
             "--no-sandbox",
             "--disable-dev-shm-usage",

@@ -79,7 +79,7 @@ impl Chain {
         }
         let sum = self.sum(ends);
         let reach = f64::from(sum.most.max(-sum.least)).max(f64::from(f32::MIN_POSITIVE));
-        2.0 * f64::from(sum.count) * power(libm::ilogb(reach) as i16 - 22)
+        2.0 * f64::from(sum.count) * power(exponent(reach) - 22)
     }
 
     fn is_sum(self) -> bool {
@@ -288,7 +288,7 @@ impl Sum {
         if !(reach <= format.greatest) {
             return None;
         }
-        let exponent = libm::ilogb(reach) as i16 - (format.digits - 1);
+        let exponent = exponent(reach) - (format.digits - 1);
         let spacing = power(exponent.max(format.least_step));
         let error = roundings * ((spacing - power(self.step)).max(0.0) + flushed);
         Some(((self.exact.0 - error).next_down(), (self.exact.1 + error).next_up()))
@@ -300,14 +300,24 @@ fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
 
-/// 2 to a power that is an `f32`'s; infinity beyond.
+/// 2 to a power that is an `f32`'s; infinity above it, 0 below the powers that an `f64` has.
 pub(super) fn power(exponent: i16) -> f64 {
-    if exponent > 127 { f64::INFINITY } else { 2f64.powi(i32::from(exponent)) }
+    match exponent {
+        128.. => f64::INFINITY,
+        // Its exponent is the only thing that is set.
+        -1022.. => f64::from_bits(((i64::from(exponent) + 1023) as u64) << 52),
+        _ => 0.0,
+    }
+}
+
+/// The exponent of an `f32` that isn't 0, each of which is a normal `f64`; of 0 one that is less than each.
+pub(super) fn exponent(x: f64) -> i16 {
+    (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
 
 /// The whole number of up to 24 bits, and the power of two, that an `f32` above zero is made of.
 fn significand(x: f64) -> (u32, i16) {
-    let exponent = (libm::ilogb(x).max(-126) - 23) as i16;
+    let exponent = exponent(x).max(-126) - 23;
     ((x / power(exponent)) as u32, exponent)
 }
 

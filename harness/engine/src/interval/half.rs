@@ -1,6 +1,6 @@
 //! Bounds of half precision.
 
-use super::chain::power;
+use super::chain::{exponent, power};
 use super::{Interval, REORDERED};
 use crate::rules::Half;
 
@@ -82,8 +82,7 @@ impl Interval {
 
 /// The distance of two `f16` about a number.
 fn ulp(x: f64) -> f64 {
-    let exponent = if x == 0.0 { LEAST_NORMAL } else { (libm::ilogb(x) as i16).max(LEAST_NORMAL) };
-    power(exponent - 10)
+    power(exponent(x).max(LEAST_NORMAL) - 10)
 }
 
 /// The nearest multiple of an ulp that isn't nearer to the middle: below with a sign of -1.

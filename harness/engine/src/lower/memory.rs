@@ -31,12 +31,19 @@ enum Root {
 }
 
 #[derive(Clone, Debug)]
-struct Index {
-    register: Reg,
-    signed: bool,
+pub(super) struct Index {
+    pub(super) register: Reg,
+    pub(super) signed: bool,
     count: Count,
     registers: Counts,
     bytes: u32,
+}
+
+impl Index {
+    /// The step of one byte of a buffer.
+    pub(super) fn step(&self) -> Step {
+        Step { stride: self.bytes, count: self.count, signed: self.signed }
+    }
 }
 
 impl Place {
@@ -118,7 +125,13 @@ impl<'m> Lower<'m> {
             Root::Buffer(_) => [0; 3],
         };
         part.inner = inner;
-        part.indices.push(Index { register: index, signed, count, registers, bytes: stride });
+        let index = Index { register: index, signed, count, registers, bytes: stride };
+        let buffer = match place.root {
+            Root::Buffer(slot) => Some(slot),
+            Root::Local { .. } => None,
+        };
+        self.tell_wrapped(buffer, &index)?;
+        part.indices.push(index);
         Ok(Rc::new(part))
     }
 
@@ -215,9 +228,7 @@ impl<'m> Lower<'m> {
     }
 
     fn bytes_walk(&mut self, place: &Place, buffer: u32, offset: u32) -> u32 {
-        let step =
-            |index: &Index| Step { stride: index.bytes, count: index.count, signed: index.signed };
-        let steps = place.indices.iter().map(step).collect();
+        let steps = place.indices.iter().map(Index::step).collect();
         let plain = !matches!(place.inner, TypeInner::Atomic(_));
         self.code.walks.push(Walk { buffer, offset, steps, atomic: None, plain });
         self.code.walks.len() as u32 - 1

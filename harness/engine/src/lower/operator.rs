@@ -59,6 +59,7 @@ impl<'m> Lower<'m> {
     pub(super) fn integer(&mut self, rule: Integer, ins: &[Reg]) -> Lowered<Reg> {
         let out = self.fresh(File::Int);
         self.emit(Op::Integer(rule), &[out], ins)?;
+        self.note_computed(rule, out, ins);
         Ok(out)
     }
 

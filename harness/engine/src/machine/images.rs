@@ -4,7 +4,7 @@ use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Detail, ImageKind, ImageOp};
 use crate::races::{Accessed, Place};
-use crate::texture::{self, Dimension, Level, Mean, Sampler, Texture};
+use crate::texture::{self, Dimension, Level, Many, Mean, Sampler, TOGETHER, Texture};
 
 /// The registers of an operation on a texture, by what they hold.
 struct Operands<'a> {
@@ -193,6 +193,15 @@ impl<A: Rules> Machine<'_, A> {
     ) {
         let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return };
         let coordinates = op.coordinates as usize;
+        let plain = !A::NOTES && gather.is_none() && !compare && !clamp && operands.ints.is_empty();
+        if plain && texture.is_bilinear(sampler) {
+            self.sample_together(
+                (texture, sampler),
+                &operands.floats[..coordinates],
+                operands.outs,
+            );
+            return;
+        }
         for lane in 0..self.width {
             // Loops have few active lanes in their last rounds, and a sample is dear.
             if !A::possible(self.active()[lane]) {
@@ -269,6 +278,51 @@ impl<A: Rules> Machine<'_, A> {
             for (channel, &out) in operands.outs.iter().enumerate() {
                 let x = mean.channel::<A>(texture, channel, unbounded);
                 self.floats.get_mut(out)[lane] = x;
+            }
+        }
+    }
+}
+
+impl<A: Rules> Machine<'_, A> {
+    /// Samples of the one level of a texture, several at once.
+    fn sample_together(
+        &mut self,
+        (texture, sampler): (&Texture, &Sampler),
+        coordinates: &[u32],
+        outs: &[u32],
+    ) {
+        for from in (0..self.width).step_by(TOGETHER) {
+            let lanes = from..self.width.min(from + TOGETHER);
+            let mut wanted = [false; TOGETHER];
+            for (wanted, mask) in wanted.iter_mut().zip(&self.active()[lanes.clone()]) {
+                *wanted = A::possible(*mask);
+            }
+            // Loops have few active lanes in their last rounds.
+            if !wanted.contains(&true) {
+                continue;
+            }
+            let mut at: [Many; 3] = [[0.0; TOGETHER]; 3];
+            for (at, &register) in at.iter_mut().zip(coordinates) {
+                let column = &self.floats.get(register)[lanes.clone()];
+                at.iter_mut().zip(column).for_each(|(at, x)| *at = A::coordinate(*x));
+            }
+            let (sums, left_out) = texture.bilinear_of(&at, &wanted);
+            for (channel, &out) in outs.iter().enumerate() {
+                let hull = texture.hull(channel);
+                let column = &mut self.floats.get_mut(out)[lanes.clone()];
+                // What lanes have that aren't active means nothing.
+                column
+                    .iter_mut()
+                    .zip(&sums)
+                    .for_each(|(to, sum)| *to = A::filtered(sum[channel], hull));
+            }
+            for k in (0..lanes.len()).filter(|k| left_out[*k]) {
+                let place = texture::Place { at: at.map(|at| at[k]), layer: 0, offset: [0; 3] };
+                let mean = texture.mean(sampler, place, Level::Exact(0.0), None);
+                for (channel, &out) in outs.iter().enumerate() {
+                    let x = mean.channel::<A>(texture, channel, false);
+                    self.floats.get_mut(out)[from + k] = x;
+                }
             }
         }
     }

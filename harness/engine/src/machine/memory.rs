@@ -76,7 +76,7 @@ pub(crate) struct Memory<'a, A: Rules> {
 
 impl Step {
     /// How many elements there are, given the bytes of the buffer.
-    fn length(&self, bytes: usize) -> u64 {
+    pub(super) fn length(&self, bytes: usize) -> u64 {
         match self.count {
             Count::Fixed(count) => u64::from(count),
             Count::Runtime { offset, stride } => {

@@ -12,6 +12,12 @@ pub(crate) enum Level {
     Gradient([f64; 3], [f64; 3]),
 }
 
+/// Samples that are looked at together.
+pub(crate) const TOGETHER: usize = 64;
+
+/// Numbers of so many samples.
+pub(crate) type Many = [f64; TOGETHER];
+
 /// Texels and weights, which sum to one: of a corner of a cube three.
 pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
 
@@ -99,6 +105,69 @@ impl Texture {
                 (filter, first as u32, detail - below)
             }
         }
+    }
+
+    /// Whether [`bilinear_of`](Self::bilinear_of) knows the texture and the sampler: one level that isn't nearer or further
+    /// than another one, of floats, without layers.
+    pub(crate) fn is_bilinear(&self, sampler: &Sampler) -> bool {
+        let is_flat = match self.dimension {
+            Dimension::D2 => self.size[2] == 1,
+            Dimension::Cube => self.size[2] == 6,
+            Dimension::D1 | Dimension::D3 => false,
+        };
+        let is_linear = [sampler.mag, sampler.min] == [Filter::Linear; 2];
+        is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
+    }
+
+    /// The sums of the four channels of samples at these coordinates, and the samples that have none: those with a
+    /// texel beyond an edge, or fewer than four.
+    pub(crate) fn bilinear_of(
+        &self,
+        [x, y, z]: &[Many; 3],
+        wanted: &[bool; TOGETHER],
+    ) -> ([[f64; 4]; TOGETHER], [bool; TOGETHER]) {
+        // Numbers below 2^51 in size are rounded to whole ones by this sum, as floats have 53 bits. Larger ones are outside.
+        const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
+        let [width, height, _] = self.size.map(f64::from);
+        let is_cube = self.dimension == Dimension::Cube;
+        let [mut first, mut right, mut down] = [[0.0; TOGETHER]; 3];
+        for k in 0..TOGETHER {
+            let (face, u, v) = cube::face([x[k], y[k], z[k]]);
+            let (face, u, v) = if is_cube { (face, u, v) } else { (0.0, x[k], y[k]) };
+            let [(left, beside), (up, below)] = [(u, width), (v, height)].map(|(at, size)| {
+                let centre = at * size - 0.5;
+                let whole = (centre + ROUNDING) - ROUNDING;
+                let whole = whole - if whole > centre { 1.0 } else { 0.0 };
+                (whole, centre - whole)
+            });
+            let is_inside =
+                (left >= 0.0) & (up >= 0.0) & (left + 1.0 < width) & (up + 1.0 < height);
+            // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
+            let has_four = is_inside & (beside > 0.0) & (below > 0.0);
+            first[k] = if has_four { (face * height + up) * width + left } else { -1.0 };
+            (right[k], down[k]) = (beside, below);
+        }
+        let (mut sums, mut left_out) = ([[0.0; 4]; TOGETHER], [false; TOGETHER]);
+        let [Texels::Float(texels)] = &*self.levels else { return (sums, *wanted) };
+        let row = self.size[0] as usize;
+        for k in (0..TOGETHER).filter(|k| wanted[*k]) {
+            let corners = (first[k] >= 0.0).then(|| {
+                let at = first[k] as usize;
+                let above = texels.get(at..)?.first_chunk::<2>()?;
+                Some([above, texels.get(at + row..)?.first_chunk::<2>()?])
+            });
+            let Some(Some([[a, b], [c, d]])) = corners else {
+                left_out[k] = true;
+                continue;
+            };
+            let (left, up) = (1.0 - right[k], 1.0 - down[k]);
+            let [p, q, r, s] = [left * up, right[k] * up, left * down[k], right[k] * down[k]];
+            let [a, b, c, d] = [a, b, c, d].map(|texel| texel.map(f64::from));
+            sums[k] = std::array::from_fn(|channel| {
+                p * a[channel] + q * b[channel] + r * c[channel] + s * d[channel]
+            });
+        }
+        (sums, left_out)
     }
 
     /// Adds four texels of a level, as nearly all samples have: none is beyond an edge. `false`: they aren't four.
@@ -220,7 +289,7 @@ impl Texture {
     fn on_face(&self, place: Place) -> (usize, [f64; 3]) {
         if self.dimension == Dimension::Cube {
             let (face, u, v) = cube::face(place.at);
-            (face, [u, v, 0.0])
+            (face as usize, [u, v, 0.0])
         } else {
             (0, place.at)
         }

@@ -74,6 +74,53 @@ fn indices_are_clamped_and_reported() {
     assert_eq!(intervals_of(source), (1.0, 3.0));
 }
 
+/// Cases whose index wraps around.
+#[derive(Default)]
+struct Wrapped(Mutex<Vec<usize>>);
+
+impl Observer<F32> for Wrapped {
+    fn fault(&self, one: &Faulty<'_>) {
+        if one.fault == Fault::Wrap {
+            self.0.lock().expect("no test panics here").push(one.case);
+        }
+    }
+}
+
+#[test]
+fn an_index_that_wraps_is_told() {
+    const QUARTER: u32 = 1 << 30;
+    // An index of an array of 8, and whether it wraps for 0, 1, 2, 2^30 and u32::MAX.
+    for (index, expected) in [
+        ("i * 4u + 1u", &[3][..]),
+        ("i << 2u", &[3]),
+        ("i + 1u", &[4]),
+        // What wraps twice is the number that is meant.
+        ("i - 5u + 5u", &[]),
+        ("u32(i32(i) - 1) + 1u", &[]),
+        ("i32(i) + 1", &[]),
+        // These are meant to wrap, and take a part.
+        ("(i * 1664525u + 1013904223u) & 7u", &[]),
+        ("(i * 4u) % 8u", &[]),
+        ("min(i * 4u, 7u)", &[]),
+        // Of the others, which are outside, the access tells.
+        ("i + 8u", &[4]),
+        // Through a call, and a let-binding.
+        ("beyond(4u * i)", &[3]),
+        ("-i32(i * 4u)", &[3, 4]),
+    ] {
+        let source = format!(
+            "fn beyond(k: u32) -> u32 {{ let n = k + 2u; return n; }}
+             fn f(i: u32) -> f32 {{ var a = array<f32, 8>(); return a[{index}]; }}"
+        );
+        let program = program(&source, "f");
+        let rows = [0, 1, 2, QUARTER, u32::MAX];
+        let seen = Wrapped::default();
+        let (resources, options) = (Resources::new(), Options::default());
+        program.call::<F32>(rows.len(), &rows, &resources, &options, &seen).expect("it runs");
+        assert_eq!(*seen.0.lock().unwrap(), expected, "{index}");
+    }
+}
+
 /// An index that may be any of the array finds each element.
 fn intervals_of(source: &str) -> (f32, f32) {
     let source =

@@ -151,32 +151,36 @@ impl CargoPackage {
         let wesl = wesl.as_ref().and_then(|table| table.get("root")?.as_str());
         let declared = declared.into_iter().chain([wesl]).flatten().map(|root| folder.join(root));
         let src = std::iter::once(folder.join("src"));
-        let has = |root: &PathBuf| common(root, 0).is_some();
-        declared.chain(src).find(has).or_else(|| common(folder, 0))
+        let has = |root: &PathBuf| common(root).is_some();
+        declared.chain(src).find(has).or_else(|| common(folder))
     }
 }
 
 /// The innermost folder that has all shaders below a folder.
-pub(super) fn common(folder: &Path, depth: usize) -> Option<PathBuf> {
-    if depth == DEEPEST {
-        return None;
-    }
-    let (mut below, mut here) = (Vec::new(), false);
-    for entry in std::fs::read_dir(folder).ok()?.flatten() {
+pub(super) fn common(folder: &Path) -> Option<PathBuf> {
+    let files = shaders(folder, 0);
+    let mut folders = files.iter().filter_map(|file| file.parent());
+    let first = folders.next()?;
+    let of_both = |one: &'_ Path, other: &Path| {
+        one.ancestors().find(|folder| other.starts_with(folder)).unwrap_or(folder).to_owned()
+    };
+    Some(folders.fold(first.to_owned(), |one, other| of_both(&one, other)))
+}
+
+/// All shaders below a folder.
+pub(super) fn shaders(folder: &Path, depth: usize) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let (path, name) = (entry.path(), entry.file_name());
         let name = name.to_string_lossy();
+        let is_shader = |known: &&str| path.extension().is_some_and(|own| own == *known);
         if path.is_dir() {
-            if !name.starts_with('.') && (depth > 0 || name != "target") {
-                below.extend(common(&path, depth + 1));
+            if depth + 1 < DEEPEST && !name.starts_with('.') && (depth > 0 || name != "target") {
+                found.extend(shaders(&path, depth + 1));
             }
-        } else {
-            here |= EXTENSIONS.iter().any(|known| path.extension().is_some_and(|e| e == *known));
+        } else if EXTENSIONS.iter().any(is_shader) {
+            found.push(path);
         }
     }
-    match &mut *below {
-        _ if here => Some(folder.to_owned()),
-        [] => None,
-        [only] => Some(std::mem::take(only)),
-        _ => Some(folder.to_owned()),
-    }
+    found
 }

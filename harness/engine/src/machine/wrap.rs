@@ -1,0 +1,56 @@
+//! Indices that wrap around.
+
+use super::{Machine, Memory};
+use crate::arithmetic::sealed::Rules;
+use crate::code::Term;
+
+impl<A: Rules> Machine<'_, A> {
+    /// Notes the lanes whose index is another number than its sums and products give without an end, and all the same one
+    /// of the array: of one outside, the access tells.
+    pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
+        // Bounds of an index that wraps are all that there are, and so outside.
+        if A::UNDECIDED {
+            return;
+        }
+        let wrap = &self.code.wraps[wrap as usize];
+        let bytes = wrap.buffer.map_or(0, |slot| memory.buffers[slot as usize].bytes.len());
+        let length = wrap.step.length(bytes);
+        let mut stack: Vec<i128> = Vec::new();
+        for lane in 0..self.width {
+            if !A::possible(self.active()[lane]) {
+                continue;
+            }
+            let value = |register: u32, signed: bool| {
+                i128::from(A::bounds(self.ints.get(register)[lane], signed).0)
+            };
+            let index = value(registers[0], wrap.step.signed);
+            let mut leaves = registers[1..].iter();
+            stack.clear();
+            for term in &wrap.terms {
+                let mut next = || stack.pop().unwrap_or_default();
+                let whole = match term {
+                    Term::Register { signed } => {
+                        leaves.next().map_or(0, |register| value(*register, *signed))
+                    }
+                    Term::Negate => next().saturating_neg(),
+                    Term::Add => next().saturating_add(next()),
+                    Term::Subtract => {
+                        let y = next();
+                        next().saturating_sub(y)
+                    }
+                    Term::Multiply => next().saturating_mul(next()),
+                    // Only the lowest five bits of the distance count.
+                    Term::ShiftLeft => {
+                        let distance = next() & 31;
+                        next().saturating_mul(1 << distance)
+                    }
+                };
+                stack.push(whole);
+            }
+            let is_inside = index >= 0 && index < i128::from(length);
+            if is_inside && stack.last().is_some_and(|whole| *whole != index) {
+                self.strayed.push(lane);
+            }
+        }
+    }
+}
