@@ -590,7 +590,7 @@ fn shown(found: &Found) -> Option<(String, String)> {
 }
 
 fn first_line(text: &str) -> String {
-    text.lines().next().unwrap_or_default().to_owned()
+    crate::output::headline(text).to_owned()
 }
 
 /// The operands of an operation, as people read them.
@@ -673,6 +673,9 @@ impl Hazard {
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
         let counted = match (is_pass, &self.violation) {
             // Elements, of which an invocation has several, or several have one.
+            (true, Some(_)) if self.kind == Kind::OutOfRange => {
+                format!("in {of} invocations, over sizes that are made up")
+            }
             (true, Some(_)) => format!("in {of} invocations"),
             (true, None) => format!("{cases} of {of} invocations"),
             (false, _) => format!("{cases} of {of} inputs"),

@@ -339,21 +339,21 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Gather(file, walk) => {
                     self.gather(file, walk, registers);
                     self.estrange(instruction, registers);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Scatter(file, walk) => {
                     self.scatter(file, walk, registers);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Pick(file, count, signed) => {
                     self.pick(file, count, signed, registers);
                     self.estrange(instruction, registers);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Table(file, table) => {
                     self.table(file, table, registers);
                     self.estrange(instruction, registers);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Load(scalar, walk) => {
                     self.load(scalar, walk, registers, memory);
@@ -361,16 +361,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Write(scalar, walk) => {
                     self.write(scalar, walk, registers, memory);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
                     self.atomic(walk, registers, memory);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Subgroup(operation) => {
                     self.subgroup(operation, registers);
@@ -381,11 +381,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                             self.show(observer, at, case, (&registers[..1], &[]));
                         }
                     }
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::ImageStore(image) => {
                     self.image_store(image, registers, memory);
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Image(image) => {
                     self.image(image, registers, memory);
@@ -401,12 +401,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                             self.show(observer, at, case, (&registers[..floats], &[]));
                         }
                     }
-                    self.report::<SEEN>(observer, instruction, case);
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Wrap(wrap) => {
                     if SEEN || self.detector.is_some() {
                         self.wrapped(wrap, registers, memory);
-                        self.report::<SEEN>(observer, instruction, case);
+                        self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     }
                 }
                 Op::Round => self.round(instruction)?,
@@ -620,8 +620,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     fn report<const SEEN: bool>(
         &mut self,
         observer: &dyn Observer<A>,
-        instruction: &Instruction,
+        (instruction, registers): (&Instruction, &[u32]),
         case: usize,
+        memory: &Memory<'_, A>,
     ) where
         A: crate::arithmetic::Arithmetic,
     {
@@ -639,10 +640,12 @@ impl<'p, A: Rules> Machine<'p, A> {
             let lanes = self.active().iter().filter(|mask| A::possible(**mask)).count();
             let writes = matches!(instruction.op, Op::Write(..) | Op::Atomic(_) | Op::Scatter(..));
             let bounds = self.bounds(instruction.op);
+            let first = self.strayed.first();
+            let index = first.and_then(|lane| self.beyond(instruction, registers, *lane, memory));
             let Some(detector) = &mut self.detector else { return };
             detector.run(self.site, lanes);
             for lane in &self.strayed {
-                detector.leaves(self.code, self.site, *lane, (writes, bounds));
+                detector.leaves(self.code, self.site, *lane, (writes, bounds, index));
             }
         }
         self.strayed.clear();

@@ -144,6 +144,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of what it leaves.
     pub bounds: Bounds,
+    /// The index of that invocation, and the elements of the array, if it is in a buffer.
+    pub index: Option<(i64, u64)>,
     /// How often the operation ran.
     pub of: u64,
     /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
@@ -418,7 +420,7 @@ impl Detector {
         code: &Code,
         site: u32,
         lane: usize,
-        (writes, bounds): (bool, Bounds),
+        (writes, bounds, index): (bool, Bounds, Option<(i64, u64)>),
     ) {
         let invocation = self.invocation(self.first) + lane;
         let new = || Outside {
@@ -427,6 +429,7 @@ impl Detector {
             count: 0,
             writes,
             bounds,
+            index,
             of: 0,
             number: site,
         };

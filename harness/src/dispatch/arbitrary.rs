@@ -9,16 +9,17 @@ use crate::reflect::{Overrides, Program};
 /// Invocations of a pass, at least.
 const INVOCATIONS: u32 = 64;
 
-/// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which a workgroup extends,
-/// as nothing orders two of them, and three downwards, so that rows are no columns. A pass that asks for nothing that
-/// tells workgroups apart is made for one.
-fn usual_workgroups(size: [u32; 3], tells_apart: bool) -> [u32; 3] {
+/// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which a workgroup extends or
+/// the pass asks for its place, as nothing orders two of them, and three downwards, so that rows are no columns. A pass
+/// that asks for nothing that tells workgroups apart is made for one.
+fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [bool; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
     }
-    let mut groups = size.map(|count| if count > 1 { 2 } else { 1 });
+    let extends = [0, 1, 2].map(|k| size[k] > 1 || asks[k]);
+    let mut groups = extends.map(|extends| if extends { 2 } else { 1 });
     groups[0] = groups[0].max(2);
-    if size[1] > 1 {
+    if extends[1] {
         groups[1] = 3;
     }
     while size.iter().chain(&groups).product::<u32>() < INVOCATIONS {
@@ -51,7 +52,8 @@ impl Usual {
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
         let apart = attributes.iter().any(|(_, attribute)| APART.contains(&&**attribute));
-        Ok(Self { size, workgroups: usual_workgroups(size, apart) })
+        let asks = program.asks_for_places(own);
+        Ok(Self { size, workgroups: usual_workgroups(size, apart, asks) })
     }
 
     /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
@@ -105,11 +107,13 @@ mod tests {
 
     #[test]
     fn several_workgroups_run_in_each_direction_that_a_workgroup_has() {
+        let usual_workgroups = |size, apart| usual_workgroups(size, apart, [false; 3]);
         assert_eq!(usual_workgroups([256, 1, 1], true), [2, 1, 1]);
         assert_eq!(usual_workgroups([8, 8, 1], true), [2, 3, 1]);
         assert_eq!(usual_workgroups([1, 1, 1], true), [64, 1, 1]);
         assert_eq!(usual_workgroups([1, 16, 1], true), [2, 3, 1]);
         assert_eq!(usual_workgroups([64, 1, 1], false), [1, 1, 1]);
+        assert_eq!(super::usual_workgroups([64, 1, 1], true, [true, true, false]), [2, 3, 1]);
         let usual = |size| Usual { size, workgroups: usual_workgroups(size, true) };
         assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);

@@ -32,7 +32,7 @@ pub enum Kind {
     Wrapped,
     /// Nothing orders two accesses of an element.
     Race,
-    /// Some invocations of a workgroup don't reach a barrier.
+    /// Some invocations of a workgroup don't reach a barrier, or some of a subgroup its operation.
     Barrier,
     /// An integer is divided by zero.
     ByZero,
@@ -63,7 +63,7 @@ impl Kind {
             Self::OutOfRange => "out of range",
             Self::Wrapped => "index wraps",
             Self::Race => "race",
-            Self::Barrier => "barrier that some miss",
+            Self::Barrier => "missed by some",
             Self::EqualWrites => "race of equal writes",
             Self::Unwritten => "read before it is written",
             Self::ByZero => "by zero",
@@ -88,7 +88,9 @@ impl Kind {
             Self::Race => {
                 "nothing orders these two accesses of an element: each driver has an order of its own"
             }
-            Self::Barrier => "WGSL wants each invocation of a workgroup to reach it (15.2)",
+            Self::Barrier => {
+                "WGSL wants each invocation of a workgroup to reach a barrier, and of a subgroup its operation (15.2)"
+            }
             Self::EqualWrites => "nothing orders two writes of the same value",
             Self::Unwritten => {
                 "workgroup memory is zero there, unless the engine turns that off, as Bevy and wgpu can"

@@ -371,8 +371,12 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         Bounds::Wrapped => "finds another element than is meant",
         _ => "has an index beyond it",
     };
+    let beyond = match one.index {
+        Some((index, length)) => format!("has index {index}, of {length} elements"),
+        None => beyond.to_owned(),
+    };
     let does = match one.count {
-        1 => beyond.to_owned(),
+        1 => beyond,
         count => format!("{beyond}, the first of {count}"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());

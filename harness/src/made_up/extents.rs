@@ -9,6 +9,10 @@ const ELEMENTS: [&str; 10] =
 /// Words of vectors' names that mean the elements in each direction.
 const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bounds", "domain"];
 
+/// Words of names that mean a number of what is done for each element.
+const EACH: [&str; 8] =
+    ["samples", "sample", "steps", "rays", "bounces", "iterations", "octaves", "taps"];
+
 /// How integers in arrays are numbered: each of them is an index of another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Numbered {
@@ -82,7 +86,12 @@ impl Extents {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if variant % Self::ZEROS == 1 {
-            elements = elements.map(|count| if count > TAIL { count - TAIL } else { count });
+            // Nobody rounds up workgroups of one.
+            let of_one = size.map(|count| count == 1);
+            elements = [0, 1, 2].map(|k| match elements[k] {
+                count if count > TAIL && !of_one[k] => count - TAIL,
+                count => count,
+            });
         }
         let (numbered, unknown) = match variant % Self::ZEROS {
             0 => (Some(Numbered::Forwards), Some(1)),
@@ -123,6 +132,10 @@ impl Extents {
     pub(super) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
+        // `num_samples` of each element.
+        if has(&EACH) {
+            return None;
+        }
         if !whole {
             // A width in floats may be that of a line.
             let is_size = lanes > 1 && has(&["resolution", "dimensions"]);
@@ -161,7 +174,7 @@ mod tests {
         assert_eq!(size("particle_count", 0, 1), Some(16 * 24));
         assert_eq!((size("resolution", 0, 2), size("resolution", 1, 2)), (Some(16), Some(24)));
         assert_eq!(size("num_workgroups", 0, 1), Some(6));
-        assert_eq!(size("seed", 0, 1), None);
+        assert_eq!((size("seed", 0, 1), size("num_samples", 0, 1)), (None, None));
         assert_eq!((size("row_stride", 0, 1), size("base", 0, 1)), (Some(16), Some(0)));
         assert_eq!((size("grid", 1, 3), size("grid", 0, 1)), (Some(24), None));
         assert_eq!(extents.size("resolution", 1, 2, false), Some(24));
@@ -169,5 +182,6 @@ mod tests {
         let bits: Vec<u32> = (0..64).map(|at| Numbered::Bits.of(at, 64)).collect();
         assert!((24..40).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
         assert_eq!(Extents::of([64, 1, 1], [2, 1, 1], 1).elements, [125, 1, 1]);
+        assert_eq!(Extents::of([1, 1, 1], [64, 1, 1], 1).elements, [64, 1, 1]);
     }
 }

@@ -37,6 +37,52 @@ impl Program {
         }
         all
     }
+
+    /// Whether an entry point asks for its place in each direction: for a component of the number of its invocation in
+    /// the dispatch, or of its workgroup. One that takes the vector as a whole says nothing.
+    pub(crate) fn asks_for_places(&self, name: &str) -> [bool; 3] {
+        use naga::{BuiltIn, Expression};
+        let name = self.entry_point_name(name);
+        let module = &self.checked.module;
+        let mut asks = [false; 3];
+        let Some(entry) = module.entry_points.iter().find(|entry| entry.name == name) else {
+            return asks;
+        };
+        let function = &entry.function;
+        let is_place = |binding: Option<&Binding>| {
+            let place = [BuiltIn::GlobalInvocationId, BuiltIn::WorkGroupId].map(Binding::BuiltIn);
+            binding.is_some_and(|binding| place.contains(binding))
+        };
+        let is_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
+            Expression::FunctionArgument(at) => {
+                is_place(function.arguments[at as usize].binding.as_ref())
+            }
+            Expression::AccessIndex { base, index } => match function.expressions[base] {
+                Expression::FunctionArgument(at) => {
+                    match &module.types[function.arguments[at as usize].ty].inner {
+                        TypeInner::Struct { members, .. } => {
+                            is_place(members[index as usize].binding.as_ref())
+                        }
+                        _ => false,
+                    }
+                }
+                _ => false,
+            },
+            _ => false,
+        };
+        for (_, expression) in function.expressions.iter() {
+            match *expression {
+                Expression::AccessIndex { base, index } if is_place(base) => {
+                    asks[index as usize] = true;
+                }
+                Expression::Swizzle { size, vector, pattern } if is_place(vector) => {
+                    pattern.iter().take(size as usize).for_each(|at| asks[*at as usize] = true);
+                }
+                _ => {}
+            }
+        }
+        asks
+    }
 }
 
 /// An attribute as its author may write it.

@@ -6,7 +6,7 @@ use naga::AtomicFunction;
 
 use super::Machine;
 use crate::arithmetic::sealed::Rules;
-use crate::code::{Count, Step, Walk};
+use crate::code::{Count, Instruction, Op, Step, Walk};
 use crate::columns::Columns;
 use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
@@ -175,6 +175,32 @@ impl<A: Rules> Machine<'_, A> {
         if A::UNDECIDED {
             self.lost[lane] = self.lost[lane].or(Some(self.site));
         }
+    }
+
+    /// The index of a lane that leaves an array in a buffer, and how many elements that has.
+    pub(super) fn beyond(
+        &self,
+        instruction: &Instruction,
+        registers: &[u32],
+        lane: usize,
+        memory: &Memory<'_, A>,
+    ) -> Option<(i64, u64)> {
+        let walk = match instruction.op {
+            Op::Load(_, walk) | Op::Atomic(walk) => walk,
+            Op::Write(scalar, walk) if scalar != Scalar::Bool => walk,
+            _ => return None,
+        };
+        let walk = &self.code.walks[walk as usize];
+        let bytes = memory.buffers[walk.buffer as usize].bytes.len();
+        // Indices come last.
+        let shape = self.code.shape(instruction.op);
+        let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
+        let indices = &registers[..all][all - walk.steps.len()..];
+        walk.steps.iter().zip(indices).find_map(|(step, &index)| {
+            let (index, _) = A::bounds(self.ints.get(index)[lane], step.signed);
+            let length = step.length(bytes);
+            (index < 0 || index.cast_unsigned() >= length).then_some((index, length))
+        })
     }
 
     /// The number that stands for what the operation that runs reads outside of an array.

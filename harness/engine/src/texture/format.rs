@@ -35,6 +35,43 @@ pub(crate) fn stored(format: F, texel: [u32; 4]) -> Option<[u32; 4]> {
         F::Rgba8Sint => texel.map(|word| sint(word, 127)),
         F::Rgba16Uint => texel.map(|word| uint(word, 65535)),
         F::Rgba16Sint => texel.map(|word| sint(word, 32767)),
+        F::Rgba16Unorm => texel.map(|word| unorm(number(word), 65535.0)),
+        F::Rgba16Snorm => texel.map(|word| snorm(number(word), 32767.0)),
+        F::R8Unorm => [unorm(number(x), 255.0), 0, 0, one],
+        F::R8Snorm => [snorm(number(x), 127.0), 0, 0, one],
+        F::R16Unorm => [unorm(number(x), 65535.0), 0, 0, one],
+        F::R16Snorm => [snorm(number(x), 32767.0), 0, 0, one],
+        F::Rg8Unorm => [unorm(number(x), 255.0), unorm(number(y), 255.0), 0, one],
+        F::Rg8Snorm => [snorm(number(x), 127.0), snorm(number(y), 127.0), 0, one],
+        F::Rg16Unorm => [unorm(number(x), 65535.0), unorm(number(y), 65535.0), 0, one],
+        F::Rg16Snorm => [snorm(number(x), 32767.0), snorm(number(y), 32767.0), 0, one],
+        F::R8Uint => [uint(x, 255), 0, 0, 1],
+        F::R8Sint => [sint(x, 127), 0, 0, 1],
+        F::R16Uint => [uint(x, 65535), 0, 0, 1],
+        F::R16Sint => [sint(x, 32767), 0, 0, 1],
+        F::Rg8Uint => [uint(x, 255), uint(y, 255), 0, 1],
+        F::Rg8Sint => [sint(x, 127), sint(y, 127), 0, 1],
+        F::Rg16Uint => [uint(x, 65535), uint(y, 65535), 0, 1],
+        F::Rg16Sint => [sint(x, 32767), sint(y, 32767), 0, 1],
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_rounded_and_others_are_0_0_0_1() {
+        let floats = [0.3, -2.0, f32::NAN, 7.0].map(f32::to_bits);
+        let read = |format| stored(format, floats).map(|texel| texel.map(f32::from_bits));
+        assert_eq!(read(F::R8Unorm), Some([77.0 / 255.0, 0.0, 0.0, 1.0]));
+        assert_eq!(read(F::Rg8Snorm), Some([38.0 / 127.0, -1.0, 0.0, 1.0]));
+        assert_eq!(read(F::Rg16Unorm), Some([19660.0 / 65535.0, 0.0, 0.0, 1.0]));
+        assert_eq!(read(F::Rgba16Snorm), Some([9830.0 / 32767.0, -1.0, 0.0, 1.0]));
+        let words = [300, 70_000, 0, 5];
+        assert_eq!(stored(F::Rg8Uint, words), Some([255, 255, 0, 1]));
+        assert_eq!(stored(F::R16Sint, words), Some([300, 0, 0, 1]));
+        assert_eq!(stored(F::Rg16Sint, words), Some([300, 32767, 0, 1]));
+    }
 }

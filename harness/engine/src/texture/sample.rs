@@ -126,46 +126,21 @@ impl Texture {
         [x, y, z]: &[Many; 3],
         wanted: &[bool; TOGETHER],
     ) -> ([[f64; 4]; TOGETHER], [bool; TOGETHER]) {
-        // Numbers below 2^51 in size are rounded to whole ones by this sum, as floats have 53 bits. Larger ones are outside.
-        const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
         let [width, height, _] = self.size.map(f64::from);
         let is_cube = self.dimension == Dimension::Cube;
-        let [mut first, mut right, mut down] = [[0.0; TOGETHER]; 3];
-        for k in 0..TOGETHER {
+        let mut corners = [Corner::default(); TOGETHER];
+        for (k, corner) in corners.iter_mut().enumerate() {
             let (face, u, v) = cube::face([x[k], y[k], z[k]]);
             let (face, u, v) = if is_cube { (face, u, v) } else { (0.0, x[k], y[k]) };
-            let [(left, beside), (up, below)] = [(u, width), (v, height)].map(|(at, size)| {
-                let centre = at * size - 0.5;
-                let whole = (centre + ROUNDING) - ROUNDING;
-                let whole = whole - if whole > centre { 1.0 } else { 0.0 };
-                (whole, centre - whole)
-            });
-            let is_inside =
-                (left >= 0.0) & (up >= 0.0) & (left + 1.0 < width) & (up + 1.0 < height);
-            // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
-            let has_four = is_inside & (beside > 0.0) & (below > 0.0);
-            first[k] = if has_four { (face * height + up) * width + left } else { -1.0 };
-            (right[k], down[k]) = (beside, below);
+            *corner = Corner::of([u, v], [0.0; 2], face, [width, height]);
         }
         let (mut sums, mut left_out) = ([[0.0; 4]; TOGETHER], [false; TOGETHER]);
         let [Texels::Float(texels)] = &*self.levels else { return (sums, *wanted) };
-        let row = self.size[0] as usize;
         for k in (0..TOGETHER).filter(|k| wanted[*k]) {
-            let corners = (first[k] >= 0.0).then(|| {
-                let at = first[k] as usize;
-                let above = texels.get(at..)?.first_chunk::<2>()?;
-                Some([above, texels.get(at + row..)?.first_chunk::<2>()?])
-            });
-            let Some(Some([[a, b], [c, d]])) = corners else {
-                left_out[k] = true;
-                continue;
-            };
-            let (left, up) = (1.0 - right[k], 1.0 - down[k]);
-            let [p, q, r, s] = [left * up, right[k] * up, left * down[k], right[k] * down[k]];
-            let [a, b, c, d] = [a, b, c, d].map(|texel| texel.map(f64::from));
-            sums[k] = std::array::from_fn(|channel| {
-                p * a[channel] + q * b[channel] + r * c[channel] + s * d[channel]
-            });
+            match corners[k].blend(texels, self.size[0]) {
+                Some(sum) => sums[k] = sum,
+                None => left_out[k] = true,
+            }
         }
         (sums, left_out)
     }
@@ -180,38 +155,16 @@ impl Texture {
         mean: &mut Mean,
     ) -> bool {
         let Texels::Float(texels) = &self.levels[level as usize] else { return false };
-        let size = self.level_size(level);
-        let [(left, x, right), (up, y, down)] = [0, 1].map(|k| {
-            let centre = at[k].clamp(-1e9, 1e9) * f64::from(size[k]) - 0.5;
-            let (below, index) = floor(centre);
-            let fraction = centre - below;
-            (1.0 - fraction, index + i64::from(place.offset[k]), fraction)
-        });
-        let [width, height] = [0, 1].map(|k| i64::from(size[k]));
-        // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
-        let is_inside = x >= 0 && y >= 0 && x + 1 < width && y + 1 < height;
-        if !(is_inside && right > 0.0 && down > 0.0) {
-            return false;
-        }
+        let [width, height, _] = self.level_size(level);
         let layer = match self.dimension {
-            Dimension::Cube => place.layer as usize * 6 + face,
-            _ => place.layer as usize,
+            Dimension::Cube => f64::from(place.layer) * 6.0 + face as f64,
+            _ => f64::from(place.layer),
         };
-        let [x, y, width, height] = [x, y, width, height].map(|k| k as usize);
-        let row = (layer * height + y) * width + x;
-        let (Some([a, b]), Some([c, d])) = (
-            texels.get(row..).and_then(<[_]>::first_chunk),
-            texels.get(row + width..).and_then(<[_]>::first_chunk),
-        ) else {
-            return false;
-        };
-        let (left, right) = (weight * left, weight * right);
-        for (share, texel) in [(left * up, a), (right * up, b), (left * down, c), (right * down, d)]
-        {
-            for (sum, channel) in mean.sum.iter_mut().zip(texel) {
-                *sum += share * f64::from(*channel);
-            }
-        }
+        let [u, v, _] = at;
+        let [right, down, _] = place.offset.map(f64::from);
+        let corner = Corner::of([u, v], [right, down], layer, [width, height].map(f64::from));
+        let Some(sum) = corner.blend(texels, width) else { return false };
+        mean.sum.iter_mut().zip(sum).for_each(|(to, sum)| *to += weight * sum);
         mean.count += 4;
         true
     }
@@ -332,6 +285,53 @@ impl Texture {
                 }
             }
         }
+    }
+}
+
+/// The first of four texels, counted over all layers, and how far a place is from its centre; below 0 if not all four
+/// are inside, or not all four count. In floats alone, so that several places are looked at by one instruction.
+#[derive(Clone, Copy, Default)]
+struct Corner {
+    first: f64,
+    right: f64,
+    down: f64,
+}
+
+impl Corner {
+    #[inline(always)]
+    fn of(at: [f64; 2], offset: [f64; 2], layer: f64, [width, height]: [f64; 2]) -> Self {
+        // Numbers below 2^51 in size are rounded to whole ones by this sum, as floats have 53 bits. Larger ones are outside.
+        const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
+        let along = |at: f64, offset: f64, size: f64| {
+            let centre = at * size - 0.5;
+            let whole = (centre + ROUNDING) - ROUNDING;
+            let whole = whole - if whole > centre { 1.0 } else { 0.0 };
+            (whole + offset, centre - whole)
+        };
+        let (left, right) = along(at[0], offset[0], width);
+        let (up, down) = along(at[1], offset[1], height);
+        let is_inside = (left >= 0.0) & (up >= 0.0) & (left + 1.0 < width) & (up + 1.0 < height);
+        // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
+        let has_four = is_inside & (right > 0.0) & (down > 0.0);
+        let first = if has_four { (layer * height + up) * width + left } else { -1.0 };
+        Self { first, right, down }
+    }
+
+    /// The mean of the four by their distances, channel by channel, where a row has so many texels.
+    #[inline(always)]
+    fn blend(self, texels: &[[f32; 4]], row: u32) -> Option<[f64; 4]> {
+        if !(self.first >= 0.0) {
+            return None;
+        }
+        let first = self.first as usize;
+        let above = texels.get(first..)?.first_chunk::<2>()?;
+        let below = texels.get(first + row as usize..)?.first_chunk::<2>()?;
+        let (left, up) = (1.0 - self.right, 1.0 - self.down);
+        let shares = [left * up, self.right * up, left * self.down, self.right * self.down];
+        let [a, b, c, d] =
+            [above[0], above[1], below[0], below[1]].map(|texel| texel.map(f64::from));
+        let [p, q, r, s] = shares;
+        Some(std::array::from_fn(|k| p * a[k] + q * b[k] + r * c[k] + s * d[k]))
     }
 }
 
