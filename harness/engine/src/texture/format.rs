@@ -67,7 +67,7 @@ mod tests {
         let read = |format| stored(format, floats).map(|texel| texel.map(f32::from_bits));
         assert_eq!(read(F::R8Unorm), Some([77.0 / 255.0, 0.0, 0.0, 1.0]));
         assert_eq!(read(F::Rg8Snorm), Some([38.0 / 127.0, -1.0, 0.0, 1.0]));
-        assert_eq!(read(F::Rg16Unorm), Some([19660.0 / 65535.0, 0.0, 0.0, 1.0]));
+        assert_eq!(read(F::Rg16Unorm), Some([19661.0 / 65535.0, 0.0, 0.0, 1.0]));
         assert_eq!(read(F::Rgba16Snorm), Some([9830.0 / 32767.0, -1.0, 0.0, 1.0]));
         let words = [300, 70_000, 0, 5];
         assert_eq!(stored(F::Rg8Uint, words), Some([255, 255, 0, 1]));
