@@ -32,7 +32,7 @@ use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::Violation;
 use crate::interpret::Interpreted;
 pub use crate::interpret::hazards::Kind;
-use crate::interpret::hazards::{Fine, Found, add_fine};
+use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, add_fine};
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::stage::Stage;
@@ -374,16 +374,20 @@ impl Request {
         let mut look = Look { name, probed: &probed, arguments: &arguments, seen };
         let mut found = BTreeMap::new();
         let mut cases = 0;
-        for variant in 0..VARIANTS {
+        let varies = Resources::of(&probed, ranges, 0)?.varies;
+        let variants = if varies { VARIANTS } else { 1 };
+        // One function with long loops would keep one core busy while the others idle.
+        let looked = (0..variants).into_par_iter().map(|variant| {
             let resources = Resources::of(&probed, ranges, variant)?;
-            let varies = resources.varies;
-            let (count, part) = arguments.part(&rows, count, variant);
-            cases += look
-                .variant(resources, (count, &part), &mut found)
-                .map_err(|error| text(&error))?;
-            if !varies {
-                break;
-            }
+            let (count, rows) = arguments.part(&rows, count, variant);
+            let engine = Interpreted::new(&probed, &resources.fixtures);
+            let seen = engine.and_then(|engine| engine.hazards(count, &rows));
+            Ok::<_, String>((resources, (count, rows), seen))
+        });
+        for one in looked.collect::<Vec<_>>() {
+            let (resources, rows, seen) = one?;
+            cases +=
+                look.variant(resources, rows, seen, &mut found).map_err(|error| text(&error))?;
         }
         let Look { mut seen, .. } = look;
         let guessed = arguments.are_guessed();
@@ -433,27 +437,26 @@ struct Look<'l> {
 type ByPlace = BTreeMap<(String, Kind), (Hazard, bool)>;
 
 impl Look<'_> {
-    /// Looks at some rows over one content of the buffers. Returns how many were looked at.
+    /// Takes what was found in some rows over one content of the buffers. Returns how many were looked at.
     fn variant(
         &mut self,
         resources: Resources,
-        (all, rows): (usize, &[u32]),
+        (all, mut rows): (usize, Vec<u32>),
+        seen: Result<FoundInCases, ProbeError>,
         found: &mut ByPlace,
     ) -> Result<usize, ProbeError> {
         let function = self.probed.function();
         let width = self.arguments.width();
         let Resources { fixtures, members, drawn, .. } = resources;
         self.seen.drawn.merge(drawn);
-        let engine = Interpreted::new(self.probed, &fixtures)?;
         let bounded = self.probed.program.most_rounds().is_some();
-        let mut rows = std::borrow::Cow::Borrowed(rows);
         let mut count = all;
-        let seen = match engine.hazards(count, &rows) {
+        let seen = match seen {
             Err(ProbeError::Rounds { .. }) if !bounded => {
                 // A loop that counts to a large number ends, but not here.
-                rows = self.arguments.few(&rows).into();
+                rows = self.arguments.few(&rows);
                 count = rows.len().checked_div(width).unwrap_or(1);
-                match engine.hazards(count, &rows) {
+                match Interpreted::new(self.probed, &fixtures)?.hazards(count, &rows) {
                     Err(ProbeError::Rounds { case, diagnostic }) => {
                         let row = &rows[case * width..(case + 1) * width];
                         let hazard = endless(self.probed, &diagnostic, row, count);

@@ -12,6 +12,7 @@ use karat_engine::{
     Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results,
     Truth,
 };
+use rayon::prelude::*;
 
 use super::{Interpreted, Options};
 use crate::diagnostic::Span;
@@ -302,7 +303,7 @@ const KEPT: usize = 16;
 type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 
 /// True of a hazard that is left out: one behind it is then told in its place.
-pub(crate) type LeftOut<'l> = &'l dyn Fn(&Found) -> bool;
+pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
 impl Observer<Intervals> for Anything {
     fn floats(&self, lanes: &Lanes<'_, Intervals>) {
@@ -372,10 +373,16 @@ impl Interpreted {
         let together = TOGETHER / self.lanes();
         let cases_of = Vec::with_capacity(cases);
         let mut found = Hazards { cases: cases_of, cut: false, fine: BTreeMap::new() };
-        for first in (0..cases).step_by(together) {
+        // One function with long loops would keep one core busy while the others idle.
+        let firsts: Vec<usize> = (0..cases).step_by(together).collect();
+        let parts = firsts.into_par_iter().map(|first| {
             let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
-            let part = self.hazards_of_chunk(count, part, left_out)?;
+            self.hazards_of_chunk(count, part, left_out)
+        });
+        // The first part that fails is told, whichever ends first.
+        for part in parts.collect::<Vec<_>>() {
+            let part = part?;
             found.cases.extend(part.cases);
             found.cut |= part.cut;
             add_fine(&mut found.fine, part.fine);
