@@ -121,8 +121,10 @@ pub struct Hazards {
     pub package: String,
     /// Functions that were looked at.
     pub functions: usize,
-    /// Functions that weren't, each with the reason.
+    /// Functions that weren't, each with the reason; and modules that can't be read.
     pub skipped: Vec<(String, String)>,
+    /// Modules that can't be read: nobody knows their functions.
+    pub unread: usize,
     /// The worst first; one a line and kind.
     pub found: Vec<Hazard>,
     /// Hazards that a later operation drops in each case, or that no caller's arguments cause.
@@ -260,6 +262,7 @@ impl Request {
                 Err(error) => skipped.push((module, first_line(&error.to_string()))),
             }
         }
+        let unread = skipped.len();
         names.retain(|item| wanted(&item.name));
         if names.is_empty() && !self.only.is_empty() {
             let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
@@ -354,7 +357,18 @@ impl Request {
             found.extract_if(.., |hazard| hazard.lowered.is_some() && hazard.accepted.is_none());
         let lowered = lowered.collect();
         rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
-        Ok(Hazards { package, functions, skipped, found, lowered, rare, accepted, drawn, unseen })
+        Ok(Hazards {
+            package,
+            functions,
+            skipped,
+            unread,
+            found,
+            lowered,
+            rare,
+            accepted,
+            drawn,
+            unseen,
+        })
     }
 
     /// Looks for hazards in a function.

@@ -176,7 +176,10 @@ impl Program {
     }
 
     /// Links and validates the closure of some declarations of one module.
-    pub(crate) fn of_items(
+    ///
+    /// # Errors
+    /// If it can't be linked, or isn't valid WGSL.
+    pub fn of_items(
         package: &Package,
         module: &str,
         items: &[&str],

@@ -228,7 +228,7 @@ fn an_index_one_beyond_the_end() {
         panic!("{violations:?}");
     };
     assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "has an index beyond it");
+    assert_eq!(accesses[0].does, "has index 128, of 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // A write that is dropped on one driver, and lands in the last element on another one.
@@ -256,7 +256,7 @@ fn an_index_that_wraps_around() {
         panic!("{violations:?}");
     };
     assert_eq!(accesses[0].invocation, "local (0, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "finds another element than is meant");
+    assert_eq!(accesses[0].does, "means element 4294967360, and finds 64");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 2)));
     assert!(races(&row("0u"), 2).is_empty());
 }

@@ -173,9 +173,7 @@ pub(crate) struct Wrap {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
     /// The next register.
-    Register {
-        signed: bool,
-    },
+    Register,
     Negate,
     Add,
     Subtract,
@@ -456,7 +454,7 @@ impl Code {
             }
             Op::Wrap(wrap) => {
                 let terms = &self.wraps[wrap as usize].terms;
-                let leaves = terms.iter().filter(|term| matches!(term, Term::Register { .. }));
+                let leaves = terms.iter().filter(|term| matches!(term, Term::Register));
                 Shape { outs: [0; 3], ins: [0, 1 + leaves.count() as u32, 0] }
             }
             Op::Subgroup(operation) => {

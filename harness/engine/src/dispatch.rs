@@ -173,21 +173,29 @@ impl Program {
             let subgroup = options.subgroup();
             // The invocations of a subgroup stay together, and the last one, which may not be whole, stays the last.
             let of = if self.has_subgroups() { subgroup as usize } else { 1 };
-            let (every, order) = match options.schedule {
-                Some(schedule) => schedule.orders(all, invocations / of),
-                None => ((0..all).collect(), (0..invocations / of).collect()),
+            let (shuffled, order) = match options.schedule {
+                Some(schedule) => {
+                    let (groups, order) = schedule.orders(all, invocations / of);
+                    (Some(groups), order)
+                }
+                None => (None, (0..invocations / of).collect()),
             };
             let together = |number: usize| number * of..number * of + of;
             let rest = invocations / of * of..invocations;
             let order: Vec<usize> = order.into_iter().flat_map(together).chain(rest).collect();
-            let groups = watch.flatten().unwrap_or(&every);
+            // Of more than fit into memory some run before the deadline.
+            let groups: Box<dyn Iterator<Item = usize>> = match (watch.flatten(), &shuffled) {
+                (Some(some), _) => Box::new(some.iter().copied()),
+                (None, Some(shuffled)) => Box::new(shuffled.iter().copied()),
+                (None, None) => Box::new(0..all),
+            };
             // The invocations of one machine go from operation to operation side by side.
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
             let lanes = if serial { of } else { invocations };
             let new = |_| Machine::<A>::new(code, options, lanes);
             let mut machines: Vec<Machine<'_, A>> = order.chunks(lanes).map(new).collect();
             machines[0].detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
-            'groups: for &group in groups {
+            'groups: for group in groups {
                 if options.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                     return Err(Stop::Misuse(
                         "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",

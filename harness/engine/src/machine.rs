@@ -75,6 +75,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     lost: Vec<Option<u32>>,
     /// The lanes whose index has left its array in the operation that runs.
     strayed: Vec<usize>,
+    /// The number that an index has that wraps, in the first of them.
+    meant: i64,
     /// The operation that runs next.
     at: usize,
     /// The site of the operation that runs.
@@ -101,6 +103,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             undecided: vec![0; width],
             lost: vec![None; width],
             strayed: Vec::new(),
+            meant: 0,
             at: 0,
             site: 0,
             width,

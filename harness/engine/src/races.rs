@@ -144,7 +144,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of what it leaves.
     pub bounds: Bounds,
-    /// The index of that invocation, and the elements of the array, if it is in a buffer.
+    /// The index of that invocation, and the elements of the array, if it is in a buffer; of an index that wraps the
+    /// number that it is without an end, and the one that it is.
     pub index: Option<(i64, u64)>,
     /// How often the operation ran.
     pub of: u64,

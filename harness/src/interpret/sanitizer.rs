@@ -257,7 +257,13 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
             .to_owned()
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
-        "let one invocation write the element, or use an atomic".to_owned()
+        match kind {
+            ViolationKind::ReadWrite => format!(
+                "where both write the element, use an atomic; where one reads it, read it into a `let`, and write behind a \
+                 `{barrier}()`"
+            ),
+            _ => "let one invocation write the element, or use an atomic".to_owned(),
+        }
     } else {
         format!(
             "only barriers order the invocations of a workgroup: a `{barrier}()` between both does"
@@ -368,10 +374,12 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
     let beyond = match one.bounds {
         Bounds::Subgroup => "asks one that isn't in its subgroup, or not active",
-        Bounds::Wrapped => "finds another element than is meant",
-        _ => "has an index beyond it",
+        _ => "has an index beyond the array",
     };
     let beyond = match one.index {
+        Some((meant, index)) if one.bounds == Bounds::Wrapped => {
+            format!("means element {meant}, and finds {index}")
+        }
         Some((index, length)) => format!("has index {index}, of {length} elements"),
         None => beyond.to_owned(),
     };

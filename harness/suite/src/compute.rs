@@ -395,8 +395,8 @@ impl Assertion {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-            // The dispatch reports a module or an entry point that isn't there.
-            let Ok(program) = Program::of_module(package, module) else { continue };
+            // The dispatch reports an entry point that isn't there, or isn't valid. What else its module has may be invalid.
+            let Ok(program) = Program::of_items(package, module, &[own]) else { continue };
             for binding in program.entry_point_bindings(Stage::Compute, own).unwrap_or_default() {
                 known.push(binding.name().to_owned());
                 let is_it = |name: &&String| *name == binding.name() || **name == binding.path;

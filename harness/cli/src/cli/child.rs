@@ -59,6 +59,8 @@ fn listen(
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("can't run `{name}`"))?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+    // Open to its end, for one that ends with its input.
+    let _stdin = child.stdin.take();
     std::thread::scope(|scope| {
         scope.spawn(|| drop(stderr.map(|stderr| lines(stderr, error))));
         stdout.map_or(Ok(()), |stdout| lines(stdout, &mut line))

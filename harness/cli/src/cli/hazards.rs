@@ -112,7 +112,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // Lowered ones come last, and are hazards: what was drawn doesn't prove that they never show.
     let mut found =
         all.iter().flat_map(|(hazards, _)| hazards.found.iter().chain(&hazards.lowered));
-    let good = found.all(|hazard| hazard.accepted.is_some());
+    let is_read = all.iter().all(|(hazards, _)| hazards.unread == 0);
+    let good = is_read && found.all(|hazard| hazard.accepted.is_some());
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
@@ -152,8 +153,18 @@ fn write_text(
     all: bool,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let Hazards { package, functions, skipped, found, lowered, rare, accepted, drawn, unseen } =
-        hazards;
+    let Hazards {
+        package,
+        functions,
+        skipped,
+        unread,
+        found,
+        lowered,
+        rare,
+        accepted,
+        drawn,
+        unseen,
+    } = hazards;
     if all {
         for hazard in found.iter().chain(lowered).chain(rare) {
             write_one(hazard, &[], out)?;
@@ -201,8 +212,11 @@ fn write_text(
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
     }
-    if !skipped.is_empty() {
-        write!(out, ", {} not looked at", counted(skipped.len(), "function"))?;
+    if skipped.len() > *unread {
+        write!(out, ", {} not looked at", counted(skipped.len() - unread, "function"))?;
+    }
+    if *unread > 0 {
+        write!(out, ", {} not read: `karat check` says why", counted(*unread, "module"))?;
     }
     let Unseen { inputs, functions, in_part } = *unseen;
     if inputs > 0 {

@@ -38,6 +38,9 @@ pub(super) struct Args {
     /// With `--serve`: the tests are Rust's, of the Cargo project in the folder
     #[arg(long, hide = true)]
     cargo: bool,
+    /// End when standard input does: nobody waits for the verdicts any more
+    #[arg(long, hide = true)]
+    attended: bool,
     /// Print the names, and run nothing
     #[arg(long)]
     list: bool,
@@ -70,6 +73,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if args.serve {
         return serve::run(&args.folder, out);
+    }
+    if args.attended {
+        std::thread::spawn(|| {
+            drop(std::io::copy(&mut std::io::stdin(), &mut std::io::sink()));
+            std::process::exit(1);
+        });
     }
     // What a test panics with is its message, which is printed with its name.
     std::panic::set_hook(Box::new(|_| {}));

@@ -6,7 +6,7 @@ pub(super) mod subjects;
 use std::collections::{BTreeSet, HashSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus};
+use std::process::{Command, ExitStatus, Stdio};
 
 use anyhow::Context;
 use karat::Package;
@@ -498,6 +498,8 @@ impl<'a> Asked<'a> {
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
+            // Whoever ends this program ends its tests.
+            command.arg("--attended").stdin(Stdio::piped());
             command.args(no_frames.then_some("--no-frames"));
             for feature in suite::written(&self.args.package.features) {
                 command.args(["--feature", &feature]);

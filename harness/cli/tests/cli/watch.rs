@@ -465,10 +465,6 @@ fn a_killed_watch_leaves_no_process_behind() {
     let hangs = "import karat::expect_true;\n@test fn t() {\n    var y = 0.0;\n    \
                  for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    expect_true(y > 0.0);\n}\n";
     write(&shaders, "calc_test.wgsl", hangs);
-    let mut command = command(folder.path(), &["watch", "shaders", "--paths", "cpu", "--lines"]);
-    command.env("KARAT_TIMEOUT", "600").env("KARAT_FUEL", "4000000000");
-    command.stdin(Stdio::null()).stdout(Stdio::null());
-    let mut child = command.spawn().expect("it starts");
     let wait = |count: usize| {
         let began = Instant::now();
         while processes_of(&shaders) != count {
@@ -476,12 +472,21 @@ fn a_killed_watch_leaves_no_process_behind() {
             std::thread::sleep(Duration::from_millis(20));
         }
     };
-    wait(1);
-    // It runs the shader by now, or is about to.
-    std::thread::sleep(Duration::from_millis(500));
-    child.kill().expect("it is there");
-    child.wait().expect("it ends");
-    wait(0);
+    let watch = &["watch", "shaders", "--paths", "cpu", "--lines"][..];
+    let path = shaders.to_string_lossy();
+    // Of `karat test` both processes have the folder's name.
+    for (arguments, count) in [(watch, 1), (&["test", &*path, "--paths", "cpu"], 2)] {
+        let mut command = command(folder.path(), arguments);
+        command.env("KARAT_TIMEOUT", "600").env("KARAT_FUEL", "4000000000");
+        command.stdin(Stdio::null()).stdout(Stdio::null());
+        let mut child = command.spawn().expect("it starts");
+        wait(count);
+        // It runs the shader by now, or is about to.
+        std::thread::sleep(Duration::from_millis(500));
+        child.kill().expect("it is there");
+        child.wait().expect("it ends");
+        wait(0);
+    }
 }
 
 #[test]

@@ -8,6 +8,9 @@ use crate::rules::Integer;
 /// Terms that an index is looked at by, at most; of a longer one, parts are taken as they are.
 const MOST_TERMS: usize = 64;
 
+/// The greatest stride that is odd: by a larger odd number a hash multiplies, which is meant to wrap.
+const MOST_ODD: u32 = 1 << 16;
+
 /// What an integer register was computed of, where the result may wrap.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Computed {
@@ -21,10 +24,17 @@ impl<'m> Lower<'m> {
         use Integer as I;
         let ins = match (rule, ins) {
             (I::NegateI | I::ToI | I::ToU, [x]) => [*x, *x],
-            (
-                I::AddI | I::AddU | I::SubtractI | I::SubtractU | I::MultiplyI | I::MultiplyU,
-                [x, y],
-            ) => [*x, *y],
+            (I::AddI | I::AddU | I::SubtractI | I::SubtractU, [x, y]) => [*x, *y],
+            (I::MultiplyI | I::MultiplyU, [x, y]) => {
+                let is_hash = |register: &Reg| {
+                    let word = self.words.get(register).map(|constant| constant.word);
+                    word.is_some_and(|word| word & 1 == 1 && word > MOST_ODD)
+                };
+                if is_hash(x) || is_hash(y) {
+                    return;
+                }
+                [*x, *y]
+            }
             // By a constant it is a product. By another distance it moves bits.
             (I::ShiftLeftI | I::ShiftLeftU, [x, y]) if self.words.contains_key(y) => [*x, *y],
             _ => return,
@@ -36,7 +46,7 @@ impl<'m> Lower<'m> {
     pub(super) fn tell_wrapped(&mut self, buffer: Option<u32>, index: &Index) -> Lowered<()> {
         let mut terms = Vec::new();
         let mut ins = vec![index.register];
-        self.terms(index.register, index.signed, &mut terms, &mut ins);
+        self.terms(index.register, &mut terms, &mut ins);
         if terms.len() < 2 {
             return Ok(());
         }
@@ -47,35 +57,26 @@ impl<'m> Lower<'m> {
     }
 
     /// Appends the terms of a register, operands first, and the registers that they begin with.
-    fn terms(&self, register: Reg, signed: bool, terms: &mut Vec<Term>, ins: &mut Vec<Reg>) {
+    fn terms(&self, register: Reg, terms: &mut Vec<Term>, ins: &mut Vec<Reg>) {
         use Integer as I;
-        let of = |register: &Reg| self.computed.get(register).copied();
-        // The bits of another type are what they are, unless they were computed.
-        let is_known = |one: &Computed| match one.rule {
-            I::ToI | I::ToU => of(&one.ins[0]).is_some(),
-            _ => true,
-        };
-        let computed = of(&register).filter(|_| terms.len() < MOST_TERMS).filter(is_known);
-        let Some(Computed { rule, ins: [x, y] }) = computed else {
-            terms.push(Term::Register { signed });
+        let computed = self.computed.get(&register).filter(|_| terms.len() < MOST_TERMS);
+        let Some(Computed { rule, ins: [x, y] }) = computed.copied() else {
+            terms.push(Term::Register);
             ins.push(register);
             return;
         };
-        let (is_signed, term) = match rule {
-            I::ToI => return self.terms(x, false, terms, ins),
-            I::ToU => return self.terms(x, true, terms, ins),
-            I::NegateI => (true, Term::Negate),
-            I::AddI | I::AddU => (rule == I::AddI, Term::Add),
-            I::SubtractI | I::SubtractU => (rule == I::SubtractI, Term::Subtract),
-            I::MultiplyI | I::MultiplyU => (rule == I::MultiplyI, Term::Multiply),
-            _ => (rule == I::ShiftLeftI, Term::ShiftLeft),
+        self.terms(x, terms, ins);
+        let term = match rule {
+            // The same number, if it is one of both types.
+            I::ToI | I::ToU => return,
+            I::NegateI => Term::Negate,
+            I::AddI | I::AddU => Term::Add,
+            I::SubtractI | I::SubtractU => Term::Subtract,
+            I::MultiplyI | I::MultiplyU => Term::Multiply,
+            _ => Term::ShiftLeft,
         };
-        self.terms(x, is_signed, terms, ins);
-        match term {
-            Term::Negate => {}
-            // A distance is unsigned.
-            Term::ShiftLeft => self.terms(y, false, terms, ins),
-            _ => self.terms(y, is_signed, terms, ins),
+        if !matches!(term, Term::Negate) {
+            self.terms(y, terms, ins);
         }
         terms.push(term);
     }

@@ -177,7 +177,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// The index of a lane that leaves an array in a buffer, and how many elements that has.
+    /// The index of a lane that leaves an array in a buffer, and how many elements that has; of one that wraps what it is
+    /// without an end, and what it is.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -188,6 +189,10 @@ impl<A: Rules> Machine<'_, A> {
         let walk = match instruction.op {
             Op::Load(_, walk) | Op::Atomic(walk) => walk,
             Op::Write(scalar, walk) if scalar != Scalar::Bool => walk,
+            Op::Wrap(_) => {
+                let index = A::bounds(self.ints.get(registers[0])[lane], false).0;
+                return Some((self.meant, index.cast_unsigned()));
+            }
             _ => return None,
         };
         let walk = &self.code.walks[walk as usize];

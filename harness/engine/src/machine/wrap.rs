@@ -24,33 +24,45 @@ impl<A: Rules> Machine<'_, A> {
                 i128::from(A::bounds(self.ints.get(register)[lane], signed).0)
             };
             let index = value(registers[0], wrap.step.signed);
-            let mut leaves = registers[1..].iter();
-            stack.clear();
-            for term in &wrap.terms {
-                let mut next = || stack.pop().unwrap_or_default();
-                let whole = match term {
-                    Term::Register { signed } => {
-                        leaves.next().map_or(0, |register| value(*register, *signed))
-                    }
-                    Term::Negate => next().saturating_neg(),
-                    Term::Add => next().saturating_add(next()),
-                    Term::Subtract => {
-                        let y = next();
-                        next().saturating_sub(y)
-                    }
-                    Term::Multiply => next().saturating_mul(next()),
-                    // Only the lowest five bits of the distance count.
-                    Term::ShiftLeft => {
-                        let distance = next() & 31;
-                        next().saturating_mul(1 << distance)
-                    }
-                };
-                stack.push(whole);
+            if index < 0 || index >= i128::from(length) {
+                continue;
             }
-            let is_inside = index >= 0 && index < i128::from(length);
-            if is_inside && stack.last().is_some_and(|whole| *whole != index) {
+            // What is added to an index may be `u32(-1)`, or a hash above 2^31: nothing tells which.
+            let meant = [true, false].map(|signed| {
+                let leaves = registers[1..].iter().map(|register| value(*register, signed));
+                whole(&wrap.terms, leaves, &mut stack)
+            });
+            if !meant.contains(&index) {
+                if self.strayed.is_empty() {
+                    self.meant = meant[1].clamp(i64::MIN.into(), i64::MAX.into()) as i64;
+                }
                 self.strayed.push(lane);
             }
         }
     }
+}
+
+/// The number that terms make without an end.
+fn whole(terms: &[Term], mut leaves: impl Iterator<Item = i128>, stack: &mut Vec<i128>) -> i128 {
+    stack.clear();
+    for term in terms {
+        let mut next = || stack.pop().unwrap_or_default();
+        let whole = match term {
+            Term::Register => leaves.next().unwrap_or_default(),
+            Term::Negate => next().saturating_neg(),
+            Term::Add => next().saturating_add(next()),
+            Term::Subtract => {
+                let y = next();
+                next().saturating_sub(y)
+            }
+            Term::Multiply => next().saturating_mul(next()),
+            // Only the lowest five bits of the distance count.
+            Term::ShiftLeft => {
+                let distance = next() & 31;
+                next().saturating_mul(1 << distance)
+            }
+        };
+        stack.push(whole);
+    }
+    stack.pop().unwrap_or_default()
 }
