@@ -387,23 +387,28 @@ impl Request {
         let seen = Seen { drawn: arguments.drawn(), ..Seen::default() };
         let mut look = Look { name, probed: &probed, arguments: &arguments, seen };
         let mut found = BTreeMap::new();
-        let mut cases = 0;
+        let (mut cases, mut first) = (0, None);
+        // Of a function whose loops go round thousands of times a part is looked at, as over each other content.
+        let is_long = probed.program.most_rounds().is_some_and(|rounds| rounds > MANY_ROUNDS);
         let varies = Resources::of(&probed, ranges, 0)?.varies;
         let variants = if varies { VARIANTS } else { 1 };
         // One function with long loops would keep one core busy while the others idle.
         let looked = (0..variants).into_par_iter().map(|variant| {
             let resources = Resources::of(&probed, ranges, variant)?;
-            let (count, rows) = arguments.part(&rows, count, variant);
+            let part = if is_long && variant == 0 { VARIANTS } else { variant };
+            let (count, rows) = arguments.part(&rows, count, part);
             let engine = Interpreted::new(&probed, &resources.fixtures);
             let seen = engine.and_then(|engine| engine.hazards(count, &rows));
             Ok::<_, String>((resources, (count, rows), seen))
         });
         for one in looked.collect::<Vec<_>>() {
             let (resources, rows, seen) = one?;
+            first.get_or_insert(rows.0);
             cases +=
                 look.variant(resources, rows, seen, &mut found).map_err(|error| text(&error))?;
         }
         let Look { mut seen, .. } = look;
+        seen.cut += count - first.unwrap_or(count);
         let guessed = arguments.are_guessed();
         for (hazard, plain) in found.into_values() {
             let hazard = Hazard { cases: (hazard.cases.0, cases), guessed, ..hazard };
@@ -420,6 +425,9 @@ impl Request {
         }
     }
 }
+
+/// Rounds of loops, at most, of a function that is looked at over all inputs: a thousand of them then take a second.
+const MANY_ROUNDS: u64 = 4096;
 
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x6861_7a61_7264; // "hazard"

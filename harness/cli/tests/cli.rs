@@ -26,6 +26,8 @@ mod escapes;
 mod faults;
 #[path = "given/files.rs"]
 mod files;
+#[path = "cli/gallery.rs"]
+mod gallery;
 #[path = "cli/hazards.rs"]
 mod hazards;
 #[path = "cli/idle.rs"]
