@@ -358,7 +358,16 @@ impl After<'_> {
         }
         let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
         let (found, wanted) = match self.up_to_order {
-            true => (sorted(found, &scalars), sorted_values(&expected.lanes, width)),
+            true => {
+                let (before, scalars) = listed(element);
+                let (head, found) = found.split_at(before.min(found.len()));
+                let (wanted_head, wanted) = expected.lanes.split_at(head.len());
+                let width = scalars.len().max(1);
+                (
+                    [head, &sorted(found, &scalars)].concat(),
+                    [wanted_head, &sorted_values(wanted, width)].concat(),
+                )
+            }
             false => (found.to_vec(), expected.lanes.clone()),
         };
         let pairs = found.chunks_exact(width).zip(wanted.chunks_exact(width));
@@ -391,6 +400,17 @@ impl After<'_> {
         }
         Ok(sum)
     }
+}
+
+/// What is compared up to its order: the lanes before it, and those of an element. Of a structure it is the array that is its
+/// last member: `{ count: atomic<u32>, items: array<Item> }`.
+fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
+    if let Shape::Struct { members, .. } = element
+        && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
+    {
+        return (element.lanes().len() - list.lanes().len(), item.lanes());
+    }
+    (0, element.lanes())
 }
 
 /// Elements in the order of their values.

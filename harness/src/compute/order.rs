@@ -100,7 +100,8 @@ impl fmt::Display for OrderDependence {
 impl After<'_> {
     /// Compares elements whatever their order is: elements that passes append by an atomic counter come in another one
     /// on each driver. Both sides are sorted by their values, so elements of several numbers should differ by more than
-    /// the tolerance in the first one.
+    /// the tolerance in the first one. Of a structure that ends in an array, as of a counter and its items, the array's
+    /// elements are meant.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -195,6 +195,31 @@ in_range = [0, 9]
     assert!(ran.contains("1 accepted race"), "{ran}");
 }
 
+/// A counter and what is appended behind it, which comes in another order on each driver.
+#[test]
+fn appended_elements_are_compared_up_to_their_order() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        folder.path(),
+        "append.wgsl",
+        "struct Kept { count: atomic<u32>, items: array<u32> }\n\
+         @group(0) @binding(0) var<storage, read_write> kept: Kept;\n\
+         @compute @workgroup_size(8) fn odd(@builtin(global_invocation_id) id: vec3u) {\n    \
+         if id.x % 2u == 1u { kept.items[atomicAdd(&kept.count, 1u)] = id.x; }\n}\n",
+    );
+    let tested = |items: &str| {
+        let declared = format!(
+            "[[compute]]\nentry = \"odd\"\nworkgroups = 2\nwith = {{ kept = {{ count = 0, items = [0, 0, 0, 0, 0, 0, 0, 0] }} }}\n\
+             [compute.after.kept]\nup_to_order = true\nequals = {{ count = 8, items = {items} }}\n"
+        );
+        write(folder.path(), "append.test.toml", &declared);
+        karat(folder.path(), &["test", ".", "--paths", "cpu"])
+    };
+    tested("[15, 13, 11, 9, 7, 5, 3, 1]").good();
+    let wrong = tested("[15, 13, 11, 9, 7, 5, 3, 2]");
+    assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
+}
+
 /// Each expectation fails where it is wrong, at the entry point, with the element.
 #[test]
 fn wrong_passes_fail_with_the_element() {
