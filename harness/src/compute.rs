@@ -603,8 +603,8 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// Wants each element, or texel, to be written by some invocation: the last ones are missed by a dispatch that rounds down, or
-    /// by a guard that is one too strict. Karat's engine notes the writes.
+    /// Wants each element, or texel, to be written by some invocation: the last ones are missed by a dispatch that rounds
+    /// down, or by a guard that is one too strict. Karat's engine notes the writes.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -402,8 +402,8 @@ impl After<'_> {
     }
 }
 
-/// What is compared up to its order: the lanes before it, and those of an element. Of a structure it is the array that is its
-/// last member: `{ count: atomic<u32>, items: array<Item> }`.
+/// The part of a value that is compared up to its order: the lanes before it, and the lanes of an element. Of a structure it
+/// is the array that is its last member: `{ count: atomic<u32>, items: array<Item> }`.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()

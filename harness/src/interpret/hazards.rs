@@ -380,7 +380,7 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         });
-        // The first part that fails is told, whichever ends first.
+        // Parts end in any order, and the error is that of the first one.
         for part in parts.collect::<Vec<_>>() {
             let part = part?;
             found.cases.extend(part.cases);

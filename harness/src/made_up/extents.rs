@@ -86,7 +86,7 @@ impl Extents {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if variant % Self::ZEROS == 1 {
-            // Nobody rounds up workgroups of one.
+            // A host has no reason to round up workgroups of one.
             let of_one = size.map(|count| count == 1);
             elements = [0, 1, 2].map(|k| match elements[k] {
                 count if count > TAIL && !of_one[k] => count - TAIL,

@@ -38,7 +38,7 @@ impl Program {
         all
     }
 
-    /// Whether an entry point asks for its place in each direction: for a component of the number of its invocation in
+    /// For each direction, true if an entry point asks for its place: for a component of the number of its invocation in
     /// the dispatch, or of its workgroup. One that takes the vector as a whole says nothing.
     pub(crate) fn asks_for_places(&self, name: &str) -> [bool; 3] {
         use naga::{BuiltIn, Expression};

@@ -559,6 +559,7 @@ mod tests {
             assert!(error.contains(part), "{declared}: {error}");
         }
     }
+
     /// An array whose length is fixed needs no list.
     #[test]
     fn fixed_arrays_are_spread() {

@@ -38,7 +38,7 @@ pub(super) struct Args {
     /// With `--serve`: the tests are Rust's, of the Cargo project in the folder
     #[arg(long, hide = true)]
     cargo: bool,
-    /// End when standard input does: nobody waits for the verdicts any more
+    /// End when standard input ends, as the program that waits for the verdicts is gone then
     #[arg(long, hide = true)]
     attended: bool,
     /// Print the names, and run nothing

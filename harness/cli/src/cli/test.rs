@@ -498,7 +498,7 @@ impl<'a> Asked<'a> {
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
-            // Whoever ends this program ends its tests.
+            // The tests end with this program.
             command.arg("--attended").stdin(Stdio::piped());
             command.args(no_frames.then_some("--no-frames"));
             for feature in suite::written(&self.args.package.features) {

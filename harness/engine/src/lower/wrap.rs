@@ -11,7 +11,7 @@ const MOST_TERMS: usize = 64;
 /// The greatest stride that is odd: by a larger odd number a hash multiplies, which is meant to wrap.
 const MOST_ODD: u32 = 1 << 16;
 
-/// What an integer register was computed of, where the result may wrap.
+/// The operation and the registers that an integer register is computed of, if its result may wrap.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Computed {
     rule: Integer,

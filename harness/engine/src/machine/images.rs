@@ -310,7 +310,7 @@ impl<A: Rules> Machine<'_, A> {
             for (channel, &out) in outs.iter().enumerate() {
                 let hull = texture.hull(channel);
                 let column = &mut self.floats.get_mut(out)[lanes.clone()];
-                // What lanes have that aren't active means nothing.
+                // Values of lanes that aren't active mean nothing.
                 column
                     .iter_mut()
                     .zip(&sums)

@@ -27,7 +27,7 @@ impl<A: Rules> Machine<'_, A> {
             if index < 0 || index >= i128::from(length) {
                 continue;
             }
-            // What is added to an index may be `u32(-1)`, or a hash above 2^31: nothing tells which.
+            // A term may be `u32(-1)` or a hash above 2^31, and no type says which.
             let meant = [true, false].map(|signed| {
                 let leaves = registers[1..].iter().map(|register| value(*register, signed));
                 whole(&wrap.terms, leaves, &mut stack)

@@ -97,7 +97,7 @@ fn an_index_that_wraps_is_told() {
         ("i + u32(-1 * i32(i > 1u))", &[]),
         ("i + 0xffffffffu", &[]),
         ("i * 2654435761u - i * 2654435761u / 8u * 8u", &[]),
-        // What wraps twice is the number that is meant.
+        // A number that wraps twice is the one that is meant.
         ("i - 5u + 5u", &[]),
         ("u32(i32(i) - 1) + 1u", &[]),
         ("i32(i) + 1", &[]),
