@@ -460,9 +460,13 @@ fn place(program: &Program, range: Option<ops::Range<usize>>) -> Option<Span> {
 
 fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     let (span, case, message, note) = match stop {
-        Stop::Fuel { span, case, rounds } => {
+        Stop::Fuel { span, case, rounds, own } => {
+            let which = match is_of_several(*rounds, *own) {
+                true => "all of its loops together",
+                false => "this loop",
+            };
             let message = format!(
-                "on path `cpu` `{name}` was stopped: this loop had gone round {rounds} times"
+                "on path `cpu` `{name}` was stopped: {which} had gone round {rounds} times"
             );
             let note = "where it is to go round more often, set KARAT_FUEL to that number";
             (span, case, message, note)
@@ -485,6 +489,11 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
         diagnostic = diagnostic.at(place.first_line(), "");
     }
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
+}
+
+/// True if loops in each other spent the rounds together, each of which had so many at most.
+fn is_of_several(rounds: u64, own: u64) -> bool {
+    own < rounds / 2
 }
 
 /// Changes the 16-bit floats of rows.

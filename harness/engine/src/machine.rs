@@ -30,6 +30,8 @@ pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
     pub(crate) by: Limit,
+    /// The most rounds of one of the loops that are open.
+    pub(crate) own: u64,
 }
 
 /// A limit of loops.
@@ -45,7 +47,7 @@ impl Spent {
         let span = self.span;
         match self.by {
             Limit::Deadline => crate::Stop::Late { span, case },
-            Limit::Fuel => crate::Stop::Fuel { span, case, rounds: options.fuel },
+            Limit::Fuel => crate::Stop::Fuel { span, case, rounds: options.fuel, own: self.own },
             Limit::Work => crate::Stop::Work { span, rounds: options.work },
         }
     }
@@ -75,6 +77,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     lost: Vec<Option<u32>>,
     /// The lanes whose index has left its array in the operation that runs.
     strayed: Vec<usize>,
+    /// Rounds of the loops that are open, the outermost first.
+    open: Vec<u64>,
     /// The number that an index has that wraps, in the first of them.
     meant: i64,
     /// The operation that runs next.
@@ -103,6 +107,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             undecided: vec![0; width],
             lost: vec![None; width],
             strayed: Vec::new(),
+            open: Vec::new(),
             meant: 0,
             at: 0,
             site: 0,
@@ -225,6 +230,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     /// Begins the program for the first `active` lanes.
     pub(crate) fn start(&mut self, active: usize) {
         self.at = 0;
+        self.open.clear();
         if A::UNDECIDED {
             self.worlds.start(active);
         } else {
@@ -430,8 +436,14 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::Continue(_)
                 | Op::Return(_) => {
                     let before = self.detector.is_some().then(|| self.active().to_vec());
-                    if self.control(instruction.op, registers) {
+                    let jumps = self.control(instruction.op, registers);
+                    if jumps {
                         at = instruction.target as usize;
+                    }
+                    match instruction.op {
+                        Op::Loop => self.open.push(0),
+                        Op::EndLoop if !jumps => drop(self.open.pop()),
+                        _ => {}
                     }
                     if let Some(before) = before {
                         self.note_parting(&before);

@@ -31,6 +31,9 @@ pub enum Stop {
         case: usize,
         /// What was allowed.
         rounds: u64,
+        /// Rounds of the loop that had gone round most often since it began: few of it are many loops, and no loop without
+        /// an end.
+        own: u64,
     },
     /// A loop was still running at the deadline.
     #[error("case {case} was still in a loop at the deadline")]

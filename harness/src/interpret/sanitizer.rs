@@ -121,9 +121,14 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
                 _ => None,
             };
             let stop = alone.as_ref().unwrap_or(stop);
+            // Loops in each other go round often together: each ends.
+            let ends = matches!(stop, Stop::Fuel { rounds, own, .. } if super::is_of_several(*rounds, *own));
+            *too_long |= ends;
             let stopped = super::stopped(&pass.program, &pass.name, stop);
             watched.reason = headline(&stopped.to_string()).to_owned();
-            if let ProbeError::Rounds { diagnostic, .. } = stopped {
+            if let ProbeError::Rounds { diagnostic, .. } = stopped
+                && !ends
+            {
                 *endless = Some(*diagnostic);
             }
         }

@@ -104,6 +104,10 @@ impl<A: Rules> Machine<'_, A> {
     /// A loop goes round once more.
     pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
+        if let Some(own) = self.open.last_mut() {
+            *own += 1;
+        }
+        let own = self.open.iter().copied().max().unwrap_or_default();
         let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         let (mut spent, mut all) = (false, 0);
         for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
@@ -115,10 +119,10 @@ impl<A: Rules> Machine<'_, A> {
         }
         if spent {
             let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
-            return Err(Spent { span, lane, by: Limit::Fuel });
+            return Err(Spent { span, lane, by: Limit::Fuel, own });
         }
         let Some(left) = self.work.checked_sub(all) else {
-            return Err(Spent { span, lane: 0, by: Limit::Work });
+            return Err(Spent { span, lane: 0, by: Limit::Work, own });
         };
         self.work = left;
         // Looking at the clock costs more than a round.
@@ -127,7 +131,7 @@ impl<A: Rules> Machine<'_, A> {
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
         {
             let lane = mask.iter().position(|active| A::possible(*active)).unwrap_or(0);
-            return Err(Spent { span, lane, by: Limit::Deadline });
+            return Err(Spent { span, lane, by: Limit::Deadline, own });
         }
         if A::UNDECIDED {
             for lane in 0..self.width {

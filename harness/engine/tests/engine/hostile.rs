@@ -28,8 +28,18 @@ fn a_loop_without_end_spends_its_fuel() {
     let rows: Vec<u32> = (0..1000).collect();
     let options = Options { fuel: 5000, ..Options::default() };
     let stop = program.call::<F32>(1000, &rows, &Resources::new(), &options, &()).unwrap_err();
-    let Stop::Fuel { span, case, rounds } = stop else { panic!("{stop:?}") };
+    let Stop::Fuel { span, case, rounds, own } = stop else { panic!("{stop:?}") };
     assert_eq!((line(source, span), case, rounds), (3, 300, 5000));
+    assert!(own > rounds, "one loop went round {own} times");
+    // Loops in each other spend it, too, and each of them ends.
+    let nested = "fn f(x: u32) -> u32 {
+        var n = 0u;
+        for (var i = 0u; i < x; i++) { for (var k = 0u; k < x; k++) { n += 1u; } }
+        return n;
+    }";
+    let nested = crate::common::program(nested, "f");
+    let stop = nested.call::<F32>(1, &[100], &Resources::new(), &options, &()).unwrap_err();
+    assert!(matches!(stop, Stop::Fuel { own: 40..=101, .. }), "{stop:?}");
     // The others are done with less.
     let rows: Vec<u32> = (0..300).collect();
     let found = program.call::<F32>(300, &rows, &Resources::new(), &options, &()).unwrap();
