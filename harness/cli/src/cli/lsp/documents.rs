@@ -3,9 +3,10 @@
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use karat::Package;
-use karat::unstable::record::{FileRead, Record};
+use karat::unstable::record::{FileRead, Record, Time};
 use lsp_types::Uri;
 
 use super::place;
@@ -91,13 +92,8 @@ impl<'d> Now<'d> {
             return false;
         }
         // What a test declares isn't among the files that it read.
-        let started = record.time.as_ref().map(|time| humantime::parse_rfc3339(&time.started));
         let saved = declared.and_then(|file| file.metadata().ok()?.modified().ok());
-        let redeclared = match (started, saved) {
-            (_, None) => false,
-            (Some(Ok(started)), Some(saved)) => saved > started,
-            _ => true,
-        };
+        let redeclared = saved.is_some_and(|saved| began_before(record.time.as_ref(), saved));
         !redeclared && record.read.iter().all(|read| self.hash(&read.file) == read.hash)
     }
 
@@ -108,5 +104,33 @@ impl<'d> Now<'d> {
         };
         let mut known = self.known.borrow_mut();
         known.entry(file.to_owned()).or_insert_with(read).hash.clone()
+    }
+}
+
+/// Whether a verdict was made before a file was saved, or nobody can tell. A record has milliseconds: what was saved
+/// within that of its beginning was there.
+fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
+    let started = time.and_then(|time| humantime::parse_rfc3339(&time.started).ok());
+    started.is_none_or(|started| saved >= started + Duration::from_millis(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A test that is asked for 0.3 ms after its file was saved has its verdict of that file.
+    #[test]
+    fn a_verdict_of_the_same_millisecond_is_of_the_saved_file() {
+        let time = |started: &str| Time { started: started.to_owned(), seconds: 0.0 };
+        let saved = humantime::parse_rfc3339("2026-01-31T12:00:00.123400Z").expect("a time");
+        for (started, before) in [
+            ("2026-01-31T12:00:00.122Z", true),
+            ("2026-01-31T12:00:00.123Z", false),
+            ("2026-01-31T12:00:00.124Z", false),
+            ("yesterday", true),
+        ] {
+            assert_eq!(began_before(Some(&time(started)), saved), before, "{started}");
+        }
+        assert!(began_before(None, saved));
     }
 }
