@@ -479,17 +479,27 @@ impl Look<'_> {
             Err(ProbeError::Rounds { .. }) if !bounded => {
                 // A loop that counts to a large number ends, but not here.
                 rows = self.arguments.few(&rows);
-                count = rows.len().checked_div(width).unwrap_or(1);
-                match Interpreted::new(self.probed, &fixtures)?.hazards(count, &rows) {
-                    Err(ProbeError::Rounds { case, diagnostic }) => {
-                        let row = &rows[case * width..(case + 1) * width];
-                        let hazard = endless(self.probed, &diagnostic, row, count);
+                let engine = Interpreted::new(self.probed, &fixtures)?;
+                let mut tries = LONG_CASES;
+                loop {
+                    count = rows.len().checked_div(width).unwrap_or(1);
+                    let (case, diagnostic) = match engine.hazards(count, &rows) {
+                        Err(ProbeError::Rounds { case, diagnostic }) => (case, diagnostic),
+                        other => break other?,
+                    };
+                    let row = case * width..(case + 1) * width;
+                    let is_endless = engine.may_not_end(&rows[row.clone()]);
+                    if is_endless {
+                        let hazard = endless(self.probed, &diagnostic, &rows[row.clone()], count);
                         found.insert((hazard.location.clone(), hazard.kind), (hazard, true));
+                    }
+                    tries -= 1;
+                    if is_endless || row.is_empty() || tries == 0 {
                         // The loop ends the search for all of them.
                         self.seen.cut += all;
                         return Ok(count);
                     }
-                    other => other?,
+                    drop(rows.drain(row));
                 }
             }
             other => other?,
@@ -550,6 +560,9 @@ impl Look<'_> {
         Ok(count)
     }
 }
+
+/// Inputs whose loops are long, and end, that are left out one by one: each costs another run of those that are left.
+const LONG_CASES: usize = 3;
 
 /// Members of buffers that are shown with the arguments.
 const MEMBERS: usize = 6;

@@ -296,14 +296,7 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        let (cases, mut rows) = match &self.quads {
-            Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
-            None => (cases, Cow::Borrowed(arguments)),
-        };
-        // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
-        let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
-        each_half(&self.arguments, || rows.to_mut(), half);
-        self.lowered.call::<A>(cases, &rows, &self.resources, options, observer).map_err(|stop| {
+        self.run(cases, arguments, options, observer).map_err(|stop| {
             match stopped(&self.program, &self.name, &stop) {
                 // A case is all pixels of its quad.
                 ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
@@ -312,6 +305,23 @@ impl Interpreted {
                 error => error,
             }
         })
+    }
+
+    fn run<A: Runs>(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
+        observer: &dyn Observer<A>,
+    ) -> Result<Results<A>, Stop> {
+        let (cases, mut rows) = match &self.quads {
+            Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
+            None => (cases, Cow::Borrowed(arguments)),
+        };
+        // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
+        let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
+        each_half(&self.arguments, || rows.to_mut(), half);
+        self.lowered.call::<A>(cases, &rows, &self.resources, options, observer)
     }
 }
 
@@ -491,9 +501,10 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// True if loops in each other spent the rounds together, each of which had so many at most.
+/// True if loops in each other spent the rounds together, each of which had so many at most: then each of them may end.
+/// A loop without an end is told all the same if a round of it has up to 15 rounds of others.
 fn is_of_several(rounds: u64, own: u64) -> bool {
-    own < rounds / 2
+    own < rounds / 16
 }
 
 /// Changes the 16-bit floats of rows.

@@ -730,3 +730,37 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
         (vec!["bright".to_owned()], vec!["scatter".to_owned()])
     );
 }
+
+/// Loops that only go round often aren't said to have no end, and the inputs that they don't concern are looked at.
+#[test]
+fn long_loops_are_told_from_those_without_an_end() {
+    let look = |text: &str| {
+        Package::from_source("planted", text).hazards().run().expect("it is looked at")
+    };
+    let is_endless = |hazards: &karat::unstable::hazards::Hazards| {
+        hazards
+            .found
+            .iter()
+            .chain(&hazards.lowered)
+            .chain(&hazards.rare)
+            .any(|one| one.kind == Kind::Endless)
+    };
+    let nested = |start: &str, condition: &str| {
+        look(&format!(
+            "fn f(x: f32, bounces: u32, samples: u32) -> f32 {{\nvar all = sqrt(x - 2.0);\n\
+             for (var i = 0u; i < bounces; i++) {{\n\
+             for (var j = {start}; {condition}; j++) {{ all += f32(j); }}\n}}\nreturn all;\n}}"
+        ))
+    };
+    let ends = nested("0u", "j < samples");
+    assert!(!is_endless(&ends), "{ends:#?}");
+    assert!(ends.found.iter().any(|one| one.kind == Kind::Nan), "{ends:#?}");
+    assert!(ends.unseen.inputs > 0, "{ends:#?}");
+    let never = look(
+        "fn f(x: f32) -> f32 {\nvar all = x;\nloop {\nfor (var j = 0u; j < 8u; j++) { all += 1.0; }\n\
+         if all < 0.0 && all > 1.0 { break; }\n}\nreturn all;\n}",
+    );
+    assert!(is_endless(&never), "{never:#?}");
+    let spins = nested("0u", "j >= 0u");
+    assert!(is_endless(&spins), "{spins:#?}");
+}

@@ -203,6 +203,9 @@ const SMALL: f64 = 1.0 / 64.0;
 /// Rounds of loops that made-up arguments may cause.
 const PATIENCE: u64 = 4096;
 
+/// Rounds after which a loop that made-up arguments lead into is said not to end: a case takes tenths of a second.
+const LONG: u64 = 1 << 18;
+
 /// Rounds of loops that have a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
@@ -388,6 +391,16 @@ impl Interpreted {
             add_fine(&mut found.fine, part.fine);
         }
         Ok(found)
+    }
+
+    /// Whether a case whose loops were too long to be looked at may be in one that never ends.
+    pub(crate) fn may_not_end(&self, row: &[u32]) -> bool {
+        let options = Options { fuel: LONG, ..self.options() };
+        match self.run::<F32>(1, row, &options, &()) {
+            Ok(_) => false,
+            Err(karat_engine::Stop::Fuel { rounds, own, .. }) => !super::is_of_several(rounds, own),
+            Err(_) => true,
+        }
     }
 
     fn hazards_of_chunk(
