@@ -11,6 +11,21 @@ use shaders::PBR;
 const COLUMNS: [&str; 8] =
     ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "cpu"];
 
+/// Modules of the sample: rows of each kind, and each kind of what is known to fail. The others come with `SUITES=whole`.
+const SAMPLE: [&str; 7] = [
+    "environment::",
+    "fresnel::",
+    "layering::",
+    "maps::",
+    "materials::",
+    "overdraw::",
+    "sampling::",
+];
+
+fn is_asked(row: &str) -> bool {
+    frames::are_suites_whole() || SAMPLE.iter().any(|module| row.contains(module))
+}
+
 /// The words of a table: by row, those of its columns.
 type Words = BTreeMap<String, BTreeMap<String, String>>;
 
@@ -56,6 +71,7 @@ fn differences(written: &Words, made: &Words) -> Vec<String> {
 fn matrix() -> Matrix {
     let columns = COLUMNS.map(|name| name.parse::<Column>().expect("a column"));
     let request = PBR.matrix().columns(columns);
+    let request = if frames::are_suites_whole() { request } else { request.only(SAMPLE) };
     let vulkan = karat::path::adapter(karat::Path::VULKAN).map(|adapter| adapter.family());
     let request = match vulkan.as_deref() {
         Ok("swiftshader") => request.fails_on(
@@ -104,6 +120,7 @@ fn each_row_gets_as_far_as_the_page_says() {
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/translations.md"));
     let page = page.expect("the page is there");
     let mut written = words(&page);
+    written.retain(|row, _| is_asked(row));
     let matrix = matrix();
     let elsewhere = run_elsewhere(&page, &matrix);
     // What is wrong is declared in shaders/karat.toml.
@@ -124,12 +141,14 @@ fn each_row_gets_as_far_as_the_page_says() {
     let bounded =
         |cell: &karat::unstable::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
     let bounded: usize = matrix.rows.iter().flat_map(|row| &row.cells).map(bounded).sum();
-    assert!(bounded > 400_000, "WGSL bounds {bounded} results only");
+    let least = if frames::are_suites_whole() { 400_000 } else { 200_000 };
+    assert!(bounded > least, "WGSL bounds {bounded} results only");
     let mut made = words(&matrix.markdown());
     for words in [&mut written, &mut made] {
         as_far_as_valid(words, &elsewhere);
     }
-    assert!(written.len() > 200 && made.len() > 200, "{} and {}", written.len(), made.len());
+    let least = if frames::are_suites_whole() { 200 } else { 70 };
+    assert!(written.len() > least && made.len() > least, "{} and {}", written.len(), made.len());
     let found = differences(&written, &made);
     assert!(
         found.is_empty(),

@@ -1,6 +1,7 @@
 //! `cargo ci full`: the suites that are too long for each change.
 //!
-//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of the shader library's modules.
+//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of the shader library's modules; of the second opinion
+//! some pixels, and of the translations some modules.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -26,6 +27,7 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("build", suite::build)
         && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
         && steps.run("glams", glams::run)
+        && steps.run("long suites", || command::run(&mut suite::long()))
         && steps.run("divergences", matrix::divergences)
         && steps.run("packages without Rust", || dist::run(None))
         && steps.run("swiftshader", on_swiftshader);

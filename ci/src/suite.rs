@@ -134,6 +134,14 @@ fn strangers() -> Command {
     test
 }
 
+/// The suites of which `cargo ci test` runs a sample, whole.
+pub(crate) fn long() -> Command {
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    test.args(["--test", "second_opinion", "--test", "translations"]);
+    test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);
+    test
+}
+
 /// Runs a test program whose path is another one in a process of its own.
 fn in_another_process(program: &str, path: &str) -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);

@@ -28,6 +28,21 @@ const PREFILTERED_SAMPLES: u32 = 1024;
 /// Bands and segments of a sphere: facets of 5.6 degrees.
 const SPHERE: (u32, u32) = (32, 64);
 
+/// Whether long suites run whole, as under `cargo ci full`: otherwise they take a sample. A name that begins with `KARAT_`
+/// would be the harness's.
+///
+/// # Panics
+///
+/// If `SUITES` is anything but `whole`.
+#[must_use]
+pub fn are_suites_whole() -> bool {
+    match std::env::var("SUITES") {
+        Ok(value) if value == "whole" => true,
+        Ok(value) => panic!("SUITES={value}: it is `whole`, or isn't set"),
+        Err(_) => false,
+    }
+}
+
 /// Name and description of each frame; the name is also that of its golden.
 pub const FRAMES: [(&str, &str); 14] = [
     ("scene", "diffuse and specular light of the studio on 8 materials x 8 roughnesses"),
