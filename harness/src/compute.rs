@@ -645,7 +645,7 @@ impl After<'_> {
         let missed = lanes.chunks(width).filter(|element| element.contains(&false)).count();
         let first = lanes.iter().position(|written| !written);
         let element = first.map(|at| judge::Element {
-            place: format!("[{}]{}", at / width, shape.lane_names()[at % width]),
+            place: judge::Place::of_element(at / width, &shape.lane_names()[at % width]),
             actual: "not written".to_owned(),
             expected: "written".to_owned(),
             error: "different".to_owned(),

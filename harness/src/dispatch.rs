@@ -20,7 +20,7 @@ use crate::fixture::{self, Fixture, FixtureError, Fixtures};
 use crate::package::{LinkedModule, Package};
 use crate::path::{Path, PathError};
 use crate::probe::{self, ProbeError};
-use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError, lanes_of};
+use crate::reflect::{Binding, BindingKind, Dimension, Overrides, Program, ReflectError, lanes_of};
 use crate::value::Shape;
 
 /// Why nothing was dispatched.
@@ -362,6 +362,13 @@ impl Passes {
             reason: "no host can read it".to_owned(),
         })?;
         Ok((number, shape))
+    }
+
+    /// The texels of a texture across, down, and its slices or layers; `None` of what has one index.
+    pub(crate) fn texels(&self, resource: usize) -> Option<[usize; 3]> {
+        let view = self.resources[resource].fixture.view()?;
+        let level = view.levels.first().filter(|_| view.dimension != Dimension::D1)?;
+        Some([level.width, level.height, level.depth.max(view.layers)].map(|n| n as usize))
     }
 
     /// The lanes of what a resource that is written holds, by its words.

@@ -370,7 +370,8 @@ fn an_append_whose_order_matters() {
         seen.swap
     );
     assert!(seen.location.starts_with("<append>:3:"), "{}", seen.location);
-    assert_eq!(seen.element.as_ref().map(|element| &*element.place), Some("[0]"), "{seen}");
+    let place = seen.element.as_ref().map(|element| element.place.to_string());
+    assert_eq!(place.as_deref(), Some("[0]"), "{seen}");
     let text = seen.to_string();
     assert!(text.contains("change places") && text.contains("up_to_order"), "{text}");
     let all = [0_u32, 1, 2, 3, 4, 5, 6, 7];
@@ -528,7 +529,7 @@ fn a_tail_that_no_invocation_writes() {
         let wrong = written(entries, variable);
         let Err(ComputeError::Differs(found)) = &wrong else { panic!("{entries:?}: {wrong:?}") };
         assert_eq!(found.paths[0].failures, elements, "{entries:?}");
-        assert_eq!(found.paths[0].shown[0].place, first);
+        assert_eq!(found.paths[0].shown[0].place.to_string(), first);
     }
 }
 
@@ -552,13 +553,13 @@ fn texels_that_no_invocation_writes() {
     };
     written([3, 2, 1], "image").expect("all are");
     for (groups, variable, first, elements) in [
-        ([2, 2, 1], "image", "[4].x", 3),
-        ([3, 1, 1], "image", "[10].x", 5),
+        ([2, 2, 1], "image", "[4, 0].x", 3),
+        ([3, 1, 1], "image", "[0, 2].x", 5),
         ([3, 2, 1], "data", "[0]", 2),
     ] {
         let wrong = written(groups, variable);
         let Err(ComputeError::Differs(found)) = &wrong else { panic!("{groups:?}: {wrong:?}") };
         assert_eq!(found.paths[0].failures, elements, "{groups:?}");
-        assert_eq!(found.paths[0].shown[0].place, first);
+        assert_eq!(found.paths[0].shown[0].place.to_string(), first);
     }
 }

@@ -128,8 +128,8 @@ pub struct PathDifference {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Element {
-    /// Which one, and its component: `[12].x`.
-    pub place: String,
+    /// Which one, and its component.
+    pub place: Place,
     /// What it is.
     pub actual: String,
     /// What it should be.
@@ -138,11 +138,67 @@ pub struct Element {
     pub error: String,
 }
 
+/// What of a resource differs.
+///
+/// ```
+/// use karat::unstable::compute::Place;
+///
+/// let second = Place::of_element(5, ".x");
+/// assert_eq!(second.to_string(), "[5].x");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// An element.
+    Element {
+        /// Its index; of a texel its number, by rows from the top.
+        index: usize,
+        /// The component: `.x`; empty: all of it.
+        component: String,
+        /// Texels of a texture across, down, and its slices or layers.
+        texels: Option<[usize; 3]>,
+    },
+    /// The whole, in words.
+    Whole(String),
+}
+
+impl Place {
+    /// An element of a buffer.
+    #[must_use]
+    pub fn of_element(index: usize, component: &str) -> Self {
+        Self::Element { index, component: component.to_owned(), texels: None }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Element { index, component, texels: None } => write!(f, "[{index}]{component}"),
+            Self::Element { index, component, texels: Some([across, down, slices]) } => {
+                let (row, x) = (index / across, index % across);
+                let (z, y) = (row / down, row % down);
+                let slice = if *slices > 1 { format!(", {z}") } else { String::new() };
+                write!(f, "[{x}, {y}{slice}]{component}")
+            }
+            Self::Whole(words) => f.write_str(words),
+        }
+    }
+}
+
 impl Sum {
+    /// The same of a texture with so many texels.
+    pub(super) fn of_texels(mut self, size: Option<[usize; 3]>) -> Self {
+        for one in &mut self.shown {
+            if let Place::Element { texels, .. } = &mut one.place {
+                *texels = size;
+            }
+        }
+        self
+    }
+
     /// Passes that a loop didn't leave.
     pub(super) fn endless() -> Self {
         let element = Element {
-            place: "nothing".to_owned(),
+            place: Place::Whole("nothing".to_owned()),
             actual: "a loop that doesn't end".to_owned(),
             expected: "an end in each order".to_owned(),
             error: String::new(),
@@ -239,6 +295,7 @@ impl After<'_> {
                 return Err(ComputeError::Nothing(reason));
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
+            let sum = sum.of_texels(passes.texels(number));
             // What fails has shown something.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.failures == 0
@@ -391,7 +448,7 @@ impl After<'_> {
                 };
                 let actual = crate::value::format_lane(scalar, found[lane]);
                 sum.shown.push(Element {
-                    place: format!("[{index}]{}", names[lane]),
+                    place: Place::of_element(index, &names[lane]),
                     actual: format!("{actual}{bits}"),
                     expected: expected[lane].to_string(),
                     error: measure.to_string(),
@@ -482,7 +539,7 @@ impl Difference {
 impl PathDifference {
     fn fault(&self) -> PathFault {
         let case = |element: &Element| CaseFault {
-            component: element.place.clone(),
+            component: element.place.to_string(),
             actual: element.actual.clone(),
             expected: element.expected.clone(),
             error: element.error.clone(),

@@ -148,7 +148,8 @@ impl After<'_> {
             let own = afterwards.into_iter().find(|(of, _)| *of == number);
             let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
             let lanes = lanes.expect("a pass writes the resource");
-            self.sum(assertion, None, element, &lanes, function)
+            let sum = self.sum(assertion, None, element, &lanes, function)?;
+            Ok(sum.of_texels(passes.texels(number)))
         };
         if judged(None)?.failures > 0 {
             return Ok(());

@@ -11,7 +11,7 @@ use crate::path::Path;
 use crate::tolerance::Tolerance;
 use crate::value::Shape;
 
-pub use super::judge::{Broken, Element};
+pub use super::judge::{Broken, Element, Place};
 
 /// A resource with what it holds.
 ///

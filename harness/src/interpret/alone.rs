@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use karat_engine::{F32, Options, Program as Lowered, Resources};
+use karat_engine::{F32, Observer, Options, Program as Lowered, Resources, Runs};
 
+use super::trace::Traced;
 use super::{lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
@@ -109,6 +110,23 @@ impl Alone {
     }
 
     fn case(&self, arguments: &[u32], options: &Options) -> Result<Vec<u32>, ProbeError> {
+        let resources = self.observed::<F32>(arguments, options, &())?;
+        let results = resources.buffer(0, self.first + 1).expect("it is bound in each case");
+        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
+        words.truncate(self.words_out);
+        self.written.iter().for_each(|binding| {
+            words.extend(self.program.lanes_of_words(binding, &after(&resources, binding)));
+        });
+        Ok(words)
+    }
+
+    /// The resources as a case leaves them.
+    fn observed<A: Runs>(
+        &self,
+        arguments: &[u32],
+        options: &Options,
+        observer: &dyn Observer<A>,
+    ) -> Result<Resources, ProbeError> {
         let mut resources = self.resources.clone();
         let bytes = |words: &[u32]| bytemuck::cast_slice::<u32, u8>(words).to_vec();
         resources.set_buffer(0, self.first, bytes(arguments));
@@ -117,15 +135,19 @@ impl Alone {
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
         let options = Options { fuel: self.fuel, deadline, flush: self.flush, ..options.clone() };
         self.lowered
-            .dispatch::<F32>([1; 3], &mut resources, &options, &())
+            .dispatch::<A>([1; 3], &mut resources, &options, observer)
             .map_err(|stop| stopped(&self.program, &self.name, &stop))?;
-        let results = resources.buffer(0, self.first + 1).expect("it is bound above");
-        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
-        words.truncate(self.words_out);
-        self.written.iter().for_each(|binding| {
-            words.extend(self.program.lanes_of_words(binding, &after(&resources, binding)));
-        });
-        Ok(words)
+        Ok(resources)
+    }
+}
+
+impl Traced for Alone {
+    fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError> {
+        self.observed(row, &Options::default(), observer).map(drop)
+    }
+
+    fn parts(&self) -> (&Lowered, &Program) {
+        (&self.lowered, &self.program)
     }
 }
 

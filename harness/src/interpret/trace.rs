@@ -4,12 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Range, Truth};
+use karat_engine::{
+    F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Program as Lowered, Range, Runs,
+    Truth,
+};
 
-use super::Interpreted;
+use super::{Alone, Interpreted};
 use crate::diagnostic::Span;
 use crate::fixture::Fixtures;
 use crate::probe::{ProbeError, Probed};
+use crate::reflect::Program;
 
 /// An operation: one value a component.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +30,7 @@ pub struct Step {
     /// The same with floats in double precision; empty where that takes another way.
     pub double: Vec<Value>,
     /// The least and the largest that WGSL allows; `None`: anything. Empty where intervals take
-    /// another way.
+    /// another way, and in all steps of a call that has no bounds.
     pub allowed: Vec<Option<(Value, Value)>>,
 }
 
@@ -182,52 +186,68 @@ pub fn trace(
     fixtures: &Fixtures,
     arguments: &[u32],
 ) -> Result<Vec<Step>, ProbeError> {
-    Interpreted::new(probed, fixtures)?.trace(arguments)
+    match probed.function().form.alone {
+        true => steps(&Alone::new(probed, fixtures)?, arguments),
+        false => steps(&Interpreted::new(probed, fixtures)?, arguments),
+    }
 }
 
-impl Interpreted {
-    /// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are
-    /// given for.
-    pub(crate) fn trace(&self, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
-        let options = self.options();
-        let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
-        self.observed::<F32>(1, row, &options, &single)?;
-        self.observed::<F64>(1, row, &options, &double)?;
-        // Some builtins of half precision have no bounds: then the column stays empty.
-        let bounded = self.observed::<Intervals>(1, row, &options, &bounds).is_ok();
-        let sites: BTreeMap<usize, &karat_engine::Site> =
-            self.lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
-        let at = |site: usize| {
-            let site = sites.get(&site)?;
-            Some((site.function.as_str(), site.expression?.index()))
-        };
-        let components = |site: usize| {
-            at(site).map_or(1, |(function, at)| self.program.components(function, at))
-        };
-        let double: BTreeMap<_, Vec<Seen>> = double.groups(&components).into_iter().collect();
-        let bounds: BTreeMap<_, Vec<Seen>> = match bounded {
-            true => bounds.groups(&components).into_iter().collect(),
-            false => BTreeMap::new(),
-        };
-        let step = |(key, single): ((usize, usize), Vec<Seen>)| {
-            let (span, text) = super::author_of(&self.program, sites.get(&key.0)?)?;
-            let signed =
-                at(key.0).is_some_and(|(function, at)| self.program.is_signed(function, at));
-            let values =
-                |seen: &[Seen]| seen.iter().map(|seen| seen.value(signed)).collect::<Vec<_>>();
-            let name = at(key.0).and_then(|(function, at)| self.program.let_name(function, at));
-            Some(Step {
-                span,
-                text,
-                name: name.map(str::to_owned),
-                single: values(&single),
-                double: double.get(&key).map(|seen| values(seen)).unwrap_or_default(),
-                allowed: bounds
-                    .get(&key)
-                    .map(|seen| seen.iter().map(|seen| seen.ends()).collect())
-                    .unwrap_or_default(),
-            })
-        };
-        Ok(single.groups(&components).into_iter().filter_map(step).take(MOST).collect())
+/// What is called in each arithmetic: a function, or a kernel that writes what others see. What a kernel keeps in buffers is
+/// single there in each of them.
+pub(super) trait Traced {
+    fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError>;
+
+    fn parts(&self) -> (&Lowered, &Program);
+}
+
+impl Traced for Interpreted {
+    fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError> {
+        self.observed(1, row, &self.options(), observer).map(drop)
     }
+
+    fn parts(&self) -> (&Lowered, &Program) {
+        (&self.lowered, &self.program)
+    }
+}
+
+/// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are given
+/// for.
+fn steps(traced: &impl Traced, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
+    let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
+    traced.run::<F32>(row, &single)?;
+    traced.run::<F64>(row, &double)?;
+    // Some builtins of half precision have no bounds, and buffers that are written: then the column stays empty.
+    let bounded = traced.run::<Intervals>(row, &bounds).is_ok();
+    let (lowered, program) = traced.parts();
+    let sites: BTreeMap<usize, &karat_engine::Site> =
+        lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
+    let at = |site: usize| {
+        let site = sites.get(&site)?;
+        Some((site.function.as_str(), site.expression?.index()))
+    };
+    let components =
+        |site: usize| at(site).map_or(1, |(function, at)| program.components(function, at));
+    let double: BTreeMap<_, Vec<Seen>> = double.groups(&components).into_iter().collect();
+    let bounds: BTreeMap<_, Vec<Seen>> = match bounded {
+        true => bounds.groups(&components).into_iter().collect(),
+        false => BTreeMap::new(),
+    };
+    let step = |(key, single): ((usize, usize), Vec<Seen>)| {
+        let (span, text) = super::author_of(program, sites.get(&key.0)?)?;
+        let signed = at(key.0).is_some_and(|(function, at)| program.is_signed(function, at));
+        let values = |seen: &[Seen]| seen.iter().map(|seen| seen.value(signed)).collect::<Vec<_>>();
+        let name = at(key.0).and_then(|(function, at)| program.let_name(function, at));
+        Some(Step {
+            span,
+            text,
+            name: name.map(str::to_owned),
+            single: values(&single),
+            double: double.get(&key).map(|seen| values(seen)).unwrap_or_default(),
+            allowed: bounds
+                .get(&key)
+                .map(|seen| seen.iter().map(|seen| seen.ends()).collect())
+                .unwrap_or_default(),
+        })
+    };
+    Ok(single.groups(&components).into_iter().filter_map(step).take(MOST).collect())
 }

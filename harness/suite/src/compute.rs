@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use karat::compute::{After, Compute, ComputeAgreement, ComputeError};
-use karat::unstable::compute::{self as untyped, Broken, Content, Element};
+use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place};
 use karat::unstable::diagnostic::{read_file, shown};
 use karat::unstable::reflect::{Program, Stage};
 use karat::value::{Scalar, Shape};
@@ -452,7 +452,7 @@ impl Assertion {
             let left = untyped::left(compute, Route::CPU)?;
             let variable = left.first().ok_or("the passes write nothing")?.name.clone();
             let first = found.first().map(|(place, what)| Element {
-                place: place.clone(),
+                place: Place::Whole(place.clone()),
                 actual: what.clone(),
                 expected: "numbers that are finite".to_owned(),
                 error: String::new(),
@@ -670,11 +670,13 @@ fn is_called(path: &str, name: &str) -> bool {
 }
 
 fn named(index: usize, component: &str, actual: String, expected: String) -> Element {
-    Element { place: format!("[{index}]{component}"), actual, expected, error: String::new() }
+    let place = Place::of_element(index, component);
+    Element { place, actual, expected, error: String::new() }
 }
 
 fn named_whole(actual: String, expected: String) -> Element {
-    Element { place: "the sum".to_owned(), actual, expected, error: String::new() }
+    let place = Place::Whole("the sum".to_owned());
+    Element { place, actual, expected, error: String::new() }
 }
 
 /// The numbers of a resource.

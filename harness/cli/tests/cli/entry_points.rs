@@ -40,6 +40,12 @@ fn an_entry_point_is_listed_and_called() {
     let traced = ["call", "m::shade", "--arbitrary", "--path", "cpu", "--trace"];
     let traced = karat(folder.path(), &traced).good();
     assert!(traced.contains("fwidth(in.pixel.x)"), "{traced}");
+    // What writes a buffer, and returns nothing.
+    let traced = ["call", "m::root", "2", "--bind", "out=[1, 4, 9]", "--path", "cpu", "--trace"];
+    let traced = karat(folder.path(), &traced).good();
+    let row = traced.lines().find(|line| line.contains("sqrt(out[i])"));
+    let row = row.unwrap_or_else(|| panic!("no `sqrt(out[i])` in:\n{traced}"));
+    assert!(row.contains("m.wgsl:12") && row.contains(" 3 "), "{row}");
 }
 
 /// A pixel that is discarded is a result, whose value nothing sees.

@@ -16,6 +16,9 @@ use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
 /// A value that differs from the shadow by more than this has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
+/// Of an arithmetic in which a condition turned out otherwise, so that the operation wasn't run.
+const ELSEWHERE: &str = "another way";
+
 /// Prints the steps of a call.
 pub(super) fn write_text(
     probed: &Probed,
@@ -24,6 +27,7 @@ pub(super) fn write_text(
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let steps = trace(probed, fixtures, arguments)?;
+    let bounded = are_bounded(&steps);
     writeln!(out)?;
     let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
     for step in &steps {
@@ -34,7 +38,7 @@ pub(super) fn write_text(
             () if has_lost(step) || step.allowed.iter().any(Option::is_none) => KNOWN,
             () => PLAIN,
         };
-        let [single, double, allowed] = columns(step);
+        let [single, double, allowed] = columns(step, bounded);
         table.row(style, vec![place(step), operation(step), single, double, allowed]);
     }
     table.write(out)?;
@@ -52,6 +56,7 @@ pub(super) fn write_html(
     file: &Path,
 ) -> anyhow::Result<()> {
     let steps = trace(probed, fixtures, arguments)?;
+    let bounded = are_bounded(&steps);
     let function = probed.function();
     let mut page = String::from(HEAD);
     writeln!(page, "<title>{}</title><h1>{}</h1>", html(&function.name), html(&function.name))?;
@@ -80,7 +85,8 @@ pub(super) fn write_html(
             writeln!(page, "<tr class=source><td>{number}<td colspan=4><pre>{}</pre>", html(text))?;
             for step in own().filter(|step| line(step) == number) {
                 let class = if has_lost(step) { "lost" } else { "step" };
-                let cells = columns(step).map(|cell| format!("<td>{}", html(&cell))).concat();
+                let cells =
+                    columns(step, bounded).map(|cell| format!("<td>{}", html(&cell))).concat();
                 writeln!(page, "<tr class={class}><td><td>{}{cells}", html(&operation(step)))?;
             }
         }
@@ -117,10 +123,15 @@ fn has_lost(step: &Step) -> bool {
     step.single.iter().zip(&step.double).any(lost)
 }
 
+/// Whether it is known what WGSL allows.
+fn are_bounded(steps: &[Step]) -> bool {
+    steps.iter().any(|step| !step.allowed.is_empty())
+}
+
 /// The values of a step in `f32`, in `f64`, and what is allowed.
-fn columns(step: &Step) -> [String; 3] {
-    let joined = |values: Vec<String>| match values.as_slice() {
-        [] => "another way".to_owned(),
+fn columns(step: &Step, bounded: bool) -> [String; 3] {
+    let joined = |values: Vec<String>, otherwise: &str| match values.as_slice() {
+        [] => otherwise.to_owned(),
         _ => values.join(", "),
     };
     let range = |ends: &Option<(Value, Value)>| match ends {
@@ -130,9 +141,12 @@ fn columns(step: &Step) -> [String; 3] {
         Some((lo, hi)) => format!("{} to {}", format(lo), format(hi)),
     };
     [
-        joined(step.single.iter().map(format).collect()),
-        joined(step.double.iter().map(format).collect()),
-        joined(step.allowed.iter().map(range).collect()),
+        joined(step.single.iter().map(format).collect(), ELSEWHERE),
+        joined(step.double.iter().map(format).collect(), ELSEWHERE),
+        joined(
+            step.allowed.iter().map(range).collect(),
+            if bounded { ELSEWHERE } else { "not known" },
+        ),
     ]
 }
 
