@@ -364,11 +364,18 @@ impl Passes {
         Ok((number, shape))
     }
 
-    /// The texels of a texture across, down, and its slices or layers; `None` of what has one index.
-    pub(crate) fn texels(&self, resource: usize) -> Option<[usize; 3]> {
+    /// The name of a texel by its number, `[3, 1]`, and of a volume or layers `[3, 1, 0]`; `None` of what has one index.
+    pub(crate) fn texel(&self, resource: usize, number: usize) -> Option<String> {
         let view = self.resources[resource].fixture.view()?;
-        let level = view.levels.first().filter(|_| view.dimension != Dimension::D1)?;
-        Some([level.width, level.height, level.depth.max(view.layers)].map(|n| n as usize))
+        let level = view.levels.first()?;
+        let (across, down) = (level.width as usize, level.height as usize);
+        let (row, x) = (number / across, number % across);
+        let (z, y) = (row / down, row % down);
+        match (view.dimension, view.arrayed) {
+            (Dimension::D1, _) => None,
+            (Dimension::D2, false) => Some(format!("[{x}, {y}]")),
+            _ => Some(format!("[{x}, {y}, {z}]")),
+        }
     }
 
     /// The lanes of what a resource that is written holds, by its words.

@@ -213,7 +213,11 @@ impl Difference {
                 all.relative = all.relative.zip(share).map(|(most, own)| most.max(own));
                 all.first.get_or_insert_with(|| {
                     let shown = |word: u32| format_lane(scalars[lane], word);
-                    (format!("{short}{}", names[lane]), shown(*was), shown(*is))
+                    // A texel has four lanes.
+                    let of_texel = |texel: String| texel + [".x", ".y", ".z", ".w"][lane % 4];
+                    let place =
+                        new.texel(*number, lane / 4).map_or_else(|| names[lane].clone(), of_texel);
+                    (format!("{short}{place}"), shown(*was), shown(*is))
                 });
             }
         }
@@ -280,5 +284,26 @@ mod tests {
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
         // An edit that removes the dependence on order is no change.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
+    }
+    /// A workgroup a row: the texture has no row that none of them takes.
+    #[test]
+    fn the_last_row_of_a_texture_is_compared() {
+        let text = |guard: &str| {
+            format!(
+                "@group(0) @binding(0) var image: texture_storage_2d<r32float, write>;
+                @compute @workgroup_size(64) fn rows(@builtin(workgroup_id) w: vec3u,
+                    @builtin(local_invocation_index) i: u32) {{
+                    let size = textureDimensions(image);
+                    if {guard} >= size.y {{ return; }}
+                    for (var x = i; x < size.x; x += 64u) {{ textureStore(image, vec2u(x, w.x), vec4f(f32(x + w.x))); }}
+                }}"
+            )
+        };
+        let [before, after] =
+            ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", &text(guard)));
+        let all = Request::new(before, after).run().expect("both are valid");
+        let [one] = &all[..] else { panic!("{all:?}") };
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        assert!(paths[0].before.starts_with("image[0, 1].x = "), "{}", paths[0].before);
     }
 }

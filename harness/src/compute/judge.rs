@@ -154,8 +154,8 @@ pub enum Place {
         index: usize,
         /// The component: `.x`; empty: all of it.
         component: String,
-        /// Texels of a texture across, down, and its slices or layers.
-        texels: Option<[usize; 3]>,
+        /// The column and the row of a texel: `[3, 1]`.
+        texel: Option<String>,
     },
     /// The whole, in words.
     Whole(String),
@@ -165,31 +165,26 @@ impl Place {
     /// An element of a buffer.
     #[must_use]
     pub fn of_element(index: usize, component: &str) -> Self {
-        Self::Element { index, component: component.to_owned(), texels: None }
+        Self::Element { index, component: component.to_owned(), texel: None }
     }
 }
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Element { index, component, texels: None } => write!(f, "[{index}]{component}"),
-            Self::Element { index, component, texels: Some([across, down, slices]) } => {
-                let (row, x) = (index / across, index % across);
-                let (z, y) = (row / down, row % down);
-                let slice = if *slices > 1 { format!(", {z}") } else { String::new() };
-                write!(f, "[{x}, {y}{slice}]{component}")
-            }
+            Self::Element { component, texel: Some(texel), .. } => write!(f, "{texel}{component}"),
+            Self::Element { index, component, texel: None } => write!(f, "[{index}]{component}"),
             Self::Whole(words) => f.write_str(words),
         }
     }
 }
 
 impl Sum {
-    /// The same of a texture with so many texels.
-    pub(super) fn of_texels(mut self, size: Option<[usize; 3]>) -> Self {
+    /// The same, with names of texels if the resource is a texture.
+    pub(super) fn of(mut self, passes: &Passes, resource: usize) -> Self {
         for one in &mut self.shown {
-            if let Place::Element { texels, .. } = &mut one.place {
-                *texels = size;
+            if let Place::Element { index, texel, .. } = &mut one.place {
+                *texel = passes.texel(resource, *index);
             }
         }
         self
@@ -295,7 +290,7 @@ impl After<'_> {
                 return Err(ComputeError::Nothing(reason));
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
-            let sum = sum.of_texels(passes.texels(number));
+            let sum = sum.of(&passes, number);
             // What fails has shown something.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.failures == 0

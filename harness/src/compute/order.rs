@@ -149,7 +149,7 @@ impl After<'_> {
             let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
             let lanes = lanes.expect("a pass writes the resource");
             let sum = self.sum(assertion, None, element, &lanes, function)?;
-            Ok(sum.of_texels(passes.texels(number)))
+            Ok(sum.of(passes, number))
         };
         if judged(None)?.failures > 0 {
             return Ok(());

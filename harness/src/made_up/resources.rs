@@ -329,8 +329,10 @@ fn texture_or_sampler(
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let sides = match extents {
-        Some(Extents { elements: [across, down, _], .. }) => {
-            [across.min(MOST_SIDE), down.clamp(LAYERS, MOST_SIDE)]
+        // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
+        Some(Extents { elements: [across, down, _], workgroups, .. }) => {
+            let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
+            [across, down.max(rows.min(LAYERS))].map(|side| side.min(MOST_SIDE))
         }
         None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
