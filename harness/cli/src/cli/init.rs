@@ -14,7 +14,7 @@ use karat::unstable::diagnostic::shown;
 use karat::unstable::output::counted;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
-use karat::unstable::record::Recorded;
+use karat::unstable::record::{self, Recorded};
 use karat::unstable::reflect::Stage;
 use karat::value::{Scalar, Shape};
 
@@ -22,7 +22,7 @@ use super::doctor::profile::unoptimised;
 use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
 use super::project::{Project, text_of};
-use super::table::{DIM, GOOD, HEAD};
+use super::table::{DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, check};
 
 #[derive(clap::Args)]
@@ -166,18 +166,35 @@ fn first_test(
     }
     let mut pass = None;
     for item in entry_points.iter().filter(|item| !tested.is(&item.name)).take(TRIED) {
-        if let Some(file) = try_pass(package, item, folder)? {
-            writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
-            pass = Some(file);
-            break;
+        match try_pass(package, item, folder)? {
+            Ok(file) => {
+                writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
+                pass = Some(file);
+                break;
+            }
+            Err(why) => found.passes.push((item, why)),
         }
     }
-    if found.are_none() && (pass.is_some() || !others.is_empty()) {
-        if pass.is_none() {
-            writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+    let function = first_of_functions(&found, folder, out)?;
+    if function.is_none() && pass.is_none() {
+        if !found.are_none() || others.is_empty() {
+            anyhow::bail!(found.told(folder));
         }
-        return Ok(pass);
+        writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
     }
+    // Of a pass that races its author wants to know, whatever else there is to test.
+    for (item, why) in &found.passes {
+        writeln!(out, "{KNOWN}no first test{KNOWN:#} of `{}`: {why}", item.name)?;
+    }
+    Ok(function.or(pass))
+}
+
+/// Writes a test of the first function for which one passes.
+fn first_of_functions(
+    found: &Functions<'_>,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> anyhow::Result<Option<PathBuf>> {
     for attempt in [Attempt::Names, Attempt::Away, Attempt::Table] {
         let candidates = if attempt == Attempt::Table { &found.others } else { &found.floats };
         // Functions with arguments show more.
@@ -191,28 +208,29 @@ fn first_test(
             }
         }
     }
-    if pass.is_some() {
-        return Ok(pass);
-    }
-    anyhow::bail!(found.told(folder, entry_points))
+    Ok(None)
 }
 
-/// Writes a test of a compute entry point beside its module. `None` if none passes.
+/// Writes a test of a compute entry point beside its module. If none passes, why.
 fn try_pass(
     package: &Package,
     item: &FunctionItem,
     folder: &Path,
-) -> anyhow::Result<Option<PathBuf>> {
+) -> anyhow::Result<Result<PathBuf, String>> {
     let (_, file) = beside(item, folder);
     if file.exists() {
-        return Ok(None);
+        return Ok(Err(format!("`{}` is there", file.display())));
     }
+    let mut why = "it has other resources than buffers of numbers, or writes none: `[[compute]]` in `*.test.toml` says \
+                   what they hold"
+        .to_owned();
     for text in pass::declarations(package, item) {
-        if passes(item, Attempt::Names, &file, ("", &text), folder)? {
-            return Ok(Some(file));
+        match passes(item, Attempt::Names, &file, ("", &text), folder)? {
+            Ok(()) => return Ok(Ok(file)),
+            Err(other) => why = other,
         }
     }
-    Ok(None)
+    Ok(Err(why))
 }
 
 /// The compute entry points of a package.
@@ -242,6 +260,8 @@ struct Functions<'i> {
     bound: Vec<&'i FunctionItem>,
     /// Those that can't be called, with why.
     refused: Vec<(&'i FunctionItem, String)>,
+    /// Compute entry points whose first test doesn't pass, with why.
+    passes: Vec<(&'i FunctionItem, String)>,
 }
 
 impl<'i> Functions<'i> {
@@ -261,12 +281,12 @@ impl<'i> Functions<'i> {
     }
 
     fn are_none(&self) -> bool {
-        let Self { floats, others, bound, refused } = self;
+        let Self { floats, others, bound, refused, .. } = self;
         floats.is_empty() && others.is_empty() && bound.is_empty() && refused.is_empty()
     }
 
     /// Says what was found, where no test passes.
-    fn told(&self, folder: &Path, entry_points: &[FunctionItem]) -> String {
+    fn told(&self, folder: &Path) -> String {
         let named = |items: &mut dyn Iterator<Item = &FunctionItem>| {
             let names: Vec<&str> = items.map(|item| &*item.name).collect();
             let more = if names.len() > SHOWN { ", .." } else { "" };
@@ -299,11 +319,9 @@ impl<'i> Functions<'i> {
             named(&mut self.refused.iter().map(|(item, _)| *item)),
             "can't be called by a test; `karat call` says why",
         );
-        tell(
-            named(&mut entry_points.iter()),
-            "dispatched, it isn't finite, or doesn't write each element, or it has other resources than buffers of \
-             numbers: `[[compute]]` in `*.test.toml` says what they hold",
-        );
+        for (item, why) in &self.passes {
+            text += &format!("\n  `{}`: {why}", item.name);
+        }
         text
     }
 }
@@ -347,7 +365,7 @@ fn try_test(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n# What it returned when this was written, on `cpu`: \
              correct what is wrong, and add rows of your own.\ntable = \"{name}.csv\"\ntolerance = \"exact\"\n"
         );
-        let written = passes(item, attempt, &file, (&before, &text), folder)?;
+        let written = passes(item, attempt, &file, (&before, &text), folder)?.is_ok();
         if !written {
             std::fs::remove_file(&table).with_context(|| format!("`{}`", table.display()))?;
         }
@@ -374,21 +392,21 @@ fn try_test(
         let text = format!(
             "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
         );
-        if passes(item, attempt, &file, (&before, &text), folder)? {
+        if passes(item, attempt, &file, (&before, &text), folder)?.is_ok() {
             return Ok(Some(file));
         }
     }
     Ok(None)
 }
 
-/// Writes a test behind what a file holds, and removes it if it doesn't pass.
+/// Writes a test behind what a file holds, and removes it if it doesn't pass: then why it doesn't.
 fn passes(
     item: &FunctionItem,
     attempt: Attempt,
     file: &Path,
     (before, text): (&str, &str),
     folder: &Path,
-) -> anyhow::Result<bool> {
+) -> anyhow::Result<Result<(), String>> {
     std::fs::write(file, format!("{before}{text}"))
         .with_context(|| format!("`{}`", file.display()))?;
     let mut command = this()?;
@@ -399,6 +417,8 @@ fn passes(
     }
     // What a test that is thrown away fails on isn't to be remembered.
     command.env("KARAT_FAILURES", "off");
+    let record = tempfile::tempdir().context("a temporary folder")?;
+    command.env("KARAT_RECORD", record.path());
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let passes = command.status().is_ok_and(|status| status.success());
     if !passes {
@@ -407,8 +427,11 @@ fn passes(
             before => std::fs::write(file, before.trim_end().to_owned() + "\n"),
         }
         .with_context(|| format!("`{}`", file.display()))?;
+        let faults = record::read(record.path())?.into_iter().filter_map(|one| one.fault);
+        let first = faults.map(|fault| fault.headline).next();
+        return Ok(Err(first.unwrap_or_else(|| "it can't be run by a test".to_owned())));
     }
-    Ok(passes)
+    Ok(Ok(()))
 }
 
 /// Writes a table of what a function returns for some arguments, each of which has small and large ones.

@@ -203,7 +203,17 @@ fn a_pass_gets_a_test_of_what_it_writes() {
         }\n";
     write(alone.path(), "m.wgsl", leak);
     let told = karat(alone.path(), &["init"]).error();
-    assert!(told.contains("`m::leak`"), "{told}");
+    assert!(told.contains("`m::leak` has a race on `sums["), "{told}");
+    let race = "var<workgroup> tile: array<f32, 32>;
+        @group(0) @binding(0) var<storage, read_write> data: array<f32>;
+        @compute @workgroup_size(32) fn flip(@builtin(local_invocation_index) i: u32,
+            @builtin(global_invocation_id) id: vec3u) {
+            tile[i] = data[id.x]; data[id.x] = tile[31u - i];
+        }
+        fn half(x: f32) -> f32 { return 0.5 * x; }\n";
+    write(alone.path(), "m.wgsl", race);
+    let told = karat(alone.path(), &["init"]).good();
+    assert!(told.contains("no first test of `m::flip`: `m::flip` has a race on `tile["), "{told}");
     assert_eq!(std::fs::read_dir(alone.path()).expect("there").count(), 1, "the module alone");
 }
 
