@@ -204,6 +204,7 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     write(alone.path(), "m.wgsl", leak);
     let told = karat(alone.path(), &["init"]).error();
     assert!(told.contains("`m::leak` has a race on `sums["), "{told}");
+    assert_eq!(std::fs::read_dir(alone.path()).expect("there").count(), 1, "the module alone");
     let race = "var<workgroup> tile: array<f32, 32>;
         @group(0) @binding(0) var<storage, read_write> data: array<f32>;
         @compute @workgroup_size(32) fn flip(@builtin(local_invocation_index) i: u32,
@@ -214,7 +215,6 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     write(alone.path(), "m.wgsl", race);
     let told = karat(alone.path(), &["init"]).good();
     assert!(told.contains("no first test of `m::flip`: `m::flip` has a race on `tile["), "{told}");
-    assert_eq!(std::fs::read_dir(alone.path()).expect("there").count(), 1, "the module alone");
 }
 
 /// A function that returns integers or booleans has a table of what it returns, which holds on each path.
