@@ -264,3 +264,23 @@ fn floats_out_of_range_become_other_integers_in_glsl() {
         "naga 30.0.1 writes GLSL's conversion, which is undefined for negative floats",
     );
 }
+
+/// Names that naga's WGSL doesn't keep: those of builtins, and those that end with a digit.
+#[test]
+fn entry_points_of_any_name_run_on_each_route() {
+    let pass = |name: &str| {
+        format!(
+            "@compute @workgroup_size(64) fn {name}(@builtin(global_invocation_id) id: vec3u) {{ \
+             data[id.x] = f32(id.x) + 1.0; }}\n"
+        )
+    };
+    let text = ["step", "pass1"].map(pass).concat();
+    let text = format!("@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n{text}");
+    let columns =
+        ["vulkan", "vulkan:wgsl", "vulkan:spirv"].map(|name| name.parse().expect("a column"));
+    let package = Package::from_modules("names", [("names", &*text)]);
+    let matrix = package.matrix().columns(columns).run().expect("it is valid");
+    for column in ["vulkan:wgsl", "vulkan:spirv"] {
+        matrix.expect(column, Status::Agrees);
+    }
+}

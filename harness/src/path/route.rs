@@ -93,6 +93,7 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     };
     let on_route = |message: String| PathError::Route { path, message };
     let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
+    let names = shader.entry_points().into_iter().map(|entry_point| entry_point.name);
     let translation = shader.translate(target, None);
     let again = match translation.map_err(|error| on_route(error.to_string()))?.code {
         Code::Text(text) => Shader::parse(&text),
@@ -101,7 +102,12 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     let again = again.map_err(|error| {
         on_route(format!("naga writes {target} that it doesn't read again: {error}"))
     });
-    Ok(again?.into_module())
+    let mut ir = again?.into_module();
+    // WGSL's writer gives `step` and `pass1` other names, `step_` and `pass1_`, and keeps their order.
+    for (entry_point, name) in ir.entry_points.iter_mut().zip(names) {
+        entry_point.name = name;
+    }
+    Ok(ir)
 }
 
 impl Foreign {
