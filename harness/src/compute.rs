@@ -216,18 +216,18 @@ pub enum ComputeError {
     #[error("{0}")]
     Differs(Box<Difference>),
     /// Elements differ from their golden, or there is none that they could be compared with.
-    #[error("{}{source}", difference.as_ref().map_or_else(String::new, ToString::to_string))]
+    #[error("{}{cause}", difference.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
         /// Which elements differ.
         difference: Option<Box<Difference>>,
         /// What is wrong, and what to do.
-        source: Box<ValuesError>,
+        cause: Box<ValuesError>,
     },
 }
 
 impl From<ValuesError> for ComputeError {
     fn from(source: ValuesError) -> Self {
-        Self::Golden { difference: None, source: Box::new(source) }
+        Self::Golden { difference: None, cause: Box::new(source) }
     }
 }
 
@@ -247,7 +247,7 @@ impl Fails for ComputeError {
         match self {
             Self::Differs(_) | Self::Order(_) | Self::Violations(_) | Self::Accepted { .. } => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
-            Self::Golden { source, .. } => source.is_failure(),
+            Self::Golden { cause, .. } => cause.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
         }

@@ -138,12 +138,12 @@ pub enum FrameError {
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
     /// The golden differs, is missing or can't be used.
-    #[error("{}", first_then(source, adapter))]
+    #[error("{}", first_then(cause, adapter))]
     Golden {
         /// What rendered the frame.
         adapter: Box<Adapter>,
         /// What is wrong.
-        source: Box<GoldenError>,
+        cause: Box<GoldenError>,
     },
 }
 
@@ -152,8 +152,8 @@ impl Fails for FrameError {
         match self {
             Self::Mean { .. } => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
-            Self::Golden { source, .. } => {
-                matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })
+            Self::Golden { cause, .. } => {
+                matches!(**cause, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })
             }
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
@@ -183,7 +183,7 @@ impl Stop for FrameError {
     /// A golden that is missing is missing on each path.
     fn cause(&self) -> String {
         match self {
-            Self::Golden { source, .. } if matches!(**source, GoldenError::Missing { .. }) => {
+            Self::Golden { cause, .. } if matches!(**cause, GoldenError::Missing { .. }) => {
                 "no golden".to_owned()
             }
             error => error.to_string(),

@@ -143,21 +143,21 @@ pub enum GoldenError {
         arguments: String,
     },
     /// The golden can't be read. It isn't overwritten.
-    #[error("the golden of frame `{case}` can't be used: {source}{}",
-        if matches!(source, ImageError::Corrupt { .. }) { "; restore it from version control" } else { "" })]
+    #[error("the golden of frame `{case}` can't be used: {cause}{}",
+        if matches!(cause, ImageError::Corrupt { .. }) { "; restore it from version control" } else { "" })]
     Unreadable {
         /// The golden.
         case: String,
         /// Why.
-        source: ImageError,
+        cause: ImageError,
     },
     /// The golden's metadata can't be used.
-    #[error("the golden of frame `{case}` can't be used: {source}")]
+    #[error("the golden of frame `{case}` can't be used: {cause}")]
     Provenance {
         /// The golden.
         case: String,
         /// Why.
-        source: ProvenanceError,
+        cause: ProvenanceError,
     },
     /// The frame differs.
     #[error(
@@ -189,22 +189,22 @@ pub enum GoldenError {
         pending: String,
     },
     /// The mask can't be used.
-    #[error("frame `{case}` can't be compared: {source}")]
+    #[error("frame `{case}` can't be compared: {cause}")]
     Mask {
         /// The golden.
         case: String,
         /// Why.
-        source: MaskError,
+        cause: MaskError,
     },
     /// The pending frame can't be written.
-    #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {source}")]
+    #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {cause}")]
     Pending {
         /// The golden.
         case: String,
         /// The failure that it would have shown.
         failure: String,
         /// Why.
-        source: ImageError,
+        cause: ImageError,
     },
 }
 
@@ -321,11 +321,11 @@ impl Goldens {
         let golden = match Reference::read(&file, frame.variance.is_some()) {
             Ok(golden) => Some(golden),
             Err(ReferenceError::Image(ImageError::Missing { .. })) => None,
-            Err(ReferenceError::Image(source)) => {
-                return Err(GoldenError::Unreadable { case: case(), source });
+            Err(ReferenceError::Image(cause)) => {
+                return Err(GoldenError::Unreadable { case: case(), cause });
             }
-            Err(ReferenceError::Provenance(source)) => {
-                return Err(GoldenError::Provenance { case: case(), source });
+            Err(ReferenceError::Provenance(cause)) => {
+                return Err(GoldenError::Provenance { case: case(), cause });
             }
         };
         let profile = (own && golden.is_some()).then_some(profile);
@@ -343,8 +343,8 @@ impl Goldens {
         let (golden, profile) = (shown(&loaded.file), loaded.profile.clone());
         let name = || case.to_owned();
         let difference = match compared {
-            Err(FrameDifference::Mask(source)) => {
-                return Err(GoldenError::Mask { case: name(), source });
+            Err(FrameDifference::Mask(cause)) => {
+                return Err(GoldenError::Mask { case: name(), cause });
             }
             Ok(margin) if loaded.golden.is_some() => {
                 if !frame.other_waits {
@@ -366,12 +366,12 @@ impl Goldens {
                 .as_ref()
                 .map(|difference| FrameFinding { base_passes, ..FrameFinding::from(difference) });
             let against = loaded.against(frame, finding);
-            let unwritten = |source| GoldenError::Pending {
+            let unwritten = |cause| GoldenError::Pending {
                 case: name(),
                 failure: difference
                     .as_ref()
                     .map_or("it has no golden".to_owned(), FrameDifference::to_string),
-                source,
+                cause,
             };
             Some(self.write_pending(case, frame, &against).map_err(unwritten)?)
         };

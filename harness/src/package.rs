@@ -535,7 +535,7 @@ impl Package {
             Origin::File { .. } => {
                 let folder = root.parent().filter(|folder| !folder.as_os_str().is_empty());
                 let folder = folder.unwrap_or(Path::new("."));
-                let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+                let unreadable = |cause| PackageError::Unreadable { file: shown(folder), cause };
                 let all = std::fs::read_dir(folder).map_err(unreadable)?;
                 let all = all.map(|entry| Ok(entry.map_err(unreadable)?.path()));
                 let mut all = all.collect::<Result<Vec<_>, PackageError>>()?;

@@ -308,7 +308,7 @@ impl Run {
         let path = file.display().to_string();
         let text = match std::fs::read_to_string(&file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            read => read.map_err(|source| RecordError::Read { path: path.clone(), source })?,
+            read => read.map_err(|cause| RecordError::Read { path: path.clone(), cause })?,
         };
         let bad = |reason: String| RecordError::Line { path: path.clone(), line: 1, reason };
         let run: Self = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
@@ -406,12 +406,12 @@ pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
 #[non_exhaustive]
 pub enum RecordError {
     /// The folder or a file can't be read.
-    #[error("can't read the record `{path}`: {source}")]
+    #[error("can't read the record `{path}`: {cause}")]
     Read {
         /// The folder or file.
         path: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// A line isn't a record of this version.
     #[error("`{path}` line {line} isn't a record of version {SCHEMA}: {reason}")]
@@ -461,8 +461,8 @@ impl Recorded {
         // A run that ends meanwhile removes no record that is being read.
         let last = || folder::last(folder).filter(|last| last.is_dir());
         let _turn = match last() {
-            Some(_) => Some(Turn::wait(folder, File::try_lock_shared).map_err(|source| {
-                RecordError::Read { path: folder.display().to_string(), source }
+            Some(_) => Some(Turn::wait(folder, File::try_lock_shared).map_err(|cause| {
+                RecordError::Read { path: folder.display().to_string(), cause }
             })?),
             None => None,
         };
@@ -503,7 +503,7 @@ pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
 fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
     let failed = |path: &Path| {
         let path = path.display().to_string();
-        move |source| RecordError::Read { path, source }
+        move |cause| RecordError::Read { path, cause }
     };
     let mut records = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed(folder))? {

@@ -195,8 +195,8 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
         .aov("levels", textured("levels"))
         .aov("missing", plain("no_such_function"));
     let error = frame.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("no golden");
-    let FrameError::Golden { source, .. } = &error else { panic!("{error}") };
-    let GoldenError::Missing { pending, .. } = &**source else { panic!("{error}") };
+    let FrameError::Golden { cause, .. } = &error else { panic!("{error}") };
+    let GoldenError::Missing { pending, .. } = &**cause else { panic!("{error}") };
     let ExrFile { parts, metadata } = ExrFile::read(pending.as_ref()).expect("written");
     let names: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
     assert_eq!(names, ["color", "levels"], "what can't be drawn is left out");

@@ -372,7 +372,7 @@ pub(crate) fn run() -> ExitCode {
         None => {}
         Some(Ok(code)) => return code,
         Some(Err(error)) => {
-            complain(&whole(&error));
+            complain(&format!("{error:#}"));
             return ExitCode::from(2);
         }
     }
@@ -390,7 +390,7 @@ pub(crate) fn run() -> ExitCode {
     };
     result.unwrap_or_else(|error| {
         if !error.is::<Reported>() {
-            complain(&whole(&error));
+            complain(&format!("{error:#}"));
         }
         ExitCode::from(if is_missing(&error) { 3 } else { 2 })
     })
@@ -537,19 +537,6 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// What went wrong and why, each cause once: many an error's text has its cause's in it already, so
-/// that those who print nothing else see it.
-fn whole(error: &anyhow::Error) -> String {
-    let mut causes = error.chain().map(ToString::to_string);
-    let first = causes.next().unwrap_or_default();
-    causes.fold(
-        first,
-        |text, cause| {
-            if text.contains(&cause) { text } else { format!("{text}: {cause}") }
-        },
-    )
-}
-
 /// Whether the error is that something isn't there, and not that it can't be used.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
@@ -577,15 +564,15 @@ mod tests {
 
     #[test]
     fn causes_are_told_once() {
+        let told = |error: &anyhow::Error| format!("{error:#}");
         let folder = || std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a folder");
-        let image = ImageError::Read { path: "a".to_owned(), source: folder() };
-        assert_eq!(whole(&image.into()), "can't read `a`: it is a folder");
+        let image = ImageError::Read { path: "a".to_owned(), cause: folder() };
+        assert_eq!(told(&image.into()), "can't read `a`: it is a folder");
         let accept =
-            AcceptError::Image(ImageError::Write { path: "a".to_owned(), source: folder() });
+            AcceptError::Image(ImageError::Write { path: "a".to_owned(), cause: folder() });
         let accept = anyhow::Error::from(accept).context("frame `scene`");
-        assert_eq!(whole(&accept), "frame `scene`: can't write `a`: it is a folder");
+        assert_eq!(told(&accept), "frame `scene`: can't write `a`: it is a folder");
         let context = anyhow!("no entry").context("it isn't a zip").context("can't use `a`");
-        assert_eq!(whole(&context), "can't use `a`: it isn't a zip: no entry");
-        assert_eq!(whole(&anyhow!("alone")), "alone");
+        assert_eq!(told(&context), "can't use `a`: it isn't a zip: no entry");
     }
 }

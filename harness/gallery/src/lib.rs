@@ -118,8 +118,8 @@ enum GalleryError {
             |name| format!("; did you mean `{name}`?"),
         ))]
     Unknown { name: String, nearest: Option<String>, names: Vec<String> },
-    #[error("can't write into `{folder}`: {source}")]
-    Out { folder: String, source: io::Error },
+    #[error("can't write into `{folder}`: {cause}")]
+    Out { folder: String, cause: io::Error },
     #[error(transparent)]
     Path(#[from] PathError),
     #[error(transparent)]
@@ -194,7 +194,7 @@ impl Gallery {
         let selected = self.select(arguments)?;
         let folder = arguments.out.clone().unwrap_or_else(output);
         let options = arguments.options(open(arguments.path)?);
-        prepare(&folder).map_err(|source| GalleryError::Out { folder: shown(&folder), source })?;
+        prepare(&folder).map_err(|cause| GalleryError::Out { folder: shown(&folder), cause })?;
         let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let mut failed = Vec::new();
         for entry in &selected {

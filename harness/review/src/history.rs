@@ -54,7 +54,7 @@ pub(super) enum VersionError {
     #[error("commit {0} has no such file")]
     Absent(String),
     #[error("it can't be unpacked: {0}")]
-    Unpacked(#[from] std::io::Error),
+    Unpacked(std::io::Error),
     #[error("{0}")]
     Damaged(String),
 }
@@ -88,8 +88,8 @@ fn read<T, E: Display>(
     let place = format!("{commit}:./{}", name.to_string_lossy());
     let bytes = git::bytes(folder, &["show", &place]);
     let bytes = bytes.ok_or_else(|| VersionError::Absent(commit.to_owned()))?;
-    let mut file = tempfile::NamedTempFile::new()?;
-    file.write_all(&bytes)?;
+    let mut file = tempfile::NamedTempFile::new().map_err(VersionError::Unpacked)?;
+    file.write_all(&bytes).map_err(VersionError::Unpacked)?;
     // The name of a temporary file says nothing to anybody.
     let unnamed =
         |error: String| error.replace(&karat::unstable::diagnostic::shown(file.path()), &place);

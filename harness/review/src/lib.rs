@@ -116,20 +116,20 @@ pub enum ReviewError {
     #[error(transparent)]
     Goldens(#[from] AcceptError),
     /// A file of an older page can't be removed.
-    #[error("can't remove `{path}`, which is of an older page: {source}")]
+    #[error("can't remove `{path}`, which is of an older page: {cause}")]
     Remove {
         /// The file.
         path: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// A file of the page can't be written.
-    #[error("can't write `{path}`: {source}")]
+    #[error("can't write `{path}`: {cause}")]
     Write {
         /// The file.
         path: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The server can't be started.
     #[error("can't serve the review on 127.0.0.1:{port}: {reason}")]
@@ -274,7 +274,7 @@ impl Review {
         let put = |name: &str, text: &str| {
             let path = folder.join(name);
             karat::unstable::image::write_whole(&path, text.as_bytes())
-                .map_err(|source| ReviewError::Write { path: shown(&path), source })
+                .map_err(|cause| ReviewError::Write { path: shown(&path), cause })
         };
         let pending = self.pending();
         let frames = pending.frames.iter().map(|frame| Entry::Pending(frame.case.clone()));
@@ -468,7 +468,7 @@ fn remove_data(folder: &Path, written: &BTreeSet<String>) -> Result<(), ReviewEr
             && commit.bytes().all(|c| c.is_ascii_hexdigit());
         if is_ours && !written.contains(&*name) {
             std::fs::remove_file(&path)
-                .map_err(|source| ReviewError::Remove { path: shown(&path), source })?;
+                .map_err(|cause| ReviewError::Remove { path: shown(&path), cause })?;
         }
     }
     Ok(())

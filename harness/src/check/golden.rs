@@ -178,7 +178,7 @@ impl Failure {
     fn with_golden(self, source: ValuesError) -> Self {
         match self {
             Self::Disagreement(differs) => {
-                Self::Golden { disagreement: Some(differs), source: Box::new(source) }
+                Self::Golden { disagreement: Some(differs), cause: Box::new(source) }
             }
             Self::Paths(mut paths) => {
                 let differs = |one: &Self| matches!(one, Self::Disagreement(_));

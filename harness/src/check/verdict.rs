@@ -55,12 +55,12 @@ pub enum Failure {
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
     /// Values differ from their golden, or there is none that they could be compared with.
-    #[error("{}{source}", disagreement.as_ref().map_or_else(String::new, ToString::to_string))]
+    #[error("{}{cause}", disagreement.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
         /// Which values differ.
         disagreement: Option<Box<Disagreement>>,
         /// What is wrong, and what to do.
-        source: Box<ValuesError>,
+        cause: Box<ValuesError>,
     },
     /// A declaration of a path doesn't hold, or names no bug.
     #[error(transparent)]
@@ -142,7 +142,7 @@ pub enum Failure {
 
 impl Failure {
     pub(super) fn golden(source: ValuesError) -> Self {
-        Self::Golden { disagreement: None, source: Box::new(source) }
+        Self::Golden { disagreement: None, cause: Box::new(source) }
     }
 }
 
@@ -151,7 +151,7 @@ impl Fails for Failure {
         match self {
             Self::Disagreement(_) | Self::Rejection(_) => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
-            Self::Golden { source, .. } => source.is_failure(),
+            Self::Golden { cause, .. } => cause.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
         }

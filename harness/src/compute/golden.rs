@@ -117,8 +117,8 @@ impl After<'_> {
                 let now = executors.iter().find(differing).map_or_else(first, |own| made(*own))?;
                 let (elements, failures) = (path.elements, path.failures);
                 let how = format!("{failures} of {elements} elements on {}", path.adapter.path);
-                let source = Box::new(left(now, Some((&golden, &how))));
-                Ok::<_, ComputeError>(ComputeError::Golden { difference: Some(difference), source })
+                let cause = Box::new(left(now, Some((&golden, &how))));
+                Ok::<_, ComputeError>(ComputeError::Golden { difference: Some(difference), cause })
             };
             match self.judged(&Assertion::Agrees(expected, tolerance.clone()), "matches", report) {
                 Ok(agreement) => {

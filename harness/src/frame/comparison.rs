@@ -121,7 +121,7 @@ impl Frame<'_> {
                 },
                 ..PathRecord::of(adapter.clone())
             };
-            let source = match compared {
+            let cause = match compared {
                 Ok(margin) => {
                     let asserted = match &margin.profile {
                         Some(profile) => format!("{}, golden of @{profile}", margin.tolerance),
@@ -132,10 +132,10 @@ impl Frame<'_> {
                     let record = PathRecord { cases, ratio, worst, asserted, ..record };
                     return Ok(Judged { record, values: Ok(margin) });
                 }
-                Err(source) => Box::new(source),
+                Err(cause) => Box::new(cause),
             };
             other_waits |= !known_issue;
-            match &*source {
+            match &*cause {
                 GoldenError::Differs { difference, .. } if difference.is_of_values() => {
                     let (worst, ratio) = match &**difference {
                         FrameDifference::Values(deviation) => deviation.worst_margin(),
@@ -143,18 +143,18 @@ impl Frame<'_> {
                     };
                     let failures = outliers(difference);
                     let record = PathRecord { failures, worst, ratio, ..record };
-                    Ok(Judged { record, values: Err(source) })
+                    Ok(Judged { record, values: Err(cause) })
                 }
                 // A frame of another size, a golden that is missing or can't be used: there are no values that
                 // could be compared.
-                _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), source }),
+                _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), cause }),
             }
         };
         let all = self.known_issues.conclude(case, &executors, false, records, on_path);
         let differ = |differing: Vec<(Adapter, Compared)>, _: &[(Adapter, Compared)]| {
             let differing = differing.into_iter().filter_map(|(adapter, compared)| {
                 let adapter = Box::new(adapter);
-                Some(FrameError::Golden { adapter, source: compared.err()? })
+                Some(FrameError::Golden { adapter, cause: compared.err()? })
             });
             differing.collect()
         };

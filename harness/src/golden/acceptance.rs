@@ -108,12 +108,12 @@ pub enum AcceptError {
         second: String,
     },
     /// A file's metadata can't be used.
-    #[error("`{path}` can't be used: {source}")]
+    #[error("`{path}` can't be used: {cause}")]
     Provenance {
         /// The file.
         path: String,
         /// Why.
-        source: ProvenanceError,
+        cause: ProvenanceError,
     },
     /// The frame was compared with goldens of another folder.
     #[error("`{case}` was compared with goldens of `{folder}`: name them with --goldens {folder}")]
@@ -348,7 +348,7 @@ fn write_golden(
     if size > TOO_LARGE {
         return Err(AcceptError::TooLarge { case: provenance.case.clone(), bytes: size });
     }
-    let failed = |path: &Path, source| ImageError::Write { path: shown(path), source };
+    let failed = |path: &Path, cause| ImageError::Write { path: shown(path), cause };
     let facts = (!is_table(path))
         .then(|| toml::to_string(provenance).expect("provenance is plain data").into_bytes());
     let sidecar = path.with_extension("toml");

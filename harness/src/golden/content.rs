@@ -39,7 +39,7 @@ impl Content {
         let ExrFile { parts, metadata } = ExrFile::read(file)?;
         let provenance = metadata.as_deref().map(Provenance::parse).transpose();
         let provenance =
-            provenance.map_err(|source| AcceptError::Provenance { path: path(), source })?;
+            provenance.map_err(|cause| AcceptError::Provenance { path: path(), cause })?;
         Ok((Self::Frame(parts), provenance))
     }
 

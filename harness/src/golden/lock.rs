@@ -22,7 +22,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 /// can't lock a folder.
 pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
     let file = place(folder);
-    let failed = |source: Error| ImageError::Write { path: shown(&file), source };
+    let failed = |cause: Error| ImageError::Write { path: shown(&file), cause };
     let opened = match OpenOptions::new().create(true).append(true).open(&file) {
         // Another user's, who may be using the same folder: reading suffices for a lock.
         Err(error) if error.kind() == ErrorKind::PermissionDenied => File::open(&file),

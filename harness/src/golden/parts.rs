@@ -16,8 +16,8 @@ pub(crate) const VARIANCE: &str = "color.variance";
 /// golden that was never made but one whose content isn't here.
 pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     let refused = |kind, what: &str| {
-        let source = Error::new(kind, what);
-        Err(ImageError::Read { path: shown(path), source })
+        let cause = Error::new(kind, what);
+        Err(ImageError::Read { path: shown(path), cause })
     };
     match path.metadata() {
         Ok(known) if !(known.is_file() || known.is_dir()) => {

@@ -254,8 +254,8 @@ impl Goldens {
 
     pub(super) fn remove(&self, pending: &Pending) -> Result<(), AcceptError> {
         remove_preview(&pending.path);
-        std::fs::remove_file(&pending.path).map_err(|source| {
-            AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
+        std::fs::remove_file(&pending.path).map_err(|cause| {
+            AcceptError::Image(ImageError::Write { path: shown(&pending.path), cause })
         })
     }
 }
@@ -288,8 +288,8 @@ fn find(
     let entries = match entries {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return,
-        Err(source) => {
-            let reason = ImageError::Read { path: shown(folder), source }.into();
+        Err(cause) => {
+            let reason = ImageError::Read { path: shown(folder), cause }.into();
             return unusable.push(Unusable { path: folder.to_owned(), reason });
         }
     };

@@ -58,12 +58,12 @@ pub enum TableError {
     #[error(transparent)]
     File(#[from] ImageError),
     /// Its facts can't be used.
-    #[error("`{path}` can't be used: {source}")]
+    #[error("`{path}` can't be used: {cause}")]
     Provenance {
         /// The file.
         path: String,
         /// Why.
-        source: ProvenanceError,
+        cause: ProvenanceError,
     },
     /// A line isn't what it should be.
     #[error("`{path}`:{line} {reason}")]
@@ -149,9 +149,9 @@ impl Table {
     pub fn read(file: &Path) -> Result<(Self, Provenance), TableError> {
         parts::check_file(file)?;
         let path = || shown(file);
-        let text = std::fs::read_to_string(file).map_err(|source| match source.kind() {
+        let text = std::fs::read_to_string(file).map_err(|cause| match cause.kind() {
             std::io::ErrorKind::NotFound => ImageError::Missing { path: path() },
-            _ => ImageError::Read { path: path(), source },
+            _ => ImageError::Read { path: path(), cause },
         })?;
         if text.starts_with("version https://git-lfs.github.com/spec/") {
             return Err(ImageError::LfsPointer { path: path() }.into());
@@ -161,7 +161,7 @@ impl Table {
             .take_while(|line| line.starts_with('#'))
             .map(|line| line[1..].trim_start().to_owned() + "\n")
             .collect();
-        let damaged = |source| TableError::Provenance { path: path(), source };
+        let damaged = |cause| TableError::Provenance { path: path(), cause };
         let provenance = Provenance::parse_toml(&facts).map_err(damaged)?;
         let Some(facts) = &provenance.table else {
             let reason = "its facts are those of no table".to_owned();

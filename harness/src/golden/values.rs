@@ -44,13 +44,13 @@ pub enum ValuesError {
         arguments: String,
     },
     /// The golden can't be used. It isn't overwritten.
-    #[error("the golden of the values `{case}` can't be used: {source}{}",
-        if matches!(source, TableError::File(_)) { "" } else { "; restore it from version control, or remove it and accept what its test makes" })]
+    #[error("the golden of the values `{case}` can't be used: {cause}{}",
+        if matches!(cause, TableError::File(_)) { "" } else { "; restore it from version control, or remove it and accept what its test makes" })]
     Unreadable {
         /// The golden.
         case: String,
         /// Why.
-        source: TableError,
+        cause: TableError,
     },
     /// The values differ.
     #[error("the values `{case}` differ from their golden `{golden}`: {difference}\n  {advice}")]
@@ -82,14 +82,14 @@ pub enum ValuesError {
         advice: &'static str,
     },
     /// The values can't be written.
-    #[error("the values `{case}` fail ({failure}), and can't be left to be looked at: {source}")]
+    #[error("the values `{case}` fail ({failure}), and can't be left to be looked at: {cause}")]
     Pending {
         /// The golden.
         case: String,
         /// The failure that they would have shown.
         failure: String,
         /// Why.
-        source: ImageError,
+        cause: ImageError,
     },
 }
 
@@ -119,7 +119,7 @@ impl Goldens {
         match Table::read(&self.values(case)) {
             Ok((table, _)) => Ok(Some(table)),
             Err(TableError::File(ImageError::Missing { .. })) => Ok(None),
-            Err(source) => Err(ValuesError::Unreadable { case: case.to_owned(), source }),
+            Err(cause) => Err(ValuesError::Unreadable { case: case.to_owned(), cause }),
         }
     }
 
@@ -224,10 +224,10 @@ impl Goldens {
         let path = self.pending_values(case);
         match write_whole(&path, table.text(&provenance).as_bytes()) {
             Ok(()) => Ok(Pending { case: case.to_owned(), path, provenance }),
-            Err(source) => Err(ValuesError::Pending {
+            Err(cause) => Err(ValuesError::Pending {
                 case: case.to_owned(),
                 failure: against.map_or("they have no golden", |(_, how)| how).to_owned(),
-                source: ImageError::Write { path: shown(&path), source },
+                cause: ImageError::Write { path: shown(&path), cause },
             }),
         }
     }

@@ -19,12 +19,12 @@ pub enum PackageError {
     #[error("the shader folder `{0}` has no .wgsl or .wesl file")]
     Empty(String),
     /// A module can't be read.
-    #[error("can't read `{file}`: {source}")]
+    #[error("can't read `{file}`: {cause}")]
     Unreadable {
         /// The file.
         file: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// A module isn't UTF-8.
     #[error("`{file}` isn't UTF-8 text: line {line} has an invalid byte; save the file as UTF-8")]

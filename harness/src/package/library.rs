@@ -527,8 +527,8 @@ impl Package {
 
 pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let file = shown(path);
-    let bytes = read_file(path)
-        .map_err(|source| PackageError::Unreadable { file: file.clone(), source })?;
+    let bytes =
+        read_file(path).map_err(|cause| PackageError::Unreadable { file: file.clone(), cause })?;
     match String::from_utf8(bytes) {
         Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),
         Ok(text) => Ok(SourceFile { name: file, text }),

@@ -132,7 +132,7 @@ fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Cl
 
 /// The files below a folder, relative to it and sorted, but for hidden ones.
 fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), PackageError> {
-    let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+    let unreadable = |cause| PackageError::Unreadable { file: shown(folder), cause };
     for entry in std::fs::read_dir(folder.join(below)).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
         let path = below.join(&name);

@@ -35,7 +35,7 @@ impl Contents {
     }
 
     fn enter(&mut self, folder: &Path, prefix: &str) -> Result<(), PackageError> {
-        let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+        let unreadable = |cause| PackageError::Unreadable { file: shown(folder), cause };
         if !self.entered.insert(folder.canonicalize().map_err(unreadable)?) {
             return Ok(());
         }

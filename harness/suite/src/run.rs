@@ -289,7 +289,7 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<Wrong>) -> Vec<Opti
 fn unbound(failure: &Failure) -> Option<String> {
     let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
     let error = match error {
-        FixtureError::Declared { source, .. } => &**source,
+        FixtureError::Declared { cause, .. } => &**cause,
         other => other,
     };
     let FixtureError::Missing { variable, kind } = error else { return None };

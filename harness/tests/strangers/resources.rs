@@ -473,11 +473,11 @@ fn errors_carry_their_source() {
     let package = package("", SAMPLED);
     let probed = karat::unstable::probe::Probed::new(&package, "f").expect("valid");
     let error = karat::unstable::executor::call(&probed, Path::CPU, &[vec![0, 0]], &Vec::new());
-    let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error
+    let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { cause, .. })) = error
     else {
         panic!("{error:?}");
     };
-    assert!(matches!(*source, karat::fixture::FixtureError::Missing { .. }));
+    assert!(matches!(*cause, karat::fixture::FixtureError::Missing { .. }));
 }
 
 /// GL filters 16-bit floats alone. What no sampler reads has all bits there, too.

@@ -107,9 +107,9 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
         Err(FrameError::Paths(paths)) => paths.failures.first(),
         result => result.as_ref().err(),
     };
-    if let Some(FrameError::Golden { source, .. }) = first
+    if let Some(FrameError::Golden { cause, .. }) = first
         && let GoldenError::Missing { pending, .. } | GoldenError::Differs { pending, .. } =
-            &**source
+            &**cause
     {
         let beside = project.pending("review_loop");
         if !beside.exists() {

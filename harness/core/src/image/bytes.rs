@@ -42,9 +42,9 @@ pub(super) fn found(bytes: &[u8]) -> &'static str {
 
 /// A file's bytes, if it can be an image.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
-    let failed = |source: Error| match source.kind() {
+    let failed = |cause: Error| match cause.kind() {
         ErrorKind::NotFound => ImageError::Missing { path: shown(path) },
-        _ => ImageError::Read { path: shown(path), source },
+        _ => ImageError::Read { path: shown(path), cause },
     };
     // Opening a folder succeeds on some systems, and is "permission denied" on others.
     if path.is_dir() {

@@ -38,12 +38,12 @@ pub enum ImageError {
         path: String,
     },
     /// The file can't be read.
-    #[error("can't read `{path}`: {source}")]
+    #[error("can't read `{path}`: {cause}")]
     Read {
         /// The file.
         path: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The file is a Git LFS pointer.
     #[error("`{path}` is a Git LFS pointer, not an image; run `git lfs pull`")]
@@ -79,12 +79,12 @@ pub enum ImageError {
         reason: &'static str,
     },
     /// The file can't be written.
-    #[error("can't write `{path}`: {source}")]
+    #[error("can't write `{path}`: {cause}")]
     Write {
         /// The file.
         path: String,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
 }
 

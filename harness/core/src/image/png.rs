@@ -56,7 +56,7 @@ impl Image {
     /// If `stops` isn't finite.
     pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
         assert!(stops.is_finite(), "an exposure of {stops} stops");
-        let failed = |source| ImageError::Write { path: shown(path), source };
+        let failed = |cause| ImageError::Write { path: shown(path), cause };
         let bytes = self.exposed(stops);
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.width, self.height);

@@ -38,7 +38,7 @@ pub(super) fn write(
     metadata: Option<&str>,
 ) -> Result<(), ImageError> {
     let bytes = bytes(path, layers, metadata)?;
-    write_whole(path, &bytes).map_err(|source| ImageError::Write { path: shown(path), source })
+    write_whole(path, &bytes).map_err(|cause| ImageError::Write { path: shown(path), cause })
 }
 
 /// The bytes of a file that is to be written there.
@@ -48,7 +48,7 @@ pub(super) fn bytes(
     metadata: Option<&str>,
 ) -> Result<Vec<u8>, ImageError> {
     check_names(layers)?;
-    let failed = |source| ImageError::Write { path: shown(path), source };
+    let failed = |cause| ImageError::Write { path: shown(path), cause };
     check_sizes(layers).map_err(failed)?;
     encode(layers, metadata).map_err(|error| failed(Error::other(error)))
 }
