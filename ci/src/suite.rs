@@ -137,7 +137,7 @@ fn strangers() -> Command {
 /// The suites of which `cargo ci test` runs a sample, whole.
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
-    test.args(["--test", "second_opinion", "--test", "translations"]);
+    test.args(["--test", "second_opinion", "--test", "translations", "--test", "review"]);
     test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);
     test
 }

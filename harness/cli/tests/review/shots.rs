@@ -1,4 +1,5 @@
-//! Pictures of each view at both sizes, in `target/karat/review`, to be looked at.
+//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full`, which sets
+//! `SUITES=whole`, draws all sizes, other runs one.
 
 use std::path::Path;
 
@@ -10,6 +11,12 @@ pub(crate) fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
     browser.settle(tab);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../karat/review");
     browser.screen(tab, Some(&folder.join(format!("{name}.png"))));
+}
+
+/// All sizes, or of a sample the last one.
+fn sizes<const COUNT: usize>(all: [(u32, u32); COUNT]) -> Vec<(u32, u32)> {
+    let whole = std::env::var("SUITES").is_ok_and(|value| value == "whole");
+    all[if whole { 0 } else { COUNT - 1 }..].to_vec()
 }
 
 #[test]
@@ -48,7 +55,7 @@ fn every_view_is_drawn() {
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
-    for (width, height) in [(1280, 720), (1920, 1080)] {
+    for (width, height) in sizes([(1920, 1080), (1280, 720)]) {
         browser.resize(&tab, width, height, 1.0);
         let views: [(&str, &[&str]); 11] = [
             ("diffuse-side", &["4"]),
@@ -125,7 +132,7 @@ fn every_width_is_drawn() {
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
     browser.wait(&tab, "karat.state.cases.every(({ thumb }) => thumb)");
-    for (width, height) in [(1400, 900), (1000, 700), (700, 900)] {
+    for (width, height) in sizes([(1400, 900), (1000, 700), (700, 900)]) {
         browser.resize(&tab, width, height, 1.0);
         for (name, keys) in [
             ("side", &["4"][..]),
