@@ -235,6 +235,10 @@ fn an_index_one_beyond_the_end() {
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
     assert_eq!(races(tail, 2)[0].kind, ViolationKind::Outside);
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
+    for (constant, kinds) in [("128", &[ViolationKind::Outside][..]), ("127", &[])] {
+        let seen = races(&format!("if id.x == 5u {{ data[{constant}] = 7u; }}"), 2);
+        assert_eq!(seen.iter().map(|one| one.kind).collect::<Vec<_>>(), kinds, "{constant}");
+    }
     // A tail whose writes clamp to the value that is there already.
     let tail = "data[min(id.x, 200u) + 64u] = 7u;";
     let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
@@ -419,6 +423,25 @@ fn an_append_whose_order_matters() {
     // Sets differ all the same.
     let other = after("groups", 8, "found").up_to_order().try_agrees_with([1_u32; 8], Abs(0.0));
     assert!(matches!(other, Err(ComputeError::Differs(_))));
+}
+
+/// Of any two invocations that write one atomic, in statements of their own, each may come last.
+#[test]
+fn an_order_of_two_invocations_that_matters() {
+    for (first, second) in [(31, 32), (32, 31), (0, 63), (63, 0), (5, 40), (40, 6), (17, 18)] {
+        let text = format!(
+            "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
+             @compute @workgroup_size(64) fn own(@builtin(local_invocation_index) i: u32) {{
+                 if i == {first}u {{ atomicStore(&last, 1u); }}
+                 if i == {second}u {{ atomicStore(&last, 2u); }}
+             }}"
+        );
+        let package = Package::from_source("last", text);
+        let passes =
+            package.compute().with("last", Storage::new([0_u32])).dispatch("own", [1, 1, 1]);
+        let seen = passes.after("last").unrecorded().try_agrees_with([2_u32], Abs(0.0));
+        assert!(matches!(seen, Err(ComputeError::Order(_))), "{first} and {second}: {seen:?}");
+    }
 }
 
 /// A device has subgroups of its own size, and a shader that counts on 32 is right by chance.

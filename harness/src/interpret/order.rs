@@ -16,16 +16,23 @@ const SUBGROUPS: [u32; 5] = [4, 64, 8, 32, 16];
 pub(crate) struct OrderOf(Schedule);
 
 impl OrderOf {
-    /// All swaps of an order: 0 is the reverse one.
-    pub(crate) fn whole(passes: &Passes, seed: u64) -> Self {
+    /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
+    /// their numbers and once backwards: any two of them meet in both orders, wherever their statements stand. The others
+    /// keep statements side by side.
+    pub(crate) fn whole(passes: &Passes, number: u64) -> Self {
+        let subgroup = SUBGROUPS[number as usize % SUBGROUPS.len()];
+        // The reverse order is that of the seed 0.
+        let (seed, serial) = match number {
+            1 | 2 => (0, true),
+            3 => (number, true),
+            _ => (number, false),
+        };
         let of_pass = passes.passes.iter().map(|pass| {
-            let (groups, together) = counts(pass, SUBGROUPS[seed as usize % SUBGROUPS.len()]);
+            let (groups, together) = counts(pass, subgroup);
             Schedule::whole(seed, groups, together).swaps
         });
-        // In two of them each invocation runs by itself from barrier to barrier: the others keep statements side by side.
-        let serial = matches!(seed, 1 | 2);
-        let subgroup = SUBGROUPS[seed as usize % SUBGROUPS.len()];
-        Self(Schedule { seed, swaps: of_pass.max().unwrap_or_default(), serial, subgroup })
+        let swaps = if number == 1 { 0 } else { of_pass.max().unwrap_or_default() };
+        Self(Schedule { seed, swaps, serial, subgroup })
     }
 
     /// The swaps that it is made of.

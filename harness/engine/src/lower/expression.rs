@@ -139,6 +139,11 @@ impl<'m> Lower<'m> {
                 None => Err(self.refuse("a variable that isn't used")),
             },
             Expression::AccessIndex { base, index } => match self.value(scope, base)? {
+                Value::Place(place) if place.has_no_length() => {
+                    let index = self.constant(Scalar::U32, index);
+                    back!();
+                    self.element_place(&place, index, false).map(Value::Place)
+                }
                 Value::Place(place) => {
                     back!();
                     self.component_place(&place, index).map(Value::Place)

@@ -56,6 +56,11 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
+    /// True of an array that is as long as its buffer: a constant index may lie beyond it, too.
+    pub(super) fn has_no_length(&self) -> bool {
+        matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
+    }
+
     /// The registers of a variable's scalars, where no index moves them.
     pub(super) fn registers(&self, scalars: &[Scalar], extra: Counts) -> Rc<[Reg]> {
         let Root::Local { base, .. } = self.root else { return Rc::new([]) };
