@@ -8,7 +8,7 @@ use crate::diagnostic::text_hash;
 use crate::dispatch::{DispatchError, Passes};
 use crate::executor::{self, Executor};
 use crate::golden::{Column, Goldens, Made, Table, other_columns};
-use crate::run::or_panic;
+use crate::run::{Identity, Replayed, or_panic};
 use crate::tolerance::Tolerance;
 use crate::value::Shape;
 
@@ -90,7 +90,11 @@ impl After<'_> {
                 }
             };
             let Some(golden) = golden else {
-                self.expect_no_violations(&passes, report)?;
+                let function = self.last_entry_point();
+                let identity = Identity::of(function, "after.matches")?;
+                let replayed = Replayed { case: 0, steps: &[], input: None };
+                let again = identity.replay(None, 0, function, &identity.check, replayed);
+                self.expect_no_violations(&passes, report, &again)?;
                 return Err(left(first()?, None).into());
             };
             // The verdict below reports what stops this path.

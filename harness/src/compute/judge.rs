@@ -277,8 +277,10 @@ impl After<'_> {
         {
             *location = span.to_string();
         }
-        self.expect_no_violations(&passes, report)?;
-        self.expect_no_order(assertion, &passes, (number, &element), report)?;
+        let replayed = || Replayed { case: 0, steps: &[], input: None };
+        let again = identity.replay(None, 0, function, &identity.check, replayed());
+        self.expect_no_violations(&passes, report, &again)?;
+        self.expect_no_order(assertion, &passes, (number, &element), report, &again)?;
         let has_subgroups = passes.has_subgroups();
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();
@@ -311,9 +313,8 @@ impl After<'_> {
                 subgroups: executor.subgroups().filter(|_| has_subgroups),
                 ..PathRecord::of(adapter.clone())
             };
-            let replayed = Replayed { case: 0, steps: &[], input: None };
             let selectable = compute.executors.is_empty().then_some(path);
-            let replay = identity.replay(selectable, 0, function, &identity.check, replayed);
+            let replay = identity.replay(selectable, 0, function, &identity.check, replayed());
             Ok(Judged { record, values: Outcome { elements, sum, replay } })
         };
         let all = compute.known_issues.conclude(

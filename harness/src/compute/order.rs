@@ -10,7 +10,7 @@ use super::{After, ComputeError};
 use crate::dispatch::{DispatchError, Passes};
 use crate::interpret::{OrderOf, in_order_of};
 use crate::probe::ProbeError;
-use crate::record::Fault;
+use crate::record::{Fault, Replay};
 use crate::run::Report;
 use crate::settings;
 use crate::value::Shape;
@@ -57,11 +57,14 @@ pub struct OrderDependence {
     pub subgroup: Option<u32>,
     /// The first element that is wrong then.
     pub element: Option<Element>,
+    /// The command that tries the orders again.
+    pub replay: Replay,
 }
 
 impl OrderDependence {
     pub(super) fn fault(&self) -> Fault {
-        Fault { headline: self.headline(), ..Fault::of(&self.to_string()) }
+        let (headline, replay) = (self.headline(), Some(self.replay.clone()));
+        Fault { headline, replay, ..Fault::default() }
     }
 
     fn headline(&self) -> String {
@@ -93,7 +96,8 @@ impl fmt::Display for OrderDependence {
             f,
             "  = WGSL promises no order, and each driver has its own. A barrier may be missing. If the order is meant not to matter, \
              compare elements up to it (`up_to_order`), or allow for sums of floats with a tolerance"
-        )
+        )?;
+        writeln!(f, "  replay: {}", self.replay)
     }
 }
 
@@ -124,6 +128,7 @@ impl After<'_> {
         passes: &Passes,
         (number, element): (usize, &Shape),
         report: &mut Report,
+        replay: &Replay,
     ) -> Result<(), ComputeError> {
         let Some(watched) = report.watched.as_mut().filter(|one| one.reason.is_empty()) else {
             return Ok(());
@@ -181,6 +186,7 @@ impl After<'_> {
                 swap: order.last(passes),
                 subgroup: passes.has_subgroups().then_some(order.subgroup()),
                 element: judged(Some(order))?.shown.into_iter().next(),
+                replay: replay.clone(),
             })));
         }
         watched.orders = orders;

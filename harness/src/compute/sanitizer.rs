@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
 use crate::interpret;
 use crate::package::Package;
-use crate::record::Fault;
+use crate::record::{Fault, Replay};
 use crate::run::Report;
 
 /// Messages that are shown whole. Several lines often have one cause.
@@ -54,13 +54,16 @@ impl Accepted {
 pub struct Violations {
     /// Each pair of accesses once, with the first element that has it.
     pub all: Vec<Violation>,
+    /// The command that looks through the passes again.
+    pub replay: Replay,
     messages: Vec<Diagnostic>,
 }
 
 impl Violations {
     pub(super) fn fault(&self) -> Fault {
         let first = &self.messages[0];
-        Fault { violations: self.all.clone(), ..Fault::of(&first.message).at(Some(first)) }
+        let (violations, replay) = (self.all.clone(), Some(self.replay.clone()));
+        Fault { violations, replay, ..Fault::of(&first.message).at(Some(first)) }
     }
 }
 
@@ -70,9 +73,10 @@ impl fmt::Display for Violations {
             write!(f, "{}{message}", if at == 0 { "" } else { "\n\n" })?;
         }
         match self.messages.len().saturating_sub(SHOWN) {
-            0 => Ok(()),
-            more => write!(f, "\n\n{more} more of the same passes"),
+            0 => {}
+            more => write!(f, "\n\n{more} more of the same passes")?,
         }
+        write!(f, "\n  replay: {}", self.replay)
     }
 }
 
@@ -123,6 +127,7 @@ impl After<'_> {
         &self,
         passes: &Passes,
         report: &mut Report,
+        replay: &Replay,
     ) -> Result<(), ComputeError> {
         let accepted = &self.compute.accepted;
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
@@ -149,7 +154,8 @@ impl After<'_> {
         let (all, messages): (Vec<_>, Vec<_>) =
             violations.into_iter().filter(|(one, _)| one.kind.fails() && !is_meant(one)).unzip();
         if !all.is_empty() {
-            return Err(ComputeError::Violations(Box::new(Violations { all, messages })));
+            let replay = replay.clone();
+            return Err(ComputeError::Violations(Box::new(Violations { all, replay, messages })));
         }
         // Passes that weren't looked through whole may have the race elsewhere.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };

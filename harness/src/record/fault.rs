@@ -23,6 +23,9 @@ pub struct Fault {
     /// Violations of compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
+    /// The command that runs a check again whose fault is no path's, as that of passes whose invocations race.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub replay: Option<Replay>,
 }
 
 /// The fault of one path.
@@ -113,9 +116,9 @@ impl Fault {
     }
 
     /// The commands that run failing cases again: for each path that of the worst case, then that of the
-    /// simplest one.
+    /// simplest one; and that of a fault that is no path's.
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
-        self.paths.iter().flat_map(PathFault::replays)
+        self.paths.iter().flat_map(PathFault::replays).chain(&self.replay)
     }
 }
 

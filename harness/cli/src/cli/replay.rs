@@ -55,7 +55,9 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
 
 /// The command that replays the simplest case of a failure, of the first path that has one.
 fn command(record: &Record) -> Option<&Replay> {
-    record.fault.as_ref()?.paths.iter().find_map(|fault| fault.replays().last())
+    let fault = record.fault.as_ref()?;
+    let of_path = fault.paths.iter().find_map(|fault| fault.replays().last());
+    of_path.or(fault.replay.as_ref())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {

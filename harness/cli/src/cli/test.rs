@@ -54,6 +54,10 @@ pub(super) struct Args {
     /// Paths that must run
     #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
     require: Option<String>,
+    /// Orders of invocations in which compute passes run before a test of them is judged [default: 32, or 3 above 4,096
+    /// invocations]
+    #[arg(long, value_name = "COUNT")]
+    schedules: Option<u64>,
     /// Leave frames out, which need a driver
     #[arg(long)]
     no_frames: bool,
@@ -600,6 +604,7 @@ impl<'a> Asked<'a> {
         command.env("KARAT_RECORD", record);
         command.envs(args.no_frames.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
+        command.envs(args.schedules.map(|count| ("KARAT_SCHEDULES", count.to_string())));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
         let mut told = false;
         let above = progress.line();

@@ -455,3 +455,24 @@ depth_write = false
         assert!(ran.code != Some(0) && ran.out.contains(part), "{to}: {ran:?}");
     }
 }
+
+/// A result that depends on an order fails, by orders that can be left out, and is run again by its name.
+#[test]
+fn an_order_that_matters_is_replayed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shader = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
+@compute @workgroup_size(64) fn own(@builtin(local_invocation_index) i: u32) {
+    if i == 31u { atomicStore(&last, 1u); }
+    if i == 32u { atomicStore(&last, 2u); }
+}
+";
+    write(folder.path(), "m.wgsl", shader);
+    let declared = "[[compute]]\nentry = \"own\"\nworkgroups = [1, 1, 1]\nwith = { last = 0 }\n[compute.after.last]\nequals = 2\n";
+    write(folder.path(), "m.test.toml", declared);
+    karat(folder.path(), &["test", ".", "--schedules", "0"]).good();
+    let failed = karat(folder.path(), &["test", "."]);
+    assert!(failed.out.contains("local (31, 0, 0) and (32, 0, 0) change places"), "{failed:?}");
+    let replayed = karat(folder.path(), &["replay"]);
+    assert!(replayed.out.contains("depends on the order of invocations"), "{replayed:?}");
+    assert_eq!((failed.code, replayed.code), (Some(1), Some(1)), "{replayed:?}");
+}
