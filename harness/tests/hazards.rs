@@ -764,3 +764,44 @@ fn long_loops_are_told_from_those_without_an_end() {
     let spins = nested("0u", "j >= 0u");
     assert!(is_endless(&spins), "{spins:#?}");
 }
+
+/// A derivative that some pixels of a quad take, and some don't, is whatever a driver makes of it.
+#[test]
+fn derivatives_want_a_whole_quad() {
+    let parted = |body: &str| {
+        let text = format!(
+            "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
+             @group(0) @binding(2) var<uniform> flags: u32;\n\
+             fn drawn(uv: vec2f, on: bool) -> vec4f {{ if on {{ return textureSample(t, s, uv); }} return vec4f(0.0); }}\n\
+             @fragment fn f(@location(0) uv: vec2f, @location(1) @interpolate(flat) kind: u32) -> @location(0) vec4f {{\n\
+             {body}\n}}"
+        );
+        let hazards =
+            Package::from_source("planted", text).hazards().run().expect("it is looked at");
+        let mut all = hazards.found.into_iter();
+        all.find(|one| one.kind == Kind::Barrier).map(|one| (one.text, one.function))
+    };
+    for (body, text) in [
+        (
+            "var c = vec4f(0.0); if uv.x > 0.5 { c = textureSample(t, s, uv); } return c;",
+            "textureSample(t, s, uv)",
+        ),
+        ("if uv.x > 0.5 { return vec4f(0.0); } return vec4f(dpdx(uv.y));", "dpdx(uv.y)"),
+        ("return drawn(uv, uv.y > 0.5);", "textureSample(t, s, uv)"),
+        (
+            "var c = vec4f(0.0); for (var x = 0.0; x < uv.x; x += 0.1) { c += vec4f(fwidth(uv.x)); } return c;",
+            "fwidth(uv.x)",
+        ),
+    ] {
+        assert_eq!(parted(body), Some((text.to_owned(), "f".to_owned())), "{body}");
+    }
+    for body in [
+        "let c = textureSample(t, s, uv); if uv.x > 0.5 { return c; } return vec4f(0.0);",
+        "if uv.x > 0.5 { discard; } return textureSample(t, s, uv);",
+        "return drawn(uv, (flags & 1u) != 0u);",
+        "return drawn(uv, kind == 1u);",
+        "if uv.x > 0.5 { return textureSampleLevel(t, s, uv, 0.0); } return vec4f(0.0);",
+    ] {
+        assert_eq!(parted(body), None, "{body}");
+    }
+}

@@ -317,12 +317,20 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.show(observer, at, case, (&registers[..1], &registers[1..2]));
                     }
                 }
-                Op::Neighbour(neighbour) => self.floats.write(registers[0], |floats, out| {
-                    let of = floats.get(registers[1]);
-                    for (lane, out) in out.iter_mut().enumerate() {
-                        *out = of[neighbour.of(lane)];
+                Op::Neighbour(neighbour) => {
+                    if SEEN {
+                        let active = self.active();
+                        self.report_where(observer, instruction, case, Fault::Parted, |lane| {
+                            !A::possible(active[neighbour.of(lane)])
+                        });
                     }
-                }),
+                    self.floats.write(registers[0], |floats, out| {
+                        let of = floats.get(registers[1]);
+                        for (lane, out) in out.iter_mut().enumerate() {
+                            *out = of[neighbour.of(lane)];
+                        }
+                    });
+                }
                 Op::CompareFloat(_)
                 | Op::CompareInt(..)
                 | Op::And

@@ -37,6 +37,9 @@ pub enum Fault {
     Conversion,
     /// The low edge of `clamp` is above the high one, or that of `smoothstep` isn't below it.
     Order,
+    /// A derivative is taken, or a texture sampled by one, where another pixel of the quad isn't: WGSL leaves open what it is
+    /// (15.2, *derivative_uniformity*).
+    Parted,
 }
 
 /// A [`Fault`] in one case.

@@ -33,7 +33,8 @@ pub enum Kind {
     Wrapped,
     /// Nothing orders two accesses of an element.
     Race,
-    /// Some invocations of a workgroup don't reach a barrier, or some of a subgroup its operation.
+    /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
+    /// derivative.
     Barrier,
     /// An integer is divided by zero.
     ByZero,
@@ -90,7 +91,8 @@ impl Kind {
                 "nothing orders these two accesses of an element: each driver has an order of its own"
             }
             Self::Barrier => {
-                "WGSL wants each invocation of a workgroup to reach a barrier, and of a subgroup its operation (15.2)"
+                "WGSL wants each invocation of a workgroup to reach a barrier, of a subgroup its operation, and of a quad a \
+                 derivative, `textureSample`'s too (15.2)"
             }
             Self::EqualWrites => "nothing orders two writes of the same value",
             Self::Unwritten => {
@@ -250,6 +252,7 @@ pub(super) fn kind_of(fault: Fault) -> Kind {
         Fault::Division => Kind::ByZero,
         Fault::Conversion => Kind::Saturated,
         Fault::Order => Kind::EdgesReversed,
+        Fault::Parted => Kind::Barrier,
     }
 }
 

@@ -209,6 +209,7 @@ impl<'m> Lower<'m> {
                 let scalars = self.scalars(&self.type_of(scope, expr))?;
                 let half = scalars.first() == Some(&Scalar::F16);
                 let registers = self.flat(scope, expr)?;
+                back!();
                 let of = |register| self.derivative(axis, register, half);
                 let derivatives: Vec<Reg> =
                     registers.iter().copied().map(of).collect::<Lowered<_>>()?;

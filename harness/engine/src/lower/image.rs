@@ -137,6 +137,7 @@ impl<'m> Lower<'m> {
                             _ => None,
                         };
                         let at = self.flat(scope, coordinate)?;
+                        (self.site, self.span) = (site, span);
                         for axis in [DerivativeAxis::X, DerivativeAxis::Y] {
                             for register in at.iter() {
                                 let mut change = self.derivative(axis, *register, false)?;
