@@ -663,6 +663,15 @@ fn compute_passes_are_looked_through() {
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
                    loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";
     assert!(of_kind(&look(endless), Kind::Endless).location.contains(":3:"));
+    // As many invocations as a fixed array has elements fit into it, and one more never does.
+    let fixed = |index: &str| {
+        look(&format!(
+            "@group(0) @binding(0) var<storage, read_write> data: array<u32, 64>;\n\
+             @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) id: vec3u) {{ data[{index}] = id.x; }}"
+        ))
+    };
+    assert!(fixed("id.x").found.is_empty(), "a host dispatches one workgroup");
+    assert!(of_kind(&fixed("id.x + 1u"), Kind::OutOfRange).location.contains(":2:"));
     // Contents that are drawn may repeat an index: told, as a guess.
     let hazards = of("data[order[i]] = f32(i);");
     let mut rare = hazards.rare.iter();

@@ -96,6 +96,9 @@ pub struct Violation {
     /// True of a race in the memory of a workgroup, whose size no host says.
     #[serde(skip)]
     pub(crate) in_workgroup: bool,
+    /// True of an index beyond an array of a fixed length: how many workgroups there are decides whether it leaves.
+    #[serde(skip)]
+    pub(crate) of_fixed_length: bool,
     /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
     /// index the first that leaves.
     pub accesses: Vec<ViolationAccess>,

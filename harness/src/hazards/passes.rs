@@ -46,6 +46,17 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 surely.extend(all.map(|(one, at)| (place_of(&one, &at).0, kind_of(one.kind))));
             }
         }
+        // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
+        let mut of_one_workgroup = BTreeSet::new();
+        if examined.violations.iter().any(|(one, _)| one.of_fixed_length) {
+            let one = Some([1, 1, 1]);
+            if let Ok((passes, _)) =
+                Passes::arbitrary(package, name, one, ranges, (variant, &Vec::new()))
+            {
+                let all = examine_made_up(&passes).violations.into_iter();
+                of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
+            }
+        }
         let members = made.members.iter().take(MEMBERS).cloned();
         let described = |invocation: String| {
             let invocation = (INVOCATION.to_owned(), invocation);
@@ -125,7 +136,9 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
                 }
                 _ => variant < Extents::LIKELY,
             };
-            let likely = likely && !by_size && !of_content;
+            let by_dispatch = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length)
+                && !of_one_workgroup.contains(&hazard.location);
+            let likely = likely && !by_size && !by_dispatch && !of_content;
             let to = if likely { &mut found } else { &mut rare };
             let hidden = hazard.hidden;
             let known = to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);

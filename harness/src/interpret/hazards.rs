@@ -83,7 +83,9 @@ impl Kind {
     pub fn about(self) -> &'static str {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
-            Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
+            Self::OutOfRange => {
+                "the index leaves its array: WGSL lets a read give any element or zero, and a write change any or none"
+            }
             Self::Wrapped => {
                 "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
             }

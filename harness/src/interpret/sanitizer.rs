@@ -295,7 +295,7 @@ fn violation(
     accesses: Vec<ViolationAccess>,
 ) -> Violation {
     let (variable, element) = (String::new(), String::new());
-    let (by_size, in_workgroup) = (false, false);
+    let (by_size, in_workgroup, of_fixed_length) = (false, false, false);
     let entry_point = pass.name.clone();
     Violation {
         headline,
@@ -306,6 +306,7 @@ fn violation(
         count,
         by_size,
         in_workgroup,
+        of_fixed_length,
         accesses,
     }
 }
@@ -423,7 +424,8 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         _ => ViolationKind::Outside,
     };
     let violation = violation(pass, kind, (headline, one.count), accesses);
-    (Violation { by_size, ..violation }, diagnostic)
+    let of_fixed_length = one.bounds == Bounds::Fixed;
+    (Violation { by_size, of_fixed_length, ..violation }, diagnostic)
 }
 
 fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagnostic) {
