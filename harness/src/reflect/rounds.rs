@@ -24,15 +24,21 @@ use crate::diagnostic::Span;
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
-    /// How many barriers there are in all functions and entry points.
+    /// How many barriers there are in an entry point and in what it calls.
     #[cfg(feature = "routes")]
-    pub(crate) fn barriers(&self) -> usize {
-        let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
-        let entries = self.checked.module.entry_points.iter().map(|entry| &entry.function.body);
+    pub(crate) fn barriers(&self, entry_point: &str) -> usize {
+        let module = &self.checked.module;
+        let entry = module.entry_points.iter().find(|entry| entry.name == entry_point);
+        let (mut open, mut seen) = (Vec::from_iter(entry.map(|entry| &entry.function)), Vec::new());
         let mut count = 0;
-        for body in functions.chain(entries) {
-            walk(body, false, &mut |statement, _, _| {
-                count += usize::from(matches!(statement, Statement::ControlBarrier(_)));
+        while let Some(function) = open.pop() {
+            walk(&function.body, false, &mut |statement, _, _| match statement {
+                Statement::ControlBarrier(_) => count += 1,
+                Statement::Call { function, .. } if !seen.contains(function) => {
+                    seen.push(*function);
+                    open.push(&module.functions[*function]);
+                }
+                _ => {}
             });
         }
         count
