@@ -74,6 +74,13 @@ data[id.x] = tile[i];"
     assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
+    // The barrier at the end is the one that is missing, though one stands between both lines.
+    let late = scan("workgroupBarrier();").replace("left;\n    workgroupBarrier();", "left;");
+    let package = Package::from_source("races", format!("{HEAD}{late}\n}}\n"));
+    let compute = package.compute().with("data", Storage::new((0..64_u32).map(|i| i + 1)));
+    let after = compute.dispatch("main", [1, 1, 1]).after("data").unrecorded();
+    let seen = after.try_satisfies("is anything", |_: &[u32]| true).expect_err("it races");
+    assert!(seen.to_string().contains("at the loop's end, too"), "{seen}");
 }
 
 #[test]

@@ -259,8 +259,10 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         _ => "storageBarrier",
     };
     let note = if !race.one_workgroup {
-        "nothing orders two workgroups of a dispatch: use an atomic, or write in one pass and read in the next"
-            .to_owned()
+        let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
+        format!(
+            "nothing orders two workgroups of a dispatch: {atomic}write in one pass and read in the next, or into another resource"
+        )
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
         match kind {
             ViolationKind::ReadWrite => format!(
@@ -269,6 +271,11 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
             ),
             _ => "let one invocation write the element, or use an atomic".to_owned(),
         }
+    } else if is_behind(&race.first, &race.second) {
+        format!(
+            "the second access is of a later round of the loop, and a barrier between both lines orders those of one round: put \
+             a `{barrier}()` at the loop's end, too"
+        )
     } else {
         format!(
             "only barriers order the invocations of a workgroup: a `{barrier}()` between both does"
@@ -285,6 +292,12 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let in_workgroup = race.binding.is_none();
     let violation = violation(pass, kind, (headline, race.elements), accesses.map(access).into());
     (Violation { variable, element, by_size, in_workgroup, ..violation }, diagnostic)
+}
+
+/// True if the access that came first stands behind the other one: a loop lies around both.
+fn is_behind(first: &Access, second: &Access) -> bool {
+    let [first, second] = [first, second].map(|access| access.site.span.to_range());
+    first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
 }
 
 /// A violation of no element.
