@@ -79,11 +79,12 @@ pub enum DispatchError {
     },
     /// No pass writes a resource of that name.
     #[error("no pass writes `{name}`{}",
-        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+        nearest.as_ref().map_or_else(|| ": assert what passes write".to_owned(),
+            |name| format!("; did you mean `{name}`?")))]
     NotWritten {
         /// What was asked for.
         name: String,
-        /// The closest one that is written.
+        /// The closest one that is written; `None` if passes only read a resource of that name.
         nearest: Option<String>,
     },
     /// No pass uses a buffer of that name.
@@ -351,8 +352,10 @@ impl Passes {
         let Some(number) = found else {
             let written = (0..self.resources.len()).filter_map(|number| self.writer(number));
             let known: Vec<&str> = written.map(|(_, binding)| binding.name()).collect();
-            let nearest = crate::diagnostic::nearest(name, known).map(str::to_owned);
-            return Err(DispatchError::NotWritten { name: name.to_owned(), nearest });
+            let is_read = (0..self.resources.len()).any(|number| is_it(&number));
+            let nearest = crate::diagnostic::nearest(name, known).filter(|_| !is_read);
+            let (name, nearest) = (name.to_owned(), nearest.map(str::to_owned));
+            return Err(DispatchError::NotWritten { name, nearest });
         };
         let (pass, binding) = self.writer(number).expect("it is written");
         let count = probe::count(&pass.program, binding, &self.resources[number].fixture)?;

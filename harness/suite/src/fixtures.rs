@@ -212,6 +212,56 @@ impl Layer {
     }
 }
 
+/// Texels of a texture that a file declares without an image, at most: as many as 4096 x 4096 are.
+const MOST_TEXELS: u64 = 1 << 24;
+
+/// Layers of a size, `{ size = [50, 5] }`: of zeros, or of what `value` says all texels are.
+fn sized(kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
+    if let Some(other) = table.keys().find(|key| !["size", "value"].contains(&key.as_str())) {
+        return Err(format!(
+            "`{other}` is nothing of a texture: it has a `size`, and a `value` of all texels"
+        ));
+    }
+    let count = match kind.dimension {
+        Dimension::D1 => 1,
+        Dimension::D2 if !kind.arrayed => 2,
+        Dimension::Cube if !kind.arrayed => 1,
+        _ => 3,
+    };
+    let wrong = || {
+        let sides = ["[width]", "[width, height]", "[width, height, layers]"][count - 1];
+        format!("the `size` of a {kind} is {sides}, each from 1")
+    };
+    let side = |value: &Value| {
+        value.as_integer().and_then(|side| u32::try_from(side).ok()).filter(|side| *side > 0)
+    };
+    let list = table.get("size").and_then(Value::as_array).filter(|list| list.len() == count);
+    let sides: Option<Vec<u32>> = list.ok_or_else(wrong)?.iter().map(side).collect();
+    let sides = sides.ok_or_else(wrong)?;
+    let width = sides[0];
+    let (height, layers) = match kind.dimension {
+        Dimension::D1 => (1, 1),
+        Dimension::Cube => {
+            (sides.get(1).copied().unwrap_or(width), sides.get(2).map_or(6, |count| 6 * count))
+        }
+        _ => (sides[1], sides.get(2).copied().unwrap_or(1)),
+    };
+    let all = [width, height, layers]
+        .iter()
+        .fold(1_u64, |all, side| all.saturating_mul(u64::from(*side)));
+    if all > MOST_TEXELS {
+        return Err(format!("it has {all} texels, and {MOST_TEXELS} at most without an image"));
+    }
+    let value = match table.get("value") {
+        None => [0.0; 4],
+        Some(value) => {
+            texel(value).ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?
+        }
+    };
+    let texels = vec![value; (width * height) as usize];
+    Ok((0..layers).map(|_| Layer { width, height, texels: texels.clone() }).collect())
+}
+
 fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, String> {
     if let (BindingKind::TEXTURE_CUBE, Value::String(file)) = (BindingKind::Texture(kind), value) {
         let map = CubeMap::from_image(&image(file, folder, kind.texels)?, FACE);
@@ -227,6 +277,7 @@ fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, S
             let layer = |_| Layer { width: SIDE, height, texels: texels.clone() };
             (0..count).map(layer).collect()
         }
+        (None, Value::Table(table)) => sized(kind, table)?,
         (None, Value::Array(list)) if several && !list.is_empty() => list
             .iter()
             .map(|value| Layer::of(value, folder, kind.texels))
@@ -244,7 +295,7 @@ fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, S
                 _ => "the name of an image",
             };
             return Err(format!(
-                "a {kind} is {listed}, a number, or a colour: a list of 3 or 4 numbers"
+                "a {kind} is {listed}, a number, a colour, which is a list of 3 or 4 numbers, or a size of zeros, `{{ size = [64, 64] }}`"
             ));
         }
     };
@@ -541,6 +592,9 @@ mod tests {
             ("texture_3d<f32>", "0.25"),
             ("texture_cube<f32>", "[1, 1, 1]"),
             ("texture_depth_cube", "0.5"),
+            ("texture_2d<f32>", "{ size = [50, 5] }"),
+            ("texture_3d<f32>", "{ size = [4, 3, 2], value = [1, 0, 0] }"),
+            ("texture_cube<f32>", "{ size = [8], value = 1 }"),
         ] {
             bound(declared, value).unwrap_or_else(|error| panic!("{declared}: {error}"));
         }
@@ -554,6 +608,11 @@ mod tests {
             ("texture_2d<f32>", "\"missing.exr\"", "missing.exr"),
             ("texture_3d<f32>", "true", "a list of images"),
             ("texture_3d<f32>", "[[1], true]", "true is no image"),
+            ("texture_2d<f32>", "{ size = [50] }", "is [width, height], each from 1"),
+            ("texture_2d<f32>", "{ size = [50, 0] }", "is [width, height], each from 1"),
+            ("texture_2d<f32>", "{ size = [50, 5], value = true }", "its `value` is a number"),
+            ("texture_2d<f32>", "{ sise = [50, 5] }", "`sise` is nothing of a texture"),
+            ("texture_2d<f32>", "{ size = [65536, 65536] }", "16777216 at most"),
         ] {
             let error = bound(declared, value).expect_err(declared);
             assert!(error.contains(part), "{declared}: {error}");
