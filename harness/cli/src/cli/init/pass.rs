@@ -2,7 +2,7 @@
 
 use karat::Package;
 use karat::unstable::package::FunctionItem;
-use karat::unstable::reflect::{BindingKind, Program, Stage};
+use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage};
 use karat::value::{Scalar, Shape};
 
 /// Elements of arrays without a length, at least.
@@ -11,8 +11,8 @@ const LEAST: u32 = 64;
 /// Elements of an array with a length that a test spells out.
 const SPELLED: u32 = 16;
 
-/// The declarations that are tried, the most telling first. None if a resource isn't a buffer, or nothing is
-/// written.
+/// The declarations that are tried, the most telling first. None if a resource is neither a buffer nor a storage texture, or
+/// nothing is written.
 pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
     declared(package, item).unwrap_or_default()
 }
@@ -31,6 +31,16 @@ fn declared(package: &Package, item: &FunctionItem) -> Option<Vec<String>> {
     let elements = invocations.max(LEAST);
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
+        if let BindingKind::StorageTexture { dimension: Dimension::D2, arrayed: false, .. } =
+            binding.kind
+        {
+            let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
+            with.push(format!("{} = {{ size = [{width}, {height}] }}", binding.name()));
+            if binding.kind.is_written() {
+                written.push((binding.name().to_owned(), true));
+            }
+            continue;
+        }
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             return None;
         }
