@@ -273,7 +273,7 @@ fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let spheres_apart = if whole { 1 } else { 3 };
     let asked = |index: usize| {
         let sphere = index / 3;
-        index % 3 == sphere / spheres_apart % 3 && sphere % spheres_apart == 0
+        index % 3 == sphere / spheres_apart % 3 && sphere.is_multiple_of(spheres_apart)
     };
     // What these estimate isn't the integral: it is blurred, or a product of two.
     let unbiased = !filtered && name != "split_sum";

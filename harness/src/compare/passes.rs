@@ -300,7 +300,7 @@ mod tests {
             )
         };
         let [before, after] =
-            ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", &text(guard)));
+            ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", text(guard)));
         let all = Request::new(before, after).run().expect("both are valid");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
