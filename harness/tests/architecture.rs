@@ -504,7 +504,7 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
 }
 
 /// Names that the library keeps: types, functions, methods, traits and macros. Each one more is kept for good.
-const MOST_PROMISED: usize = 480;
+const MOST_PROMISED: usize = 481;
 
 /// Test authors see each item used that the library promises to keep.
 #[test]

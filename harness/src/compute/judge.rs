@@ -143,8 +143,9 @@ pub struct Element {
 /// ```
 /// use karat::unstable::compute::Place;
 ///
-/// let second = Place::of_element(5, ".x");
-/// assert_eq!(second.to_string(), "[5].x");
+/// let texel = Some("[3, 1]".to_owned());
+/// let place = Place::Element { index: 9, component: ".x".to_owned(), texel };
+/// assert_eq!(place.to_string(), "[3, 1].x");
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -163,8 +164,7 @@ pub enum Place {
 
 impl Place {
     /// An element of a buffer.
-    #[must_use]
-    pub fn of_element(index: usize, component: &str) -> Self {
+    pub(super) fn of_element(index: usize, component: &str) -> Self {
         Self::Element { index, component: component.to_owned(), texel: None }
     }
 }

@@ -670,7 +670,7 @@ fn is_called(path: &str, name: &str) -> bool {
 }
 
 fn named(index: usize, component: &str, actual: String, expected: String) -> Element {
-    let place = Place::of_element(index, component);
+    let place = Place::Element { index, component: component.to_owned(), texel: None };
     Element { place, actual, expected, error: String::new() }
 }
 
