@@ -2,7 +2,7 @@
 //!
 //! | for | is |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]` |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, and `value` |
 //! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
@@ -22,7 +22,7 @@ use karat::unstable::diagnostic::read_file;
 use karat::unstable::domain::{Dynamic, Numbering, Stream};
 use karat::unstable::made_up::Ranges;
 use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
-use karat::value::Shape;
+use karat::value::{Scalar, Shape};
 use karat::{CubeMap, Image, Sampler, Texture};
 use toml::Value;
 
@@ -437,16 +437,29 @@ fn buffer(
         };
         return buffer(program, binding, &value, Path::new("")).map_err(|error| inside(&error));
     }
-    if let Some((size, lanes)) = spread(program, binding, value)? {
-        let shape = program.buffer_of(binding, size).ok_or("no values are known for it")?;
-        debug_assert_eq!(shape.lanes().len(), lanes.len());
-        let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
-        return Ok(Buffer::from_bytes(bytes).into());
-    }
     let is_list = |shape: &Shape| matches!(shape, Shape::Array { .. });
     let unknown = || format!("no values are known for a {}", binding.kind);
-    // An array without a length has as many elements as the list; in a structure it is the last member.
     let plain = program.buffer_of(binding, 0).ok_or_else(unknown)?;
+    match (&plain, value) {
+        (Shape::Array { element, length }, Value::Table(table)) => {
+            let lanes = spread(binding.name(), (element, *length), table)?;
+            let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
+            return Ok(Buffer::from_bytes(bytes).into());
+        }
+        // `{ count = 0, items = { size = 150 } }`
+        (Shape::Struct { members, .. }, Value::Table(table)) => {
+            if let Some((name, Shape::Array { element, length: 0 })) = members.last()
+                && let Some(Value::Table(own)) = table.get(name)
+            {
+                let lanes = spread(name, (element, 0), own)?;
+                let mut table = table.clone();
+                table.insert(name.clone(), listed_lanes(element, &lanes));
+                return buffer(program, binding, &Value::Table(table), folder);
+            }
+        }
+        _ => {}
+    }
+    // An array without a length has as many elements as the list; in a structure it is the last member.
     let elements = match (&plain, value) {
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             let last = members.last().filter(|(_, shape)| is_list(shape));
@@ -490,20 +503,28 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// An array that says its size, unless the shader does, and what its elements are drawn from: `{ size = 256, range = "0..1" }`;
-/// without a range they are 0. `None` if the value says something else.
+/// Lanes of elements as a list that a person could have written.
+fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
+    let scalars = element.lanes();
+    let one = |(word, scalar): (&u32, &Scalar)| match scalar {
+        Scalar::Bool => Value::Boolean(*word != 0),
+        Scalar::I32 => Value::Integer(i64::from(word.cast_signed())),
+        Scalar::U32 => Value::Integer(i64::from(*word)),
+        Scalar::F32 | Scalar::F16 => Value::Float(scalar.decode(*word)),
+    };
+    Value::Array(lanes.iter().zip(scalars.iter().cycle()).map(one).collect())
+}
+
+/// The lanes of an array that says its size, unless the shader does, and what its elements are drawn from:
+/// `{ size = 256, range = "0..1" }`; without a range they are 0.
 fn spread(
-    program: &Program,
-    binding: &Binding,
-    value: &Value,
-) -> Result<Option<(usize, Vec<u32>)>, String> {
+    name: &str,
+    (element, length): (&Shape, u32),
+    table: &toml::Table,
+) -> Result<Vec<u32>, String> {
     /// As many words as a buffer may have on every device: 128 MiB.
     const MOST: usize = 1 << 25;
-    let plain = program.buffer_of(binding, 0);
-    let (Some(Shape::Array { element, length }), Value::Table(table)) = (&plain, value) else {
-        return Ok(None);
-    };
-    let fixed = Some(*length as usize).filter(|length| *length > 0);
+    let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "range", "seed"];
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(no_such("key", unknown, known));
@@ -535,10 +556,10 @@ fn spread(
     let Some(range) = table.get("range") else {
         return match table.contains_key("seed") {
             true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
-            false => Ok(Some((size, vec![0; size * width]))),
+            false => Ok(vec![0; size * width]),
         };
     };
-    let parameter = (binding.name().to_owned(), (**element).clone());
+    let parameter = (name.to_owned(), element.clone());
     let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
     let domain = Dynamic::new(&[parameter], vec![parts]);
     let numbering = Numbering::of(&domain, seed, size as u64, size as u64);
@@ -548,7 +569,7 @@ fn spread(
         return Err("nothing lies in that range".to_owned());
     }
     // A range of few values gives each of them once.
-    Ok(Some((size, rows.iter().copied().cycle().take(size * width).collect())))
+    Ok(rows.iter().copied().cycle().take(size * width).collect())
 }
 
 #[cfg(test)]
@@ -616,6 +637,32 @@ mod tests {
         ] {
             let error = bound(declared, value).expect_err(declared);
             assert!(error.contains(part), "{declared}: {error}");
+        }
+    }
+
+    /// A counter and what it counts, as passes append.
+    #[test]
+    fn the_last_array_of_a_structure_has_a_size() {
+        let text = "struct All { count: u32, items: array<vec2f> }
+                    @group(0) @binding(0) var<storage> v: All; fn f() -> f32 { return v.items[0].x; }";
+        let probed = Probed::new(&Package::from_source("bound", text), "f").expect("it is valid");
+        let of = |value: &str| {
+            let table: toml::Table = format!("v = {value}").parse().expect("TOML");
+            fixture(probed.program(), &probed.function().bindings[0], &table["v"], Path::new(""))
+        };
+        for value in [
+            "{ count = 0, items = { size = 150 } }",
+            "{ count = 1, items = { size = 3, range = \"-1..1\" } }",
+        ] {
+            of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
+        }
+        for (value, part) in [
+            ("{ count = 0, items = { size = 0 } }", "is no number of elements"),
+            ("{ count = 0, items = { sise = 2 } }", "did you mean `size`?"),
+            ("{ items = { size = 2 } }", "count"),
+        ] {
+            let error = of(value).expect_err(value);
+            assert!(error.contains(part), "{value}: {error}");
         }
     }
 
