@@ -1,7 +1,7 @@
 //! `cargo ci full`: the suites that are too long for each change.
 //!
-//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of the shader library's modules; of the second opinion
-//! some pixels, and of the translations some modules.
+//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of five of the shader library's modules; of the second
+//! opinion some pixels, of the translations some modules, and of the review's pictures some sizes.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -103,8 +103,8 @@ impl Sum {
         let mut page = format!(
             "# The whole suite on SwiftShader alone\n\n\
              `cargo ci full` runs every test of the project with SwiftShader as the only driver, and writes this \
-             page. A workflow does so once a week; `cargo ci test` runs the tests of the shader library's modules \
-             there.\n\n\
+             page. A workflow does so once a week; `cargo ci test` runs the tests of five of the shader library's \
+             modules there.\n\n\
              | driver | passed | failed | ignored |\n|---|---|---|---|\n| {driver} | {passed} | {} | {ignored} |\n",
             failed.len()
         );
