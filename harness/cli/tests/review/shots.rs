@@ -1,5 +1,5 @@
-//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full` draws all of them, `cargo
-//! ci test` each view at one size.
+//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full`, which sets
+//! `SUITES=whole`, draws all sizes, other runs one.
 
 use std::path::Path;
 
@@ -13,7 +13,12 @@ pub(crate) fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
     browser.screen(tab, Some(&folder.join(format!("{name}.png"))));
 }
 
-#[ignore = "`cargo ci full` draws it"]
+/// All sizes, or of a sample the last one.
+fn sizes<const COUNT: usize>(all: [(u32, u32); COUNT]) -> Vec<(u32, u32)> {
+    let whole = std::env::var("SUITES").is_ok_and(|value| value == "whole");
+    all[if whole { 0 } else { COUNT - 1 }..].to_vec()
+}
+
 #[test]
 fn files_and_maps_are_drawn() {
     let project = Project::with_frames();
@@ -46,39 +51,34 @@ fn files_and_maps_are_drawn() {
 
 #[test]
 fn every_view_is_drawn() {
-    draw_views(1280, 720);
-}
-
-#[ignore = "`cargo ci full` draws it"]
-#[test]
-fn every_view_is_drawn_large() {
-    draw_views(1920, 1080);
-}
-
-fn draw_views(width: u32, height: u32) {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
-    browser.resize(&tab, width, height, 1.0);
-    let views: [(&str, &[&str]); 11] = [
-        ("diffuse-side", &["4"]),
-        ("furnace-actual", &["j", "2"]),
-        ("new", &["j", "j", "4"]),
-        ("scene-side", &["k"]),
-        ("scene-swipe", &["5", "m"]),
-        ("scene-difference", &["3", "m", "m", "m"]),
-        ("scene-false-colour", &["4", "f"]),
-        ("scene-worst", &["f", "w", "t"]),
-        ("scene-pixels", &["t", "z", "1"]),
-        ("help", &["Z", "4", "?"]),
-        ("accept", &["Escape", "a"]),
-    ];
-    for (name, keys) in views {
-        for key in keys {
+    for (width, height) in sizes([(1920, 1080), (1280, 720)]) {
+        browser.resize(&tab, width, height, 1.0);
+        let views: [(&str, &[&str]); 11] = [
+            ("diffuse-side", &["4"]),
+            ("furnace-actual", &["j", "2"]),
+            ("new", &["j", "j", "4"]),
+            ("scene-side", &["k"]),
+            ("scene-swipe", &["5", "m"]),
+            ("scene-difference", &["3", "m", "m", "m"]),
+            ("scene-false-colour", &["4", "f"]),
+            ("scene-worst", &["f", "w", "t"]),
+            ("scene-pixels", &["t", "z", "1"]),
+            ("help", &["Z", "4", "?"]),
+            ("accept", &["Escape", "a"]),
+        ];
+        for (name, keys) in views {
+            for key in keys {
+                browser.press(&tab, key);
+            }
+            shoot(&mut browser, &tab, &format!("{name}-{width}"));
+        }
+        for key in ["Escape", "k", "k"] {
             browser.press(&tab, key);
         }
-        shoot(&mut browser, &tab, &format!("{name}-{width}"));
     }
 }
 
@@ -115,7 +115,6 @@ fn choices_faults_and_many_frames_are_drawn() {
 }
 
 /// What the second edition has, at the widths that people have, dark and light, and by touch.
-#[ignore = "`cargo ci full` draws it"]
 #[test]
 fn every_width_is_drawn() {
     let project = Project::with_frames();
@@ -133,7 +132,7 @@ fn every_width_is_drawn() {
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
     browser.wait(&tab, "karat.state.cases.every(({ thumb }) => thumb)");
-    for (width, height) in [(1400, 900), (1000, 700), (700, 900)] {
+    for (width, height) in sizes([(1400, 900), (1000, 700), (700, 900)]) {
         browser.resize(&tab, width, height, 1.0);
         for (name, keys) in [
             ("side", &["4"][..]),
@@ -176,7 +175,6 @@ fn every_width_is_drawn() {
 }
 
 /// Where cases come from: a repository with a record, goldens and functions that fail.
-#[ignore = "`cargo ci full` draws it"]
 #[test]
 fn origins_are_drawn() {
     let project = Project::with_frames();
