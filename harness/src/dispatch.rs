@@ -280,20 +280,20 @@ impl Passes {
         Ok(Self { passes, resources })
     }
 
-    /// One pass over buffers, each with the bytes that it holds before. The entry point is named as in the text.
+    /// One pass over resources. The entry point is named as in the text.
     #[cfg(feature = "routes")]
     pub(crate) fn over(
         program: Arc<Program>,
         entry_point: &str,
         workgroups: [u32; 3],
-        buffers: &[(Binding, Vec<u8>)],
+        resources: &[(Binding, Fixture)],
     ) -> Self {
-        let held = |(binding, bytes): &(Binding, Vec<u8>)| Held {
+        let bindings = (0..).zip(resources).map(|(n, (binding, _))| (binding.clone(), n)).collect();
+        let held = |(binding, fixture): &(Binding, Fixture)| Held {
             name: binding.path.clone(),
-            fixture: fixture::Buffer::from_bytes(bytes.clone()).into(),
+            fixture: fixture.clone(),
         };
-        let resources = buffers.iter().map(held).collect();
-        let bindings = (0..).zip(buffers).map(|(n, (binding, _))| (binding.clone(), n)).collect();
+        let resources = resources.iter().map(held).collect();
         let (name, entry_point) = (entry_point.to_owned(), entry_point.to_owned());
         Self { passes: vec![Pass { name, program, entry_point, workgroups, bindings }], resources }
     }

@@ -257,24 +257,23 @@ pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, Str
     Ok(Resources::made_of(probed, ranges, 0, Content::Plain)?.fixtures)
 }
 
-/// Bytes for each buffer of an entry point, the same on each column; or the resource that there are
-/// none for. An array whose length the shader doesn't say has an element for each invocation.
+/// What each resource of an entry point holds, the same on each column; or the resource that nothing is made up for. An
+/// array whose length the shader doesn't say has an element for each invocation.
 #[cfg(feature = "routes")]
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
     ranges: &Ranges,
     invocations: usize,
-) -> Result<Vec<(Binding, Vec<u8>)>, String> {
+) -> Result<Vec<(Binding, Fixture)>, String> {
     // More words than a buffer may have are refused below.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
-        let kind = binding.kind;
-        if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
-            return Err(format!(
-                "it uses `{}`, a {kind}, and entry points are run with buffers alone",
-                binding.path
-            ));
+        if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
+            let made = texture_or_sampler(binding, Content::Plain, 0, None);
+            let none =
+                || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
+            return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
         let bytes = Resources::default().buffer((program, binding, elements), ranges, 0)?;
         if bytes.len() > MOST_BYTES {
@@ -284,7 +283,7 @@ pub(crate) fn data(
                 bytes.len()
             ));
         }
-        Ok((binding.clone(), bytes))
+        Ok((binding.clone(), Buffer::from_bytes(bytes).into()))
     };
     bindings.iter().map(one).collect()
 }

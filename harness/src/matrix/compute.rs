@@ -5,10 +5,11 @@ use super::{Buffer, Cell, Request, Status, Stop};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::executor;
+use crate::fixture::{self, Fixture};
 use crate::interpret::strays;
 use crate::path::{self, Api, Device, Path, Via};
 use crate::probe::ProbeError;
-use crate::reflect::{Binding, BindingKind, Watched};
+use crate::reflect::{Binding, BindingKind, Texels, Watched};
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
@@ -60,18 +61,22 @@ pub(super) fn run_entry_point_on_each(
         }
     }
     let before = passes.map_or_else(|_| Vec::new(), initial);
-    // Buffers that nobody has written agree on each column, and show nothing.
+    // What nobody has written agrees on each column, and shows nothing.
     if ran.iter().all(|(_, words)| *words == before) {
         for (index, _) in &ran {
-            let what = if before.is_empty() { "it writes no buffer" } else { UNCHANGED };
+            let what = if before.is_empty() { "it writes nothing" } else { UNCHANGED };
             cells[*index].stopped = Some(Stop::NothingToCompare(what.to_owned()));
         }
         return;
     }
     let Some(((first, expected), others)) = ran.split_first() else { return };
-    let differs =
-        |at: &usize, actual: &[u32]| !same_word(expected[*at], actual[*at], &request.within);
-    // The same buffers were read back on each. Only where they differ is it asked what may.
+    let steps = passes.map_or_else(|_| Vec::new(), steps);
+    let differs = |at: &usize, actual: &[u32]| {
+        let (was, is) = (expected[*at], actual[*at]);
+        let step = steps.get(*at).copied().unwrap_or_default();
+        !same_word(was, is, &request.within) && !is_next(was, is, step)
+    };
+    // The same resources were read back on each. Only where they differ is it asked what may.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {
@@ -88,14 +93,14 @@ pub(super) fn run_entry_point_on_each(
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             cell.stopped = Some(Stop::Differs(format!(
-                "{} of {compared} words of its buffers differ from `{baseline}`: word {place} is \
+                "{} of {compared} words that it leaves differ from `{baseline}`: word {place} is \
                  {:#010x}, there {:#010x}",
                 places.len(),
                 actual[*place],
                 expected[*place]
             )));
         } else if compared == 0 {
-            let none = "WGSL leaves open what each word of its buffers is".to_owned();
+            let none = "WGSL leaves open what each word that it leaves is".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));
         } else {
             cell.status = Some(Status::Agrees);
@@ -158,13 +163,12 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let bound = program.compute_entry_point(entry_point).map(|(bindings, _)| bindings);
     // Another entry point of the module may have the loops.
     let Some(count) = bound.into_iter().flatten().find(is_count) else { return Ok(()) };
-    let bytes = |(binding, held): &(Binding, usize)| {
-        let bytes = passes.resources[*held].fixture.bytes(&program, binding);
-        Ok((binding.clone(), bytes.expect("it is a buffer")?))
+    let held = |(binding, held): &(Binding, usize)| {
+        (binding.clone(), passes.resources[*held].fixture.clone())
     };
-    let mut buffers = bindings.iter().map(bytes).collect::<Result<Vec<_>, DispatchError>>()?;
-    buffers.push((count, vec![0; 4 * loops.len()]));
-    let counted = Passes::over(program.into(), entry_point, *workgroups, &buffers);
+    let mut resources: Vec<_> = bindings.iter().map(held).collect();
+    resources.push((count, fixture::Buffer::zeros(4 * loops.len()).into()));
+    let counted = Passes::over(program.into(), entry_point, *workgroups, &resources);
     // After so few rounds no driver leaves a loop by itself.
     let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
     let (_, counts) = afterwards.last().expect("the counts are written");
@@ -178,20 +182,23 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     Err(DispatchError::Rounds(Box::new(diagnostic)))
 }
 
-const UNCHANGED: &str = "with made-up data it changes no word of its buffers";
+const UNCHANGED: &str = "with made-up data it changes no word of its buffers and textures";
 
-/// The buffers that may be written, with their words before.
+/// The resources that may be written, with their words before: of a texture four a texel.
 fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
     let Pass { program, bindings, .. } = pass(passes);
-    let writable = BindingKind::Storage { writable: true };
-    bindings.iter().filter(move |(binding, _)| binding.kind == writable).map(|(binding, held)| {
-        let bytes = passes.resources[*held].fixture.bytes(program, binding);
+    bindings.iter().filter(|(binding, _)| binding.kind.is_written()).map(|(binding, held)| {
+        let fixture = &passes.resources[*held].fixture;
+        if let Some(level) = fixture.view().and_then(|view| view.levels.first()) {
+            return (binding, level.words.iter().flatten().copied().collect());
+        }
+        let bytes = fixture.bytes(program, binding);
         let bytes = bytes.and_then(Result::ok).expect("it is a buffer of its own size");
         (binding, bytemuck::pod_collect_to_vec(&bytes))
     })
 }
 
-/// The words of the buffers that may be written, before they are.
+/// The words of the resources that may be written, before they are.
 fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
@@ -208,10 +215,26 @@ fn open(passes: &Passes, expected: &[u32]) -> Vec<bool> {
     open
 }
 
+/// The step between two numbers of each word: of texels that are stored as fractions of a whole number, as two columns
+/// may round a number between two of them to either one; of others 0.
+fn steps(passes: &Passes) -> Vec<f32> {
+    let of = |(binding, words): (&Binding, Vec<u32>)| {
+        let step = match binding.kind {
+            BindingKind::StorageTexture { format, .. } => format.step(),
+            _ => 0.0,
+        };
+        std::iter::repeat_n(step, words.len())
+    };
+    writable(passes).flat_map(of).collect()
+}
+
 /// Which of these words are floats.
 fn floats(passes: &Passes) -> Vec<bool> {
     let program = &pass(passes).program;
-    let of_buffer = |(binding, words): (&Binding, Vec<u32>)| {
+    let of_resource = |(binding, words): (&Binding, Vec<u32>)| {
+        if let BindingKind::StorageTexture { format, .. } = binding.kind {
+            return vec![format.texels() == Texels::Float; words.len()];
+        }
         // As many elements as there may be words: what is beyond the data is cut off.
         let marked = program.buffer_of(binding, words.len()).and_then(|shape| {
             let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
@@ -219,9 +242,9 @@ fn floats(passes: &Passes) -> Vec<bool> {
         });
         let mut marks: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
         marks.resize(words.len(), 0);
-        marks.into_iter().map(|word| word == u32::MAX)
+        marks.into_iter().map(|word| word == u32::MAX).collect()
     };
-    writable(passes).flat_map(of_buffer).collect()
+    writable(passes).flat_map(of_resource).collect()
 }
 
 /// Whether a driver may not compile an entry point with so many barriers in time. llvmpipe takes more than 40 s for vello's
@@ -235,9 +258,19 @@ fn is_slow(device: &Device, barriers: usize) -> bool {
 }
 
 impl Buffer {
-    pub(super) fn of((binding, bytes): (Binding, Vec<u8>)) -> Self {
-        Self { group: binding.group, binding: binding.binding, bytes }
+    /// `None` of a texture or a sampler.
+    pub(super) fn of((binding, fixture): &(Binding, Fixture)) -> Option<Self> {
+        let Fixture::Buffer(buffer) = fixture else { return None };
+        let bytes = buffer.bytes.clone();
+        Some(Self { group: binding.group, binding: binding.binding, bytes })
     }
+}
+
+/// True of two floats that are at most a step apart.
+fn is_next(expected: u32, actual: u32, step: f32) -> bool {
+    /// Of the step: fractions of 255 and the like are rounded themselves.
+    const ROUNDED: f32 = 1.001;
+    step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
 
 /// Whether two words of a buffer are the same number. It isn't known which of them are floats: a pair

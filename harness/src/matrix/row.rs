@@ -42,7 +42,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                 let ran = passes.as_ref().map(|(passes, _)| passes);
                 run_entry_point_on_each(request, ran, &mut cells);
                 if let (Ok((_, data)), true) = (passes, cells.iter().any(Cell::differs)) {
-                    buffers = data.into_iter().map(super::Buffer::of).collect();
+                    buffers = data.iter().filter_map(super::Buffer::of).collect();
                 }
             }
             // The translation is that of the entry point; what runs calls it as a function.

@@ -111,6 +111,22 @@ impl Format {
         }
     }
 
+    /// The step between two numbers that it holds, of formats that hold fractions of a whole number; of others 0.
+    #[cfg(feature = "routes")]
+    pub(crate) fn step(self) -> f32 {
+        let name = self.name();
+        let most = match () {
+            () if name.contains("8unorm") => 255.0,
+            () if name.contains("8snorm") => 127.0,
+            () if name.contains("16unorm") => 65_535.0,
+            () if name.contains("16snorm") => 32_767.0,
+            // That of its alpha, which has two bits, is larger.
+            () if name.contains("10a2unorm") => 1023.0,
+            () => return 0.0,
+        };
+        1.0 / most
+    }
+
     /// WGSL's name: `rgba8unorm`.
     #[must_use]
     pub fn name(self) -> String {
