@@ -28,8 +28,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
-use crate::diagnostic::{Diagnostic, nearest};
-use crate::dispatch::Violation;
+use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
 use crate::interpret::Interpreted;
 pub use crate::interpret::hazards::Kind;
 use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, add_fine};
@@ -109,7 +109,7 @@ pub struct Hazard {
     pub lowered: Option<Lowered>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// Of a compute pass what the sanitizer found.
+    /// What the sanitizer found in a compute pass, or who doesn't come to a derivative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
@@ -536,7 +536,7 @@ impl Look<'_> {
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
-                            violation: None,
+                            violation: violation(self.name, one),
                         };
                         (hazard, false)
                     });
@@ -639,6 +639,23 @@ fn operands(found: &Found) -> Vec<String> {
     const MOST: usize = 8;
     let all = Some(&found.operands).filter(|all| all.len() <= MOST);
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
+}
+
+/// Of a derivative who comes to it, and who parts from them where.
+fn violation(function: &str, found: &Found) -> Option<Violation> {
+    let (pixel, parted) = found.missing.as_ref()?;
+    let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
+        place: span.to_string(),
+        invocation: invocation.to_owned(),
+        does: does.to_owned(),
+    };
+    let missing = match parted {
+        Some(parted) => access(parted, pixel, "goes another way here"),
+        None => access(&found.span, pixel, "doesn't"),
+    };
+    let accesses = vec![access(&found.span, "the pixel", "reaches it"), missing];
+    let headline = format!("`{function}` takes a derivative that {pixel} doesn't reach");
+    Some(Violation::new(function, ViolationKind::Barrier, (headline, 1), accesses))
 }
 
 fn one_line(text: &str) -> String {

@@ -350,6 +350,19 @@ fn author_of(program: &Program, site: &karat_engine::Site) -> Option<(Span, Stri
     Some((span, text))
 }
 
+/// The first line of a statement, a condition or an access.
+fn statement_of(program: &Program, site: &karat_engine::Site) -> Option<Span> {
+    let mut span = program.resolve(site.span.to_range()?)?;
+    // Of the condition of a `for` naga keeps the space before it.
+    let text = span.file.text.get(span.range.clone())?;
+    span.range.start += text.len() - text.trim_start().len();
+    // Of a call naga keeps the name alone.
+    if let Some(whole) = whole_call(&span.file.text, span.range.clone()) {
+        span.range.end = span.range.start + whole.len();
+    }
+    Some(span.first_line())
+}
+
 /// The idiom that an operation is, if it is one.
 fn idiom_of(program: &Program, site: &karat_engine::Site) -> Option<Idiom> {
     program.idiom(&site.function, site.expression?.index())

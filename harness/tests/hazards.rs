@@ -786,23 +786,49 @@ fn derivatives_want_a_whole_quad() {
              {body}\n}}"
         );
         let hazards =
-            Package::from_source("planted", text).hazards().run().expect("it is looked at");
+            Package::from_source("planted", text.clone()).hazards().run().expect("it is looked at");
         let mut all = hazards.found.into_iter();
-        all.find(|one| one.kind == Kind::Barrier).map(|one| (one.text, one.function))
+        let one = all.find(|one| one.kind == Kind::Barrier)?;
+        let [_, missing] = &*one.violation?.accesses else { panic!("two pixels") };
+        let place = missing.place.split(':').skip(1).map(|number| number.parse::<usize>().unwrap());
+        let [line, column] = place.collect::<Vec<_>>()[..] else { panic!("{}", missing.place) };
+        let rest = text.lines().nth(line - 1).unwrap()[column - 1..].to_owned();
+        Some((one.text, one.function, missing.invocation.clone(), rest))
     };
-    for (body, text) in [
+    for (body, text, parts) in [
         (
             "var c = vec4f(0.0); if uv.x > 0.5 { c = textureSample(t, s, uv); } return c;",
             "textureSample(t, s, uv)",
+            "if uv.x > 0.5",
         ),
-        ("if uv.x > 0.5 { return vec4f(0.0); } return vec4f(dpdx(uv.y));", "dpdx(uv.y)"),
-        ("return drawn(uv, uv.y > 0.5);", "textureSample(t, s, uv)"),
+        (
+            "if uv.x > 0.5 { return vec4f(0.0); } return vec4f(dpdx(uv.y));",
+            "dpdx(uv.y)",
+            "return vec4f(0.0)",
+        ),
+        ("return drawn(uv, uv.y > 0.5);", "textureSample(t, s, uv)", "if on"),
         (
             "var c = vec4f(0.0); for (var x = 0.0; x < uv.x; x += 0.1) { c += vec4f(fwidth(uv.x)); } return c;",
             "fwidth(uv.x)",
+            "x < uv.x",
+        ),
+        (
+            "var c = vec4f(0.0); switch u32(8.0 * uv.y) { case 1u: { c = vec4f(dpdy(uv.x)); } default: {} } return c;",
+            "dpdy(uv.x)",
+            "switch u32(",
+        ),
+        (
+            "var x = 0.0; loop { x += dpdx(uv.y); continuing { x += 0.125; break if x > uv.x; } } return vec4f(x);",
+            "dpdx(uv.y)",
+            "x > uv.x",
         ),
     ] {
-        assert_eq!(parted(body), Some((text.to_owned(), "f".to_owned())), "{body}");
+        let found = parted(body);
+        let Some((of, function, missing, rest)) = &found else { panic!("{body}") };
+        assert_eq!((&**of, &**function), (text, "f"), "{body}");
+        let is_neighbour = ["the pixel to its right", "the pixel below it"].contains(&&**missing);
+        assert!(is_neighbour, "{body}: {missing}");
+        assert!(rest.starts_with(parts), "{body}: {rest}");
     }
     for body in [
         "let c = textureSample(t, s, uv); if uv.x > 0.5 { return c; } return vec4f(0.0);",

@@ -139,15 +139,25 @@ fn barriers_that_some_invocations_miss() {
     assert_eq!(kind, ViolationKind::Barrier);
     assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
     assert_eq!(other, "1 local (0) of workgroup (0) goes another way here");
+    let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
+    let inside = |parts: &str| format!("{parts}\ndata[id.x] += 1u;");
     // The line of what parted them, however far it is from the barrier.
-    for (parts, line) in [
-        ("if i > 3u { return; }", 2),
-        ("if i > 3u {\ndata[id.x] = 1u;\n} else {\nreturn; }", 5),
-        ("switch i {\ncase 7u: { return; }\ndefault: {} }", 3),
-        ("for (var k = 0u; k < 3u; k++) {\nif k == i { return; } }", 3),
+    for (body, line) in [
+        (behind("if i > 3u { return; }"), 2),
+        (behind("if i > 3u {\ndata[id.x] = 1u;\n} else {\nreturn; }"), 5),
+        (behind("switch i {\ncase 7u: { return; }\ndefault: {} }"), 3),
+        (behind("for (var k = 0u; k < 3u; k++) {\nif k == i { return; } }"), 3),
+        (inside("switch i % 3u {\ncase 1u: {\nworkgroupBarrier(); }\ndefault: {} }"), 2),
+        (inside("switch i % 3u {\ncase 1u: {}\ndefault: {\nworkgroupBarrier(); } }"), 2),
+        (
+            inside(
+                "var k = 0u;\nloop {\nworkgroupBarrier();\ncontinuing {\nk++;\nbreak if k > i; } }",
+            ),
+            7,
+        ),
     ] {
-        let (kind, _, [_, other]) =
-            first(&format!("\n{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;"), 1);
+        let parts = &body;
+        let (kind, _, [_, other]) = first(&format!("\n{body}"), 1);
         assert_eq!(kind, ViolationKind::Barrier);
         assert!(
             other.starts_with(&format!("{line} ")) && other.ends_with("goes another way here"),

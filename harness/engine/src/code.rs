@@ -383,6 +383,11 @@ pub(crate) enum Detail {
 }
 
 impl Code {
+    /// True if a lane asks what another one of its quad has.
+    pub(crate) fn has_neighbours(&self) -> bool {
+        self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
+    }
+
     /// How many registers an operation has.
     pub(crate) fn shape(&self, op: Op) -> Shape {
         let one = |file: File| {

@@ -107,7 +107,7 @@ pub use arithmetic::{Arithmetic, F32, F64, Intervals};
 pub use code::Site;
 pub use interval::{Interval, Range, Truth};
 pub use lower::{Overrides, Settings};
-pub use observer::{Fault, Faulty, Lanes, Observer};
+pub use observer::{Fault, Faulty, Lanes, Missing, Observer};
 pub use options::Options;
 pub use program::Program;
 pub use races::{Access, Bounds, Divergence, Observed, Outside, Place, Race, Touched, Unwritten};

@@ -13,9 +13,9 @@ use naga::Span;
 
 use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
-use crate::code::{Code, Count, ImageKind, Instruction, Op, Site};
+use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Fault, Faulty, Lanes, Observer};
+use crate::observer::{Fault, Faulty, Lanes, Missing, Observer};
 use crate::options::Options;
 use crate::races::{Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
@@ -86,6 +86,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// The site of the operation that runs.
     site: u32,
     width: usize,
+    /// For each lane, the site at which it became inactive last; kept where somebody asks who is missing.
+    parted: Vec<Option<u32>>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,
 }
@@ -112,6 +114,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             at: 0,
             site: 0,
             width,
+            parted: vec![None; width],
             detector: None,
         };
         for &(register, constant) in &code.constants {
@@ -231,6 +234,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     pub(crate) fn start(&mut self, active: usize) {
         self.at = 0;
         self.open.clear();
+        self.parted.fill(None);
         if A::UNDECIDED {
             self.worlds.start(active);
         } else {
@@ -253,6 +257,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         let code = self.code;
         let mut at = self.at;
+        let keeps_parting = self.detector.is_some() || SEEN && code.has_neighbours();
         loop {
             let instruction = &code.instructions[at];
             at += 1;
@@ -319,10 +324,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Neighbour(neighbour) => {
                     if SEEN {
-                        let active = self.active();
-                        self.report_where(observer, instruction, case, Fault::Parted, |lane| {
-                            !A::possible(active[neighbour.of(lane)])
-                        });
+                        self.report_missing(observer, instruction, case, neighbour);
                     }
                     self.floats.write(registers[0], |floats, out| {
                         let of = floats.get(registers[1]);
@@ -443,7 +445,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::Break(_)
                 | Op::Continue(_)
                 | Op::Return(_) => {
-                    let before = self.detector.is_some().then(|| self.active().to_vec());
+                    let before = keeps_parting.then(|| self.active().to_vec());
                     let jumps = self.control(instruction.op, registers);
                     if jumps {
                         at = instruction.target as usize;
@@ -477,7 +479,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Barrier(barrier) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));
-                        detector.barrier(code, instruction.site, barrier, active);
+                        detector.barrier(code, instruction.site, barrier, (&self.parted, active));
                         self.detector = Some(detector);
                     }
                     self.at = at;
@@ -490,13 +492,14 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(false)
     }
 
-    /// Tells the detector which of the lanes that were active before aren't any more.
+    /// Keeps where those lanes went that were active before and aren't any more.
     fn note_parting(&mut self, before: &[A::Bool]) {
-        let Some(mut detector) = self.detector.take() else { return };
-        let lanes = before.iter().zip(self.active()).enumerate();
-        let gone = lanes.filter(|(_, (before, now))| A::possible(**before) && !A::possible(**now));
-        detector.part(self.site, gone.map(|(lane, _)| lane));
-        self.detector = Some(detector);
+        let now = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
+        for (parted, (before, now)) in self.parted.iter_mut().zip(before.iter().zip(now)) {
+            if A::possible(*before) && !A::possible(*now) {
+                *parted = Some(self.site);
+            }
+        }
     }
 
     #[inline]
@@ -656,7 +659,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 op => Fault::Index(self.bounds(op)),
             };
             for &lane in &self.strayed {
-                observer.fault(&Faulty { fault, site, case: case + lane });
+                observer.fault(&Faulty { fault, site, case: case + lane, missing: None });
             }
         }
         if self.detector.is_some() && !self.defines_outside(instruction.op) {
@@ -719,7 +722,28 @@ impl<'p, A: Rules> Machine<'p, A> {
         let active = self.active().iter().enumerate();
         let here = active.filter(|(_, active)| A::possible(**active)).map(|(lane, _)| lane);
         for lane in here.filter(|lane| wrong(*lane)) {
-            observer.fault(&Faulty { fault, site, case: case + lane });
+            observer.fault(&Faulty { fault, site, case: case + lane, missing: None });
+        }
+    }
+
+    /// Reports each active lane of which a neighbour in its quad isn't.
+    fn report_missing(
+        &self,
+        observer: &dyn Observer<A>,
+        instruction: &Instruction,
+        case: usize,
+        neighbour: Neighbour,
+    ) where
+        A: crate::arithmetic::Arithmetic,
+    {
+        let (site, active) = (self.site(instruction), self.active());
+        let comes = |lane: usize| A::possible(active[lane]);
+        let parted = |lane| (lane, neighbour.of(lane));
+        let lanes = (0..active.len()).map(parted);
+        for (lane, other) in lanes.filter(|(lane, other)| comes(*lane) && !comes(*other)) {
+            let parted = self.parted[other].map(|site| &self.code.sites[site as usize]);
+            let missing = Some(Missing { case: case + other, parted });
+            observer.fault(&Faulty { fault: Fault::Parted, site, case: case + lane, missing });
         }
     }
 

@@ -51,6 +51,17 @@ pub struct Faulty<'a> {
     pub site: &'a Site,
     /// The case.
     pub case: usize,
+    /// Of [`Fault::Parted`] the pixel that isn't there.
+    pub missing: Option<Missing<'a>>,
+}
+
+/// A pixel that doesn't come to a derivative.
+#[derive(Clone, Copy, Debug)]
+pub struct Missing<'a> {
+    /// Its case.
+    pub case: usize,
+    /// The condition, or the jump, where it went another way.
+    pub parted: Option<&'a Site>,
 }
 
 /// Sees what a run computes. All methods do nothing by default, and `()` observes nothing at no

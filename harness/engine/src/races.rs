@@ -268,8 +268,6 @@ pub(crate) struct Detector {
     unwritten: BTreeMap<u32, Unwritten>,
     /// How often the operations of each site that have an index ran.
     ran: Vec<u64>,
-    /// For each lane, the site at which it became inactive last.
-    parted: Vec<Option<u32>>,
 }
 
 /// An access that the machine makes.
@@ -305,7 +303,6 @@ impl Detector {
             outside: BTreeMap::new(),
             unwritten: BTreeMap::new(),
             ran: vec![0; code.sites.len()],
-            parted: vec![None; width],
         }
     }
 
@@ -319,7 +316,6 @@ impl Detector {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
         self.epochs = [0; 3];
-        self.parted.fill(None);
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
             shadow.touched.0.fill(0);
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
@@ -343,33 +339,34 @@ impl Detector {
         self.textures[slot as usize].written
     }
 
-    /// The workgroup meets a barrier, with the invocations of `active`.
+    /// The workgroup meets a barrier, with the invocations of `active`; the others parted from them where `parted`
+    /// says.
     pub(crate) fn barrier(
         &mut self,
         code: &Code,
         site: u32,
         barrier: Barrier,
-        active: impl Iterator<Item = bool> + Clone,
+        (parted, active): (&[Option<u32>], impl Iterator<Item = bool> + Clone),
     ) {
-        self.meet(code, site, (0, false), active);
+        self.meet(code, site, (0, false), (parted, active));
         let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
         for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
             *epoch += u32::from(barrier.contains(space));
         }
     }
 
-    /// Invocations that should all meet an operation: the first of these lanes, whether they are a subgroup, and which
-    /// of them do.
+    /// Invocations that should all meet an operation: the first of these lanes, whether they are a subgroup, where the
+    /// lanes of the workgroup parted, and which of these do.
     pub(crate) fn meet(
         &mut self,
         code: &Code,
         site: u32,
         (first, subgroup): (usize, bool),
-        active: impl Iterator<Item = bool> + Clone,
+        (parted, active): (&[Option<u32>], impl Iterator<Item = bool> + Clone),
     ) {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
         if let (Some((lane, _)), Some(here)) = (missing().next(), active.clone().position(|a| a)) {
-            let parted = self.parted[first + lane];
+            let parted = parted[first + lane];
             let first = self.invocation(self.first) + first;
             self.divergences.entry(site).or_insert_with(|| Divergence {
                 site: code.sites[site as usize].clone(),
@@ -379,13 +376,6 @@ impl Detector {
                 subgroup,
                 parted: parted.map(|site| code.sites[site as usize].clone()),
             });
-        }
-    }
-
-    /// Control goes on without lanes that were active before.
-    pub(crate) fn part(&mut self, site: u32, lanes: impl Iterator<Item = usize>) {
-        for lane in lanes {
-            self.parted[lane] = Some(site);
         }
     }
 

@@ -104,6 +104,33 @@ pub struct Violation {
     pub accesses: Vec<ViolationAccess>,
 }
 
+impl Violation {
+    /// One of no element.
+    #[cfg(feature = "engine")]
+    pub(crate) fn new(
+        entry_point: &str,
+        kind: ViolationKind,
+        (headline, count): (String, u64),
+        accesses: Vec<ViolationAccess>,
+    ) -> Self {
+        let (variable, element) = (String::new(), String::new());
+        let (by_size, in_workgroup, of_fixed_length) = (false, false, false);
+        let entry_point = entry_point.to_owned();
+        Self {
+            headline,
+            entry_point,
+            kind,
+            variable,
+            element,
+            count,
+            by_size,
+            in_workgroup,
+            of_fixed_length,
+            accesses,
+        }
+    }
+}
+
 /// The findings of the sanitizer in passes.
 #[derive(Debug, Default)]
 pub(crate) struct Examined {

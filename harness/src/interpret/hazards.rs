@@ -133,6 +133,8 @@ pub(crate) struct Found {
     pub(crate) idiom: Option<Idiom>,
     /// True of an index beyond a texture, or an array as long as its buffer: the host says the size.
     pub(crate) of_given_size: bool,
+    /// Of a derivative the pixel that isn't there, and the condition or jump where it went another way.
+    pub(crate) missing: Option<(&'static str, Option<Span>)>,
 }
 
 /// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
@@ -231,11 +233,20 @@ struct Event<F> {
     active: Vec<bool>,
 }
 
+/// A pixel of the quad that isn't where another one takes a derivative.
+#[derive(Clone, Copy)]
+struct Parted {
+    /// How far its number in the quad is from that one: 1 is beside it, and 2 above or below.
+    pixel: usize,
+    /// The site of the condition or the jump where it went another way.
+    by: Option<usize>,
+}
+
 /// Keeps what operations give.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     /// Of each case the operations whose operands are a fault.
-    wrong: Mutex<BTreeMap<usize, BTreeSet<(Fault, usize)>>>,
+    wrong: Mutex<BTreeMap<usize, BTreeMap<(Fault, usize), Option<Parted>>>>,
     /// Lanes in which a NaN decides a comparison, or becomes an integer.
     decided: Mutex<BTreeSet<usize>>,
 }
@@ -291,7 +302,11 @@ macro_rules! recorder {
             fn fault(&self, one: &Faulty<'_>) {
                 let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
                 let own = wrong.entry(one.case).or_default();
-                own.insert((one.fault, std::ptr::from_ref(one.site).addr()));
+                let missing = one.missing.map(|missing| Parted {
+                    pixel: missing.case.abs_diff(one.case),
+                    by: missing.parted.map(|site| std::ptr::from_ref(site).addr()),
+                });
+                own.entry((one.fault, std::ptr::from_ref(one.site).addr())).or_insert(missing);
             }
         }
     };
@@ -442,11 +457,12 @@ impl Interpreted {
             let dropped = finite && !is_used;
             let lost = differ(&result, &shadow, (&scales, &halves));
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
-            for (fault, site) in wrong.get(&lane).into_iter().flatten() {
+            for ((fault, site), parted) in wrong.get(&lane).into_iter().flatten() {
                 let one = self.found(kind_of(*fault), *site, dropped);
                 let of_given_size =
                     matches!(fault, Fault::Index(Bounds::Texture | Bounds::Runtime));
-                found.extend(one.map(|one| Found { of_given_size, ..one }));
+                let missing = parted.map(|parted| self.missing(parted));
+                found.extend(one.map(|one| Found { of_given_size, missing, ..one }));
             }
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
@@ -570,13 +586,24 @@ impl Interpreted {
 
     /// A hazard at an operation, in the author's file.
     fn found(&self, kind: Kind, site: usize, dropped: bool) -> Option<Found> {
-        let sites = self.lowered.sites();
-        let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
+        let site = self.site(site)?;
         let (span, text) = super::author_of(&self.program, site)?;
         let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
         let idiom = super::idiom_of(&self.program, site);
-        let (values, operands, of_given_size) = Default::default();
-        Some(Found { kind, span, text, hidden, values, operands, idiom, of_given_size })
+        let (values, operands, of_given_size, missing) = Default::default();
+        Some(Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing })
+    }
+
+    /// The site of this address.
+    fn site(&self, address: usize) -> Option<&karat_engine::Site> {
+        self.lowered.sites().iter().find(|one| std::ptr::from_ref(*one).addr() == address)
+    }
+
+    /// A pixel as a person calls it, and where it parted.
+    fn missing(&self, Parted { pixel, by }: Parted) -> (&'static str, Option<Span>) {
+        let name = if pixel == 1 { "the pixel to its right" } else { "the pixel below it" };
+        let site = by.and_then(|by| self.site(by));
+        (name, site.and_then(|site| super::statement_of(&self.program, site)))
     }
 }
 

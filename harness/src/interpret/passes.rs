@@ -91,7 +91,9 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let hidden = finite && kind == Kind::Infinite;
             let idiom = site.and_then(|site| idiom_of(&pass.program, site));
             let (operands, values, of_given_size) = (fault.operands, None, false);
-            let found = Found { kind, span, text, hidden, values, operands, idiom, of_given_size };
+            let missing = None;
+            let found =
+                Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing };
             let invocation = pass.invocation(size, fault.case);
             all.push(FoundInPass { found, invocation, count: fault.count });
         }

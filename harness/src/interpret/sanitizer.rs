@@ -179,12 +179,7 @@ impl Examining<'_> {
 
     /// The place of an access, as far as the author wrote it.
     fn span(&self, site: &karat_engine::Site) -> Option<Span> {
-        let mut span = self.pass.program.resolve(site.span.to_range()?)?;
-        // Of a call naga keeps the name alone.
-        if let Some(whole) = super::whole_call(&span.file.text, span.range.clone()) {
-            span.range.end = span.range.start + whole.len();
-        }
-        Some(span.first_line())
+        super::statement_of(&self.pass.program, site)
     }
 }
 
@@ -290,7 +285,8 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
     let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup;
     let in_workgroup = race.binding.is_none();
-    let violation = violation(pass, kind, (headline, race.elements), accesses.map(access).into());
+    let violation =
+        Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());
     (Violation { variable, element, by_size, in_workgroup, ..violation }, diagnostic)
 }
 
@@ -298,30 +294,6 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
 fn is_behind(first: &Access, second: &Access) -> bool {
     let [first, second] = [first, second].map(|access| access.site.span.to_range());
     first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
-}
-
-/// A violation of no element.
-fn violation(
-    pass: &Pass,
-    kind: ViolationKind,
-    (headline, count): (String, u64),
-    accesses: Vec<ViolationAccess>,
-) -> Violation {
-    let (variable, element) = (String::new(), String::new());
-    let (by_size, in_workgroup, of_fixed_length) = (false, false, false);
-    let entry_point = pass.name.clone();
-    Violation {
-        headline,
-        entry_point,
-        kind,
-        variable,
-        element,
-        count,
-        by_size,
-        in_workgroup,
-        of_fixed_length,
-        accesses,
-    }
 }
 
 /// The path of an element in its variable, and its values.
@@ -374,7 +346,10 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     );
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
     let told = (headline, one.count as u64);
-    (violation(pass, ViolationKind::Barrier, told, accesses.map(access).into()), diagnostic)
+    (
+        Violation::new(&pass.name, ViolationKind::Barrier, told, accesses.map(access).into()),
+        diagnostic,
+    )
 }
 
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
@@ -436,7 +411,7 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         Bounds::Wrapped => ViolationKind::Wrapped,
         _ => ViolationKind::Outside,
     };
-    let violation = violation(pass, kind, (headline, one.count), accesses);
+    let violation = Violation::new(&pass.name, kind, (headline, one.count), accesses);
     let of_fixed_length = one.bounds == Bounds::Fixed;
     (Violation { by_size, of_fixed_length, ..violation }, diagnostic)
 }
@@ -461,7 +436,8 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
                 off: write what is meant, and a `workgroupBarrier()` behind";
     let diagnostic = diagnostic.note(note);
     let accesses = vec![access((place, invocation, does))];
-    let violation = violation(pass, ViolationKind::Unwritten, (headline, one.count), accesses);
+    let violation =
+        Violation::new(&pass.name, ViolationKind::Unwritten, (headline, one.count), accesses);
     (Violation { variable, element, ..violation }, diagnostic)
 }
 

@@ -169,8 +169,9 @@ impl<'m> Lower<'m> {
                 self.block(scope, continuing)?;
                 self.land();
                 if let Some(condition) = break_if {
-                    let condition = self.flat(scope, condition)?[0];
-                    self.emit(Op::BreakIf, &[], &[condition])?;
+                    let register = self.flat(scope, condition)?[0];
+                    self.enter_expression(scope, condition);
+                    self.emit(Op::BreakIf, &[], &[register])?;
                 }
                 self.site = site;
                 self.span = span;

@@ -45,7 +45,8 @@ impl<A: Rules> Machine<'_, A> {
         for (number, lanes) in active.chunks(self.subgroup_size()).enumerate() {
             if lanes.contains(&true) {
                 let first = number * self.subgroup_size();
-                detector.meet(self.code, self.site, (first, true), lanes.iter().copied());
+                let met = (&*self.parted, lanes.iter().copied());
+                detector.meet(self.code, self.site, (first, true), met);
             }
         }
         self.detector = Some(detector);
