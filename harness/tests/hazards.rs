@@ -818,7 +818,7 @@ fn derivatives_want_a_whole_quad() {
             "switch u32(",
         ),
         (
-            "var x = 0.0; loop { x += dpdx(uv.y); continuing { x += 0.125; break if x > uv.x; } } return vec4f(x);",
+            "var c = 0.0; var x = 0.0; loop { c += dpdx(uv.y); continuing { x += 0.125; break if x > uv.x; } } return vec4f(c);",
             "dpdx(uv.y)",
             "x > uv.x",
         ),
