@@ -32,7 +32,7 @@ use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
 use crate::interpret::Interpreted;
 pub use crate::interpret::hazards::Kind;
-use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, add_fine};
+use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases};
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::stage::Stage;
@@ -98,6 +98,9 @@ pub struct Hazard {
     pub extreme: bool,
     #[serde(skip)]
     idiom: Option<Idiom>,
+    /// True if what a buffer holds decides it alone, and it is fine over other contents.
+    #[serde(skip)]
+    by_contents: bool,
     /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
     #[serde(skip)]
     of_made_up_size: bool,
@@ -331,6 +334,13 @@ impl Request {
             let now_and_then = now_and_then.into_iter().flat_map(Hazard::functions).collect();
             hazard.lowered = callers.lower(hazard, &of_kind, &now_and_then);
         }
+        let is_told = |one: &Hazard| one.kind == Kind::Nan && one.lowered.is_none();
+        let told: BTreeSet<String> =
+            found.values().filter(|one| is_told(one)).map(|one| one.location.clone()).collect();
+        for hazard in found.values_mut().filter(|one| one.kind == Kind::Infinite) {
+            let is_other = hazard.lowered.is_none() && told.contains(&hazard.location);
+            hazard.lowered = hazard.lowered.or(is_other.then_some(Lowered::Nan));
+        }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
         rare.retain(|one| !found.iter().any(|h| h.location == one.location && h.kind == one.kind));
@@ -411,8 +421,12 @@ impl Request {
         let Look { mut seen, .. } = look;
         seen.cut += count - first.unwrap_or(count);
         let guessed = arguments.are_guessed();
-        for (hazard, plain) in found.into_values() {
-            let hazard = Hazard { cases: (hazard.cases.0, cases), guessed, ..hazard };
+        for Gathered { hazard, plain, mixed } in found.into_values() {
+            let fine = seen.fine.get(&hazard.location).map_or(0, |ran| ran.fine);
+            let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
+            let by_contents = is_float && !mixed && fine >= lowered::ENOUGH;
+            let cases = (hazard.cases.0, cases);
+            let hazard = Hazard { cases, guessed, by_contents, ..hazard };
             // Numbers that are drawn by type alone may break anything once: then it has to happen more often,
             // or for an input that a caller may well give.
             match !guessed || plain || hazard.cases.0 * RARE >= hazard.cases.1 {
@@ -457,8 +471,17 @@ struct Look<'l> {
     seen: Seen,
 }
 
-/// Hazards by place and kind, each with whether a plain input causes it.
-type ByPlace = BTreeMap<(String, Kind), (Hazard, bool)>;
+/// Hazards by place and kind.
+type ByPlace = BTreeMap<(String, Kind), Gathered>;
+
+/// A hazard of all cases.
+struct Gathered {
+    hazard: Hazard,
+    /// True if a plain input causes it.
+    plain: bool,
+    /// True if its operation is fine in some cases over a content over which it goes wrong in others.
+    mixed: bool,
+}
 
 impl Look<'_> {
     /// Takes what was found in some rows over one content of the buffers. Returns how many were looked at.
@@ -491,7 +514,8 @@ impl Look<'_> {
                     let is_endless = engine.may_not_end(&rows[row.clone()]);
                     if is_endless {
                         let hazard = endless(self.probed, &diagnostic, &rows[row.clone()], count);
-                        found.insert((hazard.location.clone(), hazard.kind), (hazard, true));
+                        let key = (hazard.location.clone(), hazard.kind);
+                        found.insert(key, Gathered { hazard, plain: true, mixed: true });
                     }
                     tries -= 1;
                     if is_endless || row.is_empty() || tries == 0 {
@@ -505,7 +529,9 @@ impl Look<'_> {
             other => other?,
         };
         self.seen.in_part |= seen.cut;
-        add_fine(&mut self.seen.fine, seen.fine);
+        for (place, ran) in &seen.fine {
+            self.seen.fine.entry(place.clone()).or_default().add(*ran);
+        }
         self.seen.cut += all - count;
         let described = |case: usize| {
             let mut named = arguments(function, &rows[case * width..][..width]);
@@ -517,7 +543,7 @@ impl Look<'_> {
             let (plain, moderate) = (self.arguments.is_plain(row), self.arguments.is_moderate(row));
             for one in hazards {
                 let location = one.span.to_string();
-                let (hazard, is_plain) =
+                let Gathered { hazard, plain: is_plain, mixed } =
                     found.entry((location.clone(), one.kind)).or_insert_with(|| {
                         let hazard = Hazard {
                             kind: one.kind,
@@ -532,15 +558,17 @@ impl Look<'_> {
                             guessed: false,
                             extreme: true,
                             idiom: one.idiom,
+                            by_contents: false,
                             of_made_up_size: one.of_given_size,
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
                             violation: violation(self.name, one),
                         };
-                        (hazard, false)
+                        Gathered { hazard, plain: false, mixed: false }
                     });
                 hazard.cases.0 += 1;
+                *mixed |= seen.fine.get(&hazard.location).is_some_and(|ran| ran.fine > 0);
                 // Arguments that a caller may give say more.
                 if hazard.extreme && moderate {
                     hazard.arguments = described(case);
@@ -585,6 +613,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         guessed: true,
         extreme: false,
         idiom: None,
+        by_contents: false,
         of_made_up_size: false,
         accepted: None,
         lowered: None,
@@ -609,7 +638,8 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
                 false => (hazard, known.clone()),
             };
             let also = [better.also.clone(), other.also.clone(), vec![other.function]].concat();
-            *known = Hazard { also, ..better };
+            let by_contents = better.by_contents && other.by_contents;
+            *known = Hazard { also, by_contents, ..better };
         }
     }
 }

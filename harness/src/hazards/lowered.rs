@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::{Hazard, Kind};
 use crate::interpret::hazards::Fine;
 use crate::package::Package;
+use crate::package::stage::Stage;
 use crate::reflect::{Idiom, Program};
 
 /// Why a hazard is less than others.
@@ -30,6 +31,14 @@ pub enum Lowered {
     Power,
     /// The whole part of a number is taken off, and digits with it: a hash, or a place within a tile.
     Remainder,
+    /// The same operation is NaN for other arguments, which is told.
+    Nan,
+    /// What a buffer holds decides it alone, and it is fine over other contents.
+    Contents,
+    /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits.
+    Close,
+    /// Nothing is known of the arguments, and what leads here, and nothing calls, was not seen to have it.
+    Called,
     /// The functions and entry points that lead here were looked at as well: each ran the operation often, and it was
     /// fine; or has no hazard of this kind at all.
     Callers,
@@ -55,6 +64,12 @@ impl Lowered {
                 "WGSL has a power of 0 by a logarithm, without a bound: drivers return 0"
             }
             Self::Remainder => "the whole part of a number is taken off, and digits with it",
+            Self::Nan => "it is NaN for other arguments, which is told",
+            Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
+            Self::Close => "two computed numbers are nearly the same in fewer than 1 of 20 cases",
+            Self::Called => {
+                "nothing is known of the arguments, and it wasn't seen in the functions that lead here"
+            }
             Self::Callers => {
                 "no function that leads here called it with such arguments, of those that were drawn"
             }
@@ -64,7 +79,10 @@ impl Lowered {
 
 /// Cases in which an operation has to be fine where another function leads to it: edges of its inputs are among the
 /// first hundred.
-const ENOUGH: usize = 256;
+pub(super) const ENOUGH: usize = 256;
+
+/// Of one difference in so many it says little that few digits are left: any two numbers may meet.
+const SELDOM: usize = 20;
 
 /// Who calls whom in a package, and who was looked at whole.
 #[derive(Debug, Default)]
@@ -79,6 +97,8 @@ pub(super) struct Callers {
     unsure: BTreeSet<String>,
     /// False if a module can't be read: it may call anything.
     complete: bool,
+    /// Compute entry points.
+    passes: BTreeSet<String>,
 }
 
 impl Callers {
@@ -99,6 +119,9 @@ impl Callers {
                 continue;
             };
             for item in items {
+                if item.entry_point == Some(Stage::Compute) {
+                    callers.passes.insert(item.name.clone());
+                }
                 for called in program.calls(&item.name) {
                     callers.by_called.entry(called).or_default().insert(item.name.clone());
                 }
@@ -154,13 +177,17 @@ impl Callers {
         if let Some(lowered) = hazard.idiom.and_then(|idiom| of_idiom(hazard.kind, idiom)) {
             return Some(lowered);
         }
-        let may_be_called = |function: &str| {
-            let name = function.rsplit("::").next().unwrap_or_default();
-            !self.complete || self.unsure.contains(name)
-        };
-        // Of the other kinds a function or a pass reports some alone: that a caller has none says nothing.
-        let is_seen = is_float || matches!(hazard.kind, Kind::ByZero | Kind::OutOfRange);
-        if !is_seen || hazard.functions().any(may_be_called) {
+        if hazard.by_contents {
+            return Some(Lowered::Contents);
+        }
+        let (cases, of) = hazard.cases;
+        if hazard.kind == Kind::LostDigits
+            && cases * SELDOM < of
+            && hazard.idiom != Some(Idiom::Complement)
+        {
+            return Some(Lowered::Close);
+        }
+        if hazard.violation.is_some() || hazard.kind == Kind::Endless {
             return None;
         }
         let mut all = BTreeSet::new();
@@ -171,21 +198,32 @@ impl Callers {
             }
             all.extend(roots);
         }
+        let has_it = |root: &str| {
+            now_and_then.contains(root) || hazard.functions().any(|function| function == root)
+        };
+        // Of the other kinds a function or a pass reports some alone: that a caller has none says nothing.
+        let is_seen = is_float || matches!(hazard.kind, Kind::ByZero | Kind::OutOfRange);
+        let may_be_called = |function: &str| {
+            let name = function.rsplit("::").next().unwrap_or_default();
+            !self.complete || self.unsure.contains(name)
+        };
         // Of each kind the first operation of a case alone is reported: another one may stand before this one.
         let is_free = |root: &str| {
             self.whole.contains(root) && !of_kind.contains(&(root.to_owned(), hazard.kind))
         };
         // But each operation that is kept has its numbers, also where another one stands in the report.
         let ran_fine = |root: &str| {
-            let count = self.fine.get(root).and_then(|fine| *fine.get(&hazard.location)?);
+            let count = self.fine.get(root).and_then(|fine| fine.get(&hazard.location)?.all);
             let is_known = is_float && self.whole.contains(root);
             is_known && count.is_some_and(|count| count >= ENOUGH)
         };
-        let has_it = |root: &str| {
-            now_and_then.contains(root) || hazard.functions().any(|function| function == root)
-        };
-        let is_clean = |root: &str| is_free(root) || ran_fine(root) && !has_it(root);
-        all.into_iter().all(is_clean).then_some(Lowered::Callers)
+        let is_clean = |root: &&str| is_free(root) || ran_fine(root) && !has_it(root);
+        if is_seen && !hazard.functions().any(may_be_called) && all.iter().all(is_clean) {
+            return Some(Lowered::Callers);
+        }
+        let could_show = |root: &&str| is_seen || !self.passes.contains(*root);
+        let is_unknown = all.iter().all(|root| could_show(root) && !has_it(root));
+        (hazard.guessed && is_unknown).then_some(Lowered::Called)
     }
 }
 

@@ -75,6 +75,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             guessed: variant > 0,
             extreme: false,
             idiom: None,
+            by_contents: false,
             of_made_up_size: false,
             accepted: None,
             lowered: None,

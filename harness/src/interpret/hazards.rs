@@ -156,9 +156,31 @@ pub(crate) struct Hazards {
     pub(crate) fine: Fine,
 }
 
-/// Cases in which an operation ran and gave finite numbers of finite ones, by its place; `None` if it gave others of
-/// finite ones in any.
-pub(crate) type Fine = BTreeMap<String, Option<usize>>;
+/// Operations that gave finite numbers of finite ones, by their places.
+pub(crate) type Fine = BTreeMap<String, Ran>;
+
+/// The cases of operations at a place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ran {
+    /// Cases in which each of them ran and was fine; `None` if one wasn't in any.
+    pub(crate) all: Option<usize>,
+    /// Cases in which one of them ran and was fine, at least.
+    pub(crate) fine: usize,
+}
+
+impl Default for Ran {
+    fn default() -> Self {
+        Self { all: Some(0), fine: 0 }
+    }
+}
+
+impl Ran {
+    /// Takes other cases as well.
+    pub(crate) fn add(&mut self, more: Self) {
+        self.all = self.all.zip(more.all).map(|(all, more)| all + more);
+        self.fine += more.fine;
+    }
+}
 
 /// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
 const TOGETHER: usize = 256;
@@ -406,9 +428,11 @@ impl Interpreted {
         // Parts end in any order, and the error is that of the first one.
         for part in parts.collect::<Vec<_>>() {
             let part = part?;
+            for (place, ran) in part.fine {
+                found.fine.entry(place).or_default().add(ran);
+            }
             found.cases.extend(part.cases);
             found.cut |= part.cut;
-            add_fine(&mut found.fine, part.fine);
         }
         Ok(found)
     }
@@ -506,16 +530,18 @@ impl Interpreted {
             let at = std::ptr::from_ref(site).addr();
             let cases = ran.get(&at)?;
             let (span, _) = super::author_of(&self.program, site)?;
-            let count = cases.iter().filter(|(ran, finite)| *ran && *finite).count();
-            Some((span.to_string(), Some(count).filter(|_| !faulty.contains(&at))))
+            let fine = cases.iter().filter(|(ran, finite)| *ran && *finite).count();
+            let all = Some(fine).filter(|_| !faulty.contains(&at));
+            Some((span.to_string(), Ran { all, fine }))
         });
         // Several operations may stand at one place, such as those of a call that is written there.
-        let mut fine = Fine::new();
-        for (place, count) in of_site {
-            let least = fine.entry(place).or_insert(count);
-            *least = least.zip(count).map(|(a, b)| a.min(b));
+        let mut all = Fine::new();
+        for (place, ran) in of_site {
+            let own = all.entry(place).or_insert(ran);
+            own.all = own.all.zip(ran.all).map(|(a, b)| a.min(b));
+            own.fine = own.fine.max(ran.fine);
         }
-        fine
+        all
     }
 
     /// Of each kind the first operation of a lane that is at fault.
@@ -604,14 +630,6 @@ impl Interpreted {
         let name = if pixel == 1 { "the pixel to its right" } else { "the pixel below it" };
         let site = by.and_then(|by| self.site(by));
         (name, site.and_then(|site| super::statement_of(&self.program, site)))
-    }
-}
-
-/// Adds the cases of operations to those of others.
-pub(crate) fn add_fine(all: &mut Fine, more: Fine) {
-    for (place, count) in more {
-        let known = all.entry(place).or_insert(Some(0));
-        *known = known.zip(count).map(|(known, count)| known + count);
     }
 }
 

@@ -17,6 +17,8 @@ pub(crate) enum Idiom {
     Bits,
     /// `clamp`.
     Clamp,
+    /// A constant less something: `1.0 - x * x`.
+    Complement,
 }
 
 impl Program {
@@ -41,6 +43,11 @@ impl Program {
                 Some(Idiom::Remainder)
             }
             Expression::Math { fun: MathFunction::Clamp, .. } => Some(Idiom::Clamp),
+            Expression::Binary { op: BinaryOperator::Subtract, left, .. }
+                if self.is_positive(function, left) =>
+            {
+                Some(Idiom::Complement)
+            }
             Expression::Binary { op: BinaryOperator::Subtract, right, .. } => {
                 let is_whole = match *of(right) {
                     Expression::Binary { op: BinaryOperator::Multiply, left, right } => {
@@ -115,6 +122,10 @@ mod tests {
             ("a - floor(a * (1.0 / 289.0)) * 289.0", Some(Idiom::Remainder)),
             ("a - b * floor(a / b)", Some(Idiom::Remainder)),
             ("floor(a) - b", None),
+            ("1.0 - a * a", Some(Idiom::Complement)),
+            ("vec3f(1.0) - v", Some(Idiom::Complement)),
+            ("a - 1.0", None),
+            ("normalize(v)", None),
             ("fract(a) - fract(b)", None),
             ("fract(dot(v, v) * 3.0)", Some(Idiom::Remainder)),
             ("bitcast<f32>(word)", Some(Idiom::Bits)),
