@@ -32,7 +32,7 @@ use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
 use crate::interpret::Interpreted;
 pub use crate::interpret::hazards::Kind;
-use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases};
+use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, Missing};
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::stage::Stage;
@@ -673,18 +673,18 @@ fn operands(found: &Found) -> Vec<String> {
 
 /// Of a derivative who comes to it, and who parts from them where.
 fn violation(function: &str, found: &Found) -> Option<Violation> {
-    let (pixel, parted) = found.missing.as_ref()?;
+    let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
         place: span.to_string(),
         invocation: invocation.to_owned(),
         does: does.to_owned(),
     };
-    let missing = match parted {
-        Some(parted) => access(parted, pixel, "goes another way here"),
-        None => access(&found.span, pixel, "doesn't"),
+    let other = match parted {
+        Some(parted) => access(parted, missing, "goes another way here"),
+        None => access(&found.span, missing, "doesn't"),
     };
-    let accesses = vec![access(&found.span, "the pixel", "reaches it"), missing];
-    let headline = format!("`{function}` takes a derivative that {pixel} doesn't reach");
+    let accesses = vec![access(&found.span, reached, "reaches it"), other];
+    let headline = format!("`{function}` takes a derivative that {missing} doesn't reach");
     Some(Violation::new(function, ViolationKind::Barrier, (headline, 1), accesses))
 }
 

@@ -392,7 +392,8 @@ fn an_append_whose_order_matters() {
     );
     assert!(seen.location.starts_with("<append>:3:"), "{}", seen.location);
     let place = seen.element.as_ref().map(|element| element.place.to_string());
-    assert_eq!(place.as_deref(), Some("[0]"), "{seen}");
+    assert_eq!(place.as_deref(), Some("[1]"), "{seen}");
+    assert!(seen.swap.starts_with("local (3, 0, 0) and (6, 0, 0) change"), "no bystander: {seen}");
     let text = seen.to_string();
     assert!(text.contains("change places") && text.contains("up_to_order"), "{text}");
     let all = [0_u32, 1, 2, 3, 4, 5, 6, 7];

@@ -69,8 +69,26 @@ impl Schedule {
         (of_groups, of_invocations)
     }
 
-    /// The swaps that make an order of so many. Fisher and Yates' shuffle, by the numbers of `splitmix64`.
+    /// The swaps that make an order of so many, of places. Each is of two neighbours, so that it turns these two around and
+    /// no others, unless there are too many: the neighbours of a reverse order of n change places n^2 / 2 times.
     fn all(&self, count: usize) -> Box<dyn Iterator<Item = (usize, usize)>> {
+        /// As many invocations as a workgroup may have on any device.
+        const MOST: usize = 1024;
+        if count > MOST {
+            return self.shuffle(count);
+        }
+        let mut wanted: Vec<usize> = (0..count).collect();
+        self.shuffle(count).for_each(|(one, two)| wanted.swap(one, two));
+        let mut list: Vec<usize> = (0..count).collect();
+        Box::new(wanted.into_iter().enumerate().flat_map(move |(to, one)| {
+            let from = list.iter().position(|other| *other == one).unwrap_or(to);
+            list[to..=from].rotate_right(1);
+            (to..from).rev().map(|at| (at, at + 1))
+        }))
+    }
+
+    /// Fisher and Yates' shuffle, by the numbers of `splitmix64`; or the reverse order.
+    fn shuffle(&self, count: usize) -> Box<dyn Iterator<Item = (usize, usize)>> {
         if self.seed == 0 {
             return Box::new((0..count / 2).map(move |at| (at, count - 1 - at)));
         }
@@ -97,16 +115,26 @@ mod tests {
                 list.sort_unstable();
                 assert_eq!(list, (0..count).collect::<Vec<_>>(), "each once");
             }
+            // Each swap turns two around, and no others.
+            for swaps in 1..=whole.swaps {
+                let [(groups, own), (groups_before, before)] =
+                    [swaps, swaps - 1].map(|swaps| Schedule { swaps, ..whole }.orders(5, 8));
+                let turned = |now: &[usize], before: &[usize]| {
+                    now.iter().zip(before).filter(|(now, before)| now != before).count()
+                };
+                let of_both = turned(&groups, &groups_before) + turned(&own, &before);
+                assert_eq!(of_both, 2, "seed {seed}, {swaps} swaps");
+            }
             let none = Schedule { swaps: 0, ..whole };
             assert_eq!(none.orders(5, 8), ((0..5).collect(), (0..8).collect()));
             assert_eq!(none.last(5, 8), None);
         }
         let reverse = Schedule::whole(0, 1, 4);
         assert_eq!(reverse.orders(1, 4), (vec![0], vec![3, 2, 1, 0]));
-        assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(1, 2)));
+        assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(0, 1)));
         assert_eq!(
             Schedule { seed: 0, swaps: 1, serial: false, subgroup: Schedule::SUBGROUP }.last(4, 4),
-            Some(Swap::Workgroups(0, 3))
+            Some(Swap::Workgroups(2, 3))
         );
         assert_ne!(Schedule::whole(1, 1, 8).orders(1, 8), Schedule::whole(2, 1, 8).orders(1, 8));
     }

@@ -10,14 +10,15 @@ use super::session::{Asserted, Explained, Session};
 use super::tally::{Class, Judged};
 use super::{Agreement, Calls, Check, Failure, Mismatch, tolerances};
 use crate::domain::Stream;
-use crate::interpret::hazards::{Found, Kind};
+use crate::interpret::hazards::{Found, Kind, Missing};
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
 
 impl<V> Check<'_, Calls<V>> {
     /// Checks that nothing goes wrong inside of the function, whether or not its result shows it: no
     /// value becomes NaN or infinite, loses more than half of its digits, is looked up outside of an
-    /// array, or comes of an operation that WGSL doesn't bound.
+    /// array, or comes of an operation that WGSL doesn't bound; and no derivative is taken, and no texture sampled by one,
+    /// where another pixel of the quad has gone elsewhere.
     ///
     /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
     /// See [`hazards`](mod@crate::unstable::hazards) for what is found without a domain.
@@ -200,8 +201,15 @@ impl Session<'_> {
         let found = found.ok().and_then(|mut found| found.cases.pop()).unwrap_or_default();
         let shown = |one: &Found| {
             let text = one_line(&one.text);
-            let hidden = if one.hidden { "; a later operation hides it" } else { "" };
-            ("hazard", format!("{} at `{text}` ({}){hidden}", one.kind.name(), one.span))
+            let more = match &one.missing {
+                Some(Missing { missing, parted: Some(parted), .. }) => {
+                    format!("; {missing} goes another way at {parted}")
+                }
+                Some(Missing { missing, .. }) => format!("; {missing} doesn't come to it"),
+                None if one.hidden => "; a later operation hides it".to_owned(),
+                None => String::new(),
+            };
+            ("hazard", format!("{} at `{text}` ({}){more}", one.kind.name(), one.span))
         };
         found.iter().filter(|one| !left_out(one)).map(shown).collect()
     }

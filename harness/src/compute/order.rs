@@ -136,7 +136,12 @@ impl After<'_> {
         let usual = if watched.of <= SMALL { MANY } else { FEW };
         let orders = settings::schedules().unwrap_or(usual);
         // A single invocation has one order.
-        if orders == 0 || watched.of <= 1 || assertion.is_settled() {
+        if watched.of <= 1 || assertion.is_settled() {
+            return Ok(());
+        }
+        if orders == 0 {
+            "no other order of invocations was tried, as KARAT_SCHEDULES is 0"
+                .clone_into(&mut watched.reason);
             return Ok(());
         }
         let function = self.last_entry_point();

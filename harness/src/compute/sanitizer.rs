@@ -144,12 +144,12 @@ impl After<'_> {
             return Err(one.wrong(format!("names a variable that no pass has{near}")));
         }
         let Examined { violations, mut watched, .. } = examined(passes, self.compute.package);
-        watched.accepted =
-            accepted.iter().map(|one| (one.variable.clone(), one.reason.clone())).collect();
+        let is_met = |one: &&Accepted| violations.iter().any(|(race, _)| one.covers(race));
+        let met = accepted.iter().filter(is_met);
+        watched.accepted = met.map(|one| (one.variable.clone(), one.reason.clone())).collect();
         let whole = watched.reason.is_empty();
         report.watched = Some(watched);
-        let unmet =
-            accepted.iter().find(|one| !violations.iter().any(|(race, _)| one.covers(race)));
+        let unmet = accepted.iter().find(|one| !is_met(one));
         let is_meant = |race: &Violation| accepted.iter().any(|one| one.covers(race));
         let (all, messages): (Vec<_>, Vec<_>) =
             violations.into_iter().filter(|(one, _)| one.kind.fails() && !is_meant(one)).unzip();

@@ -35,7 +35,8 @@ pub enum Lowered {
     Nan,
     /// What a buffer holds decides it alone, and it is fine over other contents.
     Contents,
-    /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits.
+    /// In fewer than one case in twenty two computed numbers, of arguments of which nothing is known, are so close that their
+    /// difference has few digits.
     Close,
     /// Nothing is known of the arguments, and what leads here, and nothing calls, was not seen to have it.
     Called,
@@ -182,6 +183,7 @@ impl Callers {
         }
         let (cases, of) = hazard.cases;
         if hazard.kind == Kind::LostDigits
+            && hazard.guessed
             && cases * SELDOM < of
             && hazard.idiom != Some(Idiom::Complement)
         {

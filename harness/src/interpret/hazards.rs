@@ -14,7 +14,7 @@ use karat_engine::{
 };
 use rayon::prelude::*;
 
-use super::{Interpreted, Options};
+use super::{Interpreted, Options, quads};
 use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 use crate::reflect::Idiom;
@@ -133,8 +133,19 @@ pub(crate) struct Found {
     pub(crate) idiom: Option<Idiom>,
     /// True of an index beyond a texture, or an array as long as its buffer: the host says the size.
     pub(crate) of_given_size: bool,
-    /// Of a derivative the pixel that isn't there, and the condition or jump where it went another way.
-    pub(crate) missing: Option<(&'static str, Option<Span>)>,
+    /// Of a derivative the pixel that isn't there.
+    pub(crate) missing: Option<Missing>,
+}
+
+/// Pixels of a quad of which one takes a derivative.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Missing {
+    /// That one, as a person calls it.
+    pub(crate) reached: &'static str,
+    /// One that doesn't.
+    pub(crate) missing: &'static str,
+    /// The condition or the jump where that one went another way.
+    pub(crate) parted: Option<Span>,
 }
 
 /// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
@@ -255,12 +266,12 @@ struct Event<F> {
     active: Vec<bool>,
 }
 
-/// A pixel of the quad that isn't where another one takes a derivative.
+/// A pixel of a quad takes a derivative, and another one doesn't.
 #[derive(Clone, Copy)]
 struct Parted {
-    /// How far its number in the quad is from that one: 1 is beside it, and 2 above or below.
-    pixel: usize,
-    /// The site of the condition or the jump where it went another way.
+    /// The one that does, by its number among all pixels, and the other one.
+    pixels: [usize; 2],
+    /// The site of the condition or the jump where that went another way.
     by: Option<usize>,
 }
 
@@ -325,7 +336,7 @@ macro_rules! recorder {
                 let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
                 let own = wrong.entry(one.case).or_default();
                 let missing = one.missing.map(|missing| Parted {
-                    pixel: missing.case.abs_diff(one.case),
+                    pixels: [one.case, missing.case],
                     by: missing.parted.map(|site| std::ptr::from_ref(site).addr()),
                 });
                 own.entry((one.fault, std::ptr::from_ref(one.site).addr())).or_insert(missing);
@@ -481,11 +492,17 @@ impl Interpreted {
             let dropped = finite && !is_used;
             let lost = differ(&result, &shadow, (&scales, &halves));
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
-            for ((fault, site), parted) in wrong.get(&lane).into_iter().flatten() {
+            let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
+                let all = wrong.get(&pixel).into_iter().flatten();
+                // Another pixel of the quad is one that some other case is given for, but they part in this one.
+                all.filter(move |((fault, _), _)| pixel == lane || *fault == Fault::Parted)
+            });
+            let mut told = BTreeSet::new();
+            for ((fault, site), parted) in of_quad.filter(|(own, _)| told.insert(*own)) {
                 let one = self.found(kind_of(*fault), *site, dropped);
                 let of_given_size =
                     matches!(fault, Fault::Index(Bounds::Texture | Bounds::Runtime));
-                let missing = parted.map(|parted| self.missing(parted));
+                let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { of_given_size, missing, ..one }));
             }
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
@@ -625,11 +642,18 @@ impl Interpreted {
         self.lowered.sites().iter().find(|one| std::ptr::from_ref(*one).addr() == address)
     }
 
-    /// A pixel as a person calls it, and where it parted.
-    fn missing(&self, Parted { pixel, by }: Parted) -> (&'static str, Option<Span>) {
-        let name = if pixel == 1 { "the pixel to its right" } else { "the pixel below it" };
+    /// The pixels of the quad that begins at a lane as a person calls them, and where they parted.
+    fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
+        const NAMES: [&str; quads::PIXELS] = [
+            "the pixel",
+            "the pixel to its right",
+            "the pixel below it",
+            "the pixel below to the right",
+        ];
+        let [reached, missing] = pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()]);
         let site = by.and_then(|by| self.site(by));
-        (name, site.and_then(|site| super::statement_of(&self.program, site)))
+        let parted = site.and_then(|site| super::statement_of(&self.program, site));
+        Missing { reached, missing, parted }
     }
 }
 

@@ -562,14 +562,14 @@ fn spread(
     let parameter = (name.to_owned(), element.clone());
     let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
     let domain = Dynamic::new(&[parameter], vec![parts]);
-    let numbering = Numbering::of(&domain, seed, size as u64, size as u64);
+    // Few values are drawn, too: all of them in order are sorted already, whatever the seed is.
+    let numbering = Numbering::of(&domain, seed, size as u64, 0);
     let mut rows = Vec::new();
     let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
-    if count == 0 {
+    if count < size as u64 {
         return Err("nothing lies in that range".to_owned());
     }
-    // A range of few values gives each of them once.
-    Ok(rows.iter().copied().cycle().take(size * width).collect())
+    Ok(rows)
 }
 
 #[cfg(test)]
@@ -664,6 +664,22 @@ mod tests {
             let error = of(value).expect_err(value);
             assert!(error.contains(part), "{value}: {error}");
         }
+    }
+
+    /// What is drawn from few values isn't sorted, and has each of them somewhere.
+    #[test]
+    fn ranges_are_drawn_by_their_seed() {
+        let of = |seed: u32| {
+            let table = format!("size = 256\nrange = \"0..99\"\nseed = {seed}").parse();
+            let element = Shape::Scalar(Scalar::U32);
+            spread("v", (&element, 0), &table.expect("TOML")).expect("it fits")
+        };
+        let words = of(7);
+        assert_eq!(words.len(), 256);
+        let falls = words.windows(2).filter(|pair| pair[0] > pair[1]).count();
+        assert!(falls > 64, "{words:?}");
+        assert_ne!(words, of(8));
+        assert!(words.iter().all(|word| *word <= 99));
     }
 
     /// An array whose length is fixed needs no list.
