@@ -339,7 +339,7 @@ impl Program {
     }
 
     /// The name in the text of an entry point of the linked module.
-    pub(crate) fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
+    pub fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
         let is_it = |path: &str| path.rsplit("::").next() == Some(name);
         let mut names = self.linked.names.iter();
         let known = |text: &str| self.checked.module.entry_points.iter().any(|e| e.name == text);

@@ -6,7 +6,7 @@ use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::executor;
 use crate::fixture::{self, Fixture};
-use crate::interpret::strays;
+use crate::interpret::{OrderOf, in_order_of, strays};
 use crate::path::{self, Api, Device, Path, Via};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Texels, Watched};
@@ -204,10 +204,25 @@ fn initial(passes: &Passes) -> Vec<u32> {
 }
 
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
-/// they depend on what is read or written outside of an array, or are floats that aren't finite.
+/// they depend on what is read or written outside of an array or on the size of subgroups, or are floats that aren't finite.
 fn open(passes: &Passes, expected: &[u32]) -> Vec<bool> {
     let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
+    if passes.has_subgroups() {
+        let left = |order| {
+            let words = in_order_of(passes, order).ok()?;
+            Some(words.into_iter().flat_map(|(_, words)| words).collect::<Vec<u32>>())
+        };
+        let usual = left(None);
+        // Each order has another size of subgroups; without its swaps it has nothing else.
+        let sizes = (0..5).map(|number| OrderOf::whole(passes, number).first(0));
+        for words in sizes.filter_map(|order| left(Some(order))) {
+            let pairs = usual.iter().flatten().zip(&words);
+            for (open, (usual, word)) in open.iter_mut().zip(pairs) {
+                *open |= usual != word;
+            }
+        }
+    }
     let words = open.iter_mut().zip(expected).zip(floats(passes));
     for ((open, word), is_float) in words {
         *open |= is_float && !f32::from_bits(*word).is_finite();

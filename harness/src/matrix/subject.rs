@@ -131,7 +131,8 @@ type EntryPoint = (Shader, Arc<Program>, String, String);
 
 fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, String> {
     let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let program = Program::of_module(&request.package.for_validating(module), module);
+    // Alone: what another entry point of its module needs, a path may lack.
+    let program = Program::of_items(&request.package.for_validating(module), module, &[own]);
     let program = program.map_err(|error| error.to_string())?;
     let given = request.overrides_of(&program);
     let program = match given.is_empty() {

@@ -69,6 +69,10 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     }
     let on_route = |message: String| PathError::Route { path, message };
     let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
+    if matches!(path.via(), Via::Hlsl | Via::HlslDxc) && shader.takes_constants(entry_point) {
+        let why = "naga's HLSL has `num_workgroups` in a buffer that the host fills, and this route binds none";
+        return Err(on_route(why.to_owned()));
+    }
     let translation = shader.translate(target(path), Some(entry_point));
     let translation = translation.map_err(|error| on_route(error.to_string()))?;
     let layout = layout(path.via(), &translation.bindings).map_err(on_route)?;

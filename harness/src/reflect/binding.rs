@@ -89,6 +89,20 @@ impl Program {
         Some(self.bindings(info))
     }
 
+    /// True if a compute entry point writes a resource: what may be written needn't be.
+    #[must_use]
+    pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
+        let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);
+        let index = module.entry_points.iter().position(|entry| entry.name == name);
+        let place = naga::ResourceBinding { group: binding.group, binding: binding.binding };
+        let mut all = module.global_variables.iter();
+        let global = all.find(|(_, global)| global.binding == Some(place));
+        index.zip(global).is_some_and(|(index, (global, _))| {
+            let uses = self.checked.info.get_entry_point(index)[global];
+            uses.contains(naga::valid::GlobalUse::WRITE)
+        })
+    }
+
     /// The resources of a compute entry point, by its name in the text, and the invocations of its
     /// workgroup.
     pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {

@@ -1,7 +1,7 @@
 //! naga's back ends, with the options that wgpu gives them.
 
 mod glsl;
-mod hlsl;
+pub(crate) mod hlsl;
 mod msl;
 mod spirv;
 mod wgsl;

@@ -212,6 +212,8 @@ const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3
     @group(2) @binding(2) var grey: texture_storage_2d<rgba8unorm, write>;\n\
     @compute @workgroup_size(8, 8)\n\
     fn greys(@builtin(global_invocation_id) id: vec3u) { textureStore(grey, id.xy, vec4f(sin(f32(id.x + id.y)))); }\n\
+    @compute @workgroup_size(64)\n\
+    fn groups(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) all: vec3u) { sums[id.x] = f32(all.x); }\n\
     @compute @workgroup_size(1)\n\
     fn nothing() {}\n\
     @compute @workgroup_size(1)\n\
@@ -222,7 +224,7 @@ const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3
 fn compute_entry_points_are_run() {
     let folder = shaders();
     write(folder.path(), "sums.wgsl", SUMS);
-    let columns = "vulkan,gl,vulkan:wgsl,vulkan:spirv,vulkan:glsl,vulkan:hlsl,msl";
+    let columns = "vulkan,gl,vulkan:wgsl,vulkan:spirv,vulkan:glsl,vulkan:hlsl,msl,cpu";
     let columns = run_here(columns.split(',')).join(",");
     let arguments = ["matrix", "--json", "--shaders", "sums.wgsl", "--columns", &columns];
     let matrix = json(&karat(folder.path(), &arguments).good());
@@ -242,16 +244,40 @@ fn compute_entry_points_are_run() {
             assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
         }
     }
+    // naga's HLSL has it from the host, and a driver that reads what isn't bound ends the process.
+    for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
+        let cell = &row(&matrix, "groups")[column];
+        let refused =
+            cell["stopped"]["says"].as_str().is_some_and(|says| says.contains("num_workgroups"));
+        assert!(refused == (column == "vulkan:hlsl"), "{column}: {cell}");
+        assert!(refused || cell["status"] == "agrees", "{column}: {cell}");
+    }
     // It would hang a driver, and the deadline would end the whole matrix.
     for column in run_here(["vulkan", "gl", "vulkan:hlsl"]) {
         let waits = &row(&matrix, "waits")[column];
         assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
         let says = waits["stopped"]["says"].as_str().expect("a reason");
         assert!(says.contains("with made-up data this loop goes round"), "{says}");
-        assert!(says.contains("sums.wgsl:23:14"), "{says}");
+        assert!(says.contains("sums.wgsl:25:14"), "{says}");
     }
     let nothing = &row(&matrix, "nothing")["vulkan"];
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
+}
+
+/// What another entry point of the module needs is no need of this one, and how many invocations are together is the driver's.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_entry_point_needs_what_it_uses_itself() {
+    let text = "@group(0) @binding(0) var<storage, read_write> sums: array<f32>;\n\
+        @compute @workgroup_size(64) fn plain(@builtin(global_invocation_id) id: vec3u) { sums[id.x] += 1.0; }\n\
+        @compute @workgroup_size(64) fn together(@builtin(global_invocation_id) id: vec3u) {\n\
+        if id.x < arrayLength(&sums) { sums[id.x] = subgroupAdd(1.0); }\n}\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,gl,cpu");
+    assert_eq!(row(&matrix, "plain")["gl"]["status"], "agrees", "{ran:?}");
+    let says = row(&matrix, "together")["gl"]["stopped"]["says"].to_string();
+    assert!(says.contains("subgroups"), "{says}");
+    let cell = &row(&matrix, "together")["cpu"];
+    assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
 /// A value reaches the translations and what runs.

@@ -64,9 +64,19 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
     })
 }
 
+/// Whether a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
+pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
+    let mut all = module.entry_points.iter();
+    all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
+}
+
 /// Whether an entry point takes a value that Direct3D has in another way than Vulkan: naga has the
 /// host supply it then.
 fn needs_constants(module: &Module) -> bool {
+    module.entry_points.iter().any(|one| asks_constants(module, &one.function))
+}
+
+fn asks_constants(module: &Module, function: &Function) -> bool {
     let asks = |binding: &Option<Binding>| {
         matches!(
             binding,
@@ -75,12 +85,9 @@ fn needs_constants(module: &Module) -> bool {
             ))
         )
     };
-    let of_function = |function: &Function| {
-        function.arguments.iter().any(|argument| {
-            asks(&argument.binding)
-                || matches!(&module.types[argument.ty].inner, TypeInner::Struct { members, .. }
-                    if members.iter().any(|member| asks(&member.binding)))
-        })
-    };
-    module.entry_points.iter().any(|e| of_function(&e.function))
+    function.arguments.iter().any(|argument| {
+        asks(&argument.binding)
+            || matches!(&module.types[argument.ty].inner, TypeInner::Struct { members, .. }
+                if members.iter().any(|member| asks(&member.binding)))
+    })
 }

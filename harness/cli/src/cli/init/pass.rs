@@ -14,21 +14,28 @@ const SPELLED: u32 = 16;
 /// The declarations that are tried, the most telling first. None if a resource is neither a buffer nor a storage texture, or
 /// nothing is written.
 pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
-    declared(package, item).unwrap_or_default()
+    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
+    // Each invocation may have several elements.
+    let of_size = |each| declared(&program, name, each).unwrap_or_default();
+    [1, 2, 4].into_iter().flat_map(of_size).collect()
 }
 
-fn declared(package: &Package, item: &FunctionItem) -> Option<Vec<String>> {
-    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let program = Program::of_module(package, module).ok()?;
+/// Those whose arrays have so many elements an invocation.
+fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
     let bindings = program.entry_point_bindings(Stage::Compute, name)?;
-    let entry = program.module().entry_points.iter().find(|entry| entry.name == name)?;
+    let entry = program
+        .module()
+        .entry_points
+        .iter()
+        .find(|entry| entry.name == program.entry_point_name(name))?;
     if entry.workgroup_size_overrides.is_some() {
         return None;
     }
     let size = entry.workgroup_size;
     let groups = size.map(|count| if count > 1 { 2 } else { 1 });
     let invocations: u32 = size.iter().chain(&groups).product();
-    let elements = invocations.max(LEAST);
+    let elements = invocations.max(LEAST).checked_mul(each)?;
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
         if let BindingKind::StorageTexture { dimension: Dimension::D2, arrayed: false, .. } =
@@ -36,7 +43,7 @@ fn declared(package: &Package, item: &FunctionItem) -> Option<Vec<String>> {
         {
             let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
             with.push(format!("{} = {{ size = [{width}, {height}] }}", binding.name()));
-            if binding.kind.is_written() {
+            if program.writes(name, binding) {
                 written.push((binding.name().to_owned(), true));
             }
             continue;
@@ -53,7 +60,7 @@ fn declared(package: &Package, item: &FunctionItem) -> Option<Vec<String>> {
             _ => value(&shape, elements)?,
         };
         with.push(format!("{} = {value}", binding.name()));
-        if binding.kind.is_written() {
+        if program.writes(name, binding) {
             written
                 .push((binding.name().to_owned(), shape.lanes().iter().any(|one| one.is_float())));
         }
