@@ -168,13 +168,26 @@ impl Interpreted {
     }
 
     /// Which lanes of the results depend on what is read outside of an array or a texture, or on what is
-    /// written there: WGSL leaves open what that is.
+    /// written there: WGSL leaves open what that is. And those that depend on a derivative, or a texture that is sampled by
+    /// one: WGSL bounds no error of theirs (15.7.4).
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        differing(|outside| {
+        /// Steeper and flatter by the eighth of a level of a texture or more.
+        const SLOPES: [f32; 2] = [0.8, 1.25];
+        let words = |rows: &[u32], outside| {
             let options = Options { outside, ..self.options() };
-            self.words_of(self.call_with::<F32>(cases, arguments, &options)?)
-        })
+            self.words_of(self.call_with::<F32>(cases, rows, &options)?)
+        };
+        let mut open = differing(|outside| words(arguments, outside))?;
+        if let Some(quads) = &self.quads {
+            let usual = words(arguments, None)?;
+            for factor in SLOPES {
+                let other = words(&quads.steeper(arguments, factor), None)?;
+                let pairs = usual.iter().zip(&other);
+                open.iter_mut().zip(pairs).for_each(|(open, (a, b))| *open |= a != b);
+            }
+        }
+        Ok(open)
     }
 
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals

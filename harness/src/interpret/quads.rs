@@ -22,6 +22,24 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect() }
     }
 
+    /// The rows with slopes that are so many times as steep; values are as they were.
+    #[cfg(feature = "routes")]
+    pub(super) fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
+        let of_argument = |(scalars, varies): &(Vec<Scalar>, bool)| {
+            let slopes = if *varies { 2 } else { 0 };
+            let own = scalars.iter().map(|_| false);
+            let floats = scalars.iter().map(|scalar| scalar.is_float());
+            own.chain((0..slopes).flat_map(|_| floats.clone())).collect::<Vec<_>>()
+        };
+        let is_slope: Vec<bool> = self.arguments.iter().flat_map(of_argument).collect();
+        let words = rows.iter().zip(is_slope.iter().cycle());
+        let scaled = |(word, is_slope): (&u32, &bool)| match is_slope {
+            true => (f32::from_bits(*word) * factor).to_bits(),
+            false => *word,
+        };
+        words.map(scaled).collect()
+    }
+
     /// The rows of all pixels, in the arithmetic of the kernel.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         let width: usize = self

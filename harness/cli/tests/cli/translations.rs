@@ -280,6 +280,21 @@ fn an_entry_point_needs_what_it_uses_itself() {
     assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
+/// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
+#[cfg(target_os = "linux")]
+#[test]
+fn derivatives_are_open_in_the_matrix() {
+    let text = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
+        @fragment fn shade(@location(0) uv: vec2f) -> @location(0) vec4f { return textureSample(t, s, uv); }\n\
+        @fragment fn part(@location(0) uv: vec2f) -> @location(0) vec4f { return vec4f(fwidth(uv.x), sin(7.0 * uv), 1.0); }\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,cpu");
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    for name in ["shade", "part"] {
+        let cell = &row(&matrix, name)["cpu"];
+        assert!(cell["status"] == "agrees" && cell["compared"].as_u64() > Some(0), "{cell}");
+    }
+}
+
 /// A value reaches the translations and what runs.
 #[test]
 fn overrides_have_values_in_the_matrix() {
