@@ -424,7 +424,8 @@ impl Request {
         for Gathered { hazard, plain, mixed } in found.into_values() {
             let fine = seen.fine.get(&hazard.location).map_or(0, |ran| ran.fine);
             let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
-            let by_contents = is_float && !mixed && fine >= lowered::ENOUGH;
+            // Over most contents it is fine.
+            let by_contents = is_float && !mixed && fine >= hazard.cases.0;
             let cases = (hazard.cases.0, cases);
             let hazard = Hazard { cases, guessed, by_contents, ..hazard };
             // Numbers that are drawn by type alone may break anything once: then it has to happen more often,

@@ -77,6 +77,14 @@ fn hazards_that_matter_less_are_lowered() {
         fn other(x: f32) -> f32 { return known(1.0 + x * x); }
         var<private> p: f32; fn unseen(x: f32) { p = known(2.0 + abs(x)); }";
     assert_eq!(at(known, Kind::Infinite, "1.0 / roughness").lowered, None);
+    // Its author wrote it.
+    let far =
+        "fn far(x: f32) -> f32 { if x > 0.5 { return bitcast<f32>(0x7f800000u); } return x; }";
+    let seen = at(far, Kind::Infinite, "bitcast<f32>(0x7f800000u)");
+    assert_eq!(seen.lowered, Some(Lowered::Meant));
+    // A function that isn't valid stands beside, and the others call as they do.
+    let broken = "fn broken(x: f32) -> f32 { return x.y; }\n";
+    assert_eq!(with(&format!("{good}{broken}")), Some(Lowered::Called));
     // What a host gives may be 0.
     let setting =
         "@group(0) @binding(0) var<uniform> scale: f32; fn f(x: f32) -> f32 { return x / scale; }";

@@ -20,6 +20,8 @@ pub enum Lowered {
     Hidden,
     /// It reads the bits of a number, and these were drawn at random.
     Bits,
+    /// It reads the bits of a number that its author wrote.
+    Meant,
     /// Each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0.
     Extreme,
     /// A float that becomes an integer, edges of `clamp`, or an index that wraps, of numbers of which nothing is known; or a place in a
@@ -52,6 +54,7 @@ impl Lowered {
         match self {
             Self::Hidden => "a later operation drops it in each case that was drawn",
             Self::Bits => "each word is some number, and this one was made up",
+            Self::Meant => "its author wrote these bits",
             Self::Extreme => {
                 "each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0"
             }
@@ -80,7 +83,7 @@ impl Lowered {
 
 /// Cases in which an operation has to be fine where another function leads to it: edges of its inputs are among the
 /// first hundred.
-pub(super) const ENOUGH: usize = 256;
+const ENOUGH: usize = 256;
 
 /// Of one difference in so many it says little that few digits are left: any two numbers may meet.
 const SELDOM: usize = 20;
@@ -110,19 +113,25 @@ impl Callers {
     ) -> Self {
         let mut callers = Self { whole, fine, complete: true, ..Self::default() };
         for module in package.modules().unwrap_or_default() {
-            let (Ok(program), Ok(items)) =
-                (Program::of_module(package, &module), package.functions_in(&module))
-            else {
+            let Ok(items) = package.functions_in(&module) else {
+                callers.complete = false;
+                continue;
+            };
+            let whole = Program::of_module(package, &module).ok();
+            if whole.is_none() {
                 match package.words_of(&module) {
                     Some(words) => callers.unsure.extend(words),
                     None => callers.complete = false,
                 }
-                continue;
-            };
+            }
             for item in items {
                 if item.entry_point == Some(Stage::Compute) {
                     callers.passes.insert(item.name.clone());
                 }
+                // Of a module that isn't valid some functions are.
+                let own = item.name.rsplit("::").next().unwrap_or_default();
+                let alone = || Program::of_items(package, &module, &[own]).ok();
+                let Some(program) = whole.clone().or_else(alone) else { continue };
                 for called in program.calls(&item.name) {
                     callers.by_called.entry(called).or_default().insert(item.name.clone());
                 }
@@ -161,6 +170,9 @@ impl Callers {
         let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
         if is_float && hazard.guessed && hazard.idiom == Some(Idiom::Bits) {
             return Some(Lowered::Bits);
+        }
+        if hazard.idiom == Some(Idiom::WrittenBits) {
+            return Some(Lowered::Meant);
         }
         if hazard.extreme {
             return Some(Lowered::Extreme);

@@ -15,6 +15,8 @@ pub(crate) enum Idiom {
     Remainder,
     /// The bits of a number that is read as a float.
     Bits,
+    /// The bits of a number that its author wrote: `bitcast<f32>(0x7f800000u)`.
+    WrittenBits,
     /// `clamp`.
     Clamp,
     /// A constant less something: `1.0 - x * x`.
@@ -56,6 +58,11 @@ impl Program {
                     _ => is_floor(right),
                 };
                 is_whole.then_some(Idiom::Remainder)
+            }
+            Expression::As { expr, kind: ScalarKind::Float, convert: None }
+                if matches!(of(expr), Expression::Literal(_) | Expression::Constant(_)) =>
+            {
+                Some(Idiom::WrittenBits)
             }
             Expression::As { expr, kind: ScalarKind::Float, convert: None } => {
                 let is_read = matches!(
@@ -131,6 +138,7 @@ mod tests {
             ("bitcast<f32>(word)", Some(Idiom::Bits)),
             ("bitcast<f32>(words[word + 3u])", Some(Idiom::Bits)),
             ("bitcast<f32>(0x5f3759dfu - (word >> 1u))", None),
+            ("bitcast<f32>(0x7f800000u)", Some(Idiom::WrittenBits)),
             ("bitcast<f32>(word) / a", None),
             ("clamp(a, b, 1.0)", Some(Idiom::Clamp)),
             ("smoothstep(a, b, 1.0)", None),
