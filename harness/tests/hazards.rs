@@ -82,9 +82,6 @@ fn hazards_that_matter_less_are_lowered() {
         "fn far(x: f32) -> f32 { if x > 0.5 { return bitcast<f32>(0x7f800000u); } return x; }";
     let seen = at(far, Kind::Infinite, "bitcast<f32>(0x7f800000u)");
     assert_eq!(seen.lowered, Some(Lowered::Meant));
-    // A function that isn't valid stands beside, and the others call as they do.
-    let broken = "fn broken(x: f32) -> f32 { return x.y; }\n";
-    assert_eq!(with(&format!("{good}{broken}")), Some(Lowered::Called));
     // What a host gives may be 0.
     let setting =
         "@group(0) @binding(0) var<uniform> scale: f32; fn f(x: f32) -> f32 { return x / scale; }";
@@ -226,6 +223,12 @@ fn modules_that_are_not_valid_may_call() {
     let calls =
         modules("import package::a::inverse; fn h(x: f32) -> f32 { return inverse(none(x)); }");
     assert_eq!(calls.lowered[0].lowered, Some(Lowered::Called), "{calls}");
+    // A function that isn't valid stands beside, and the others call as they do.
+    let beside = modules(
+        "import package::a::inverse; fn beside(x: f32) -> f32 { return inverse(2.0 + x * x); }
+         fn broken(x: f32) -> f32 { return x.y; }",
+    );
+    assert_eq!(beside.lowered.len(), 1, "{beside}");
 }
 
 #[test]
