@@ -179,15 +179,17 @@ impl What {
 }
 
 /// `true`; `false` asserts nothing.
-fn switched(key: &str, value: Option<bool>) -> Result<bool, String> {
+fn switched(key: &'static str, value: Option<bool>) -> Result<bool, Misdeclared> {
     match value {
-        Some(false) => Err(format!("`{key} = false` asserts nothing: leave it out")),
+        Some(false) => {
+            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
+        }
         on => Ok(on.is_some()),
     }
 }
 
 impl Expected {
-    fn whats(&self, variable: &str) -> Result<Vec<What>, String> {
+    fn whats(&self, variable: &str) -> Result<Vec<What>, Misdeclared> {
         let mut all = Vec::new();
         all.extend(self.equals.clone().map(What::Equals));
         all.extend(self.table.clone().map(What::Table));
@@ -200,9 +202,9 @@ impl Expected {
                 Some(What::Sorted { descending: way == "descending" })
             }
             Some(other) => {
-                return Err(format!(
+                return Err(Misdeclared::of("sorted")(format!(
                     "`sorted = {other}` asserts nothing: write true, \"ascending\" or \"descending\""
-                ));
+                )));
             }
         });
         all.extend(self.sum_of.clone().map(What::SumOf));
@@ -218,25 +220,28 @@ impl Expected {
             all.push(What::Finite);
         }
         if all.is_empty() {
-            return Err(format!(
+            return Err(Misdeclared::from(format!(
                 "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
                  permutation_of, unchanged, written, in_range or finite"
-            ));
+            )));
         }
         if switched("up_to_order", self.up_to_order)? && !all.iter().any(What::is_listed) {
-            return Err(format!(
+            return Err(Misdeclared::of("up_to_order")(format!(
                 "`up_to_order` does nothing here: of `{variable}` neither equals, table nor agrees_with is asserted"
-            ));
+            )));
         }
         let own = |what: &What| what.compares() && !matches!(what, What::SumOf(_));
         if !self.tolerance_on.is_empty() && !all.iter().any(own) {
-            return Err(
-                "`tolerance_on` does nothing here: a sum has one tolerance on each path".to_owned()
-            );
+            return Err(Misdeclared::of("tolerance_on")(
+                "`tolerance_on` does nothing here: a sum has one tolerance on each path".to_owned(),
+            ));
         }
         let compares = all.iter().any(What::compares);
         if !compares && (self.tolerance.is_some() || !self.tolerance_on.is_empty()) {
-            return Err(format!("a tolerance does nothing here: nothing compares `{variable}`"));
+            let key = if self.tolerance.is_some() { "tolerance" } else { "tolerance_on" };
+            return Err(Misdeclared::of(key)(format!(
+                "a tolerance does nothing here: nothing compares `{variable}`"
+            )));
         }
         Ok(all)
     }
@@ -271,7 +276,7 @@ impl Declared {
         module: &str,
         folder: &Path,
         keys: &Keys,
-    ) -> Result<Vec<(String, Assertion)>, String> {
+    ) -> Result<Vec<(String, Assertion)>, Misdeclared> {
         let passes = self.all_passes(module)?;
         let (last, _) = passes.last().ok_or("there is no pass")?;
         let name = match &self.name {
@@ -303,7 +308,8 @@ impl Declared {
             all.push((name, assertion));
         };
         for (variable, expected) in &self.after {
-            for what in expected.whats(variable)? {
+            let whats = expected.whats(variable);
+            for what in whats.map_err(|wrong| wrong.below(&format!("after.{variable}")))? {
                 add(variable, what, Some(expected));
             }
         }
@@ -311,10 +317,10 @@ impl Declared {
             add("", What::NoHazards, None);
         }
         match all.is_empty() {
-            true => Err(format!(
+            true => Err(Misdeclared::from(format!(
                 "nothing is asserted of `{last}`: say what it leaves in [compute.after.NAME], or \
                  no_hazards = true"
-            )),
+            ))),
             false => Ok(all),
         }
     }
@@ -337,9 +343,14 @@ impl Assertion {
 
     /// The place of a key.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
-        let named = key.and_then(|key| self.keys.place_of(key));
-        let after = if self.variable.is_empty() { "no_hazards" } else { "after" };
-        named.or_else(|| self.keys.place_of(after))
+        // A key of what is asserted, or one of the pass.
+        let own = |key: &str| match self.variable.is_empty() {
+            true => key.to_owned(),
+            false => format!("after.{}.{key}", self.variable),
+        };
+        let keys = key.into_iter().flat_map(|key| [own(key), key.to_owned()]);
+        let mut named = keys.filter_map(|key| self.keys.exactly(&key));
+        named.next().or_else(|| self.keys.place_of(&own(self.key())))
     }
 
     /// The files that it is compared with.

@@ -318,9 +318,14 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of a key.
-    pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
+    /// The place of a key that is written.
+    pub(crate) fn exactly(&self, key: &str) -> Option<&Span> {
         self.0.get(key)
+    }
+
+    /// The place of a key, or of the innermost one that it is below: `draws.1.blend` is in `draws.1`, and that in `draws`.
+    pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
+        self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }
 }
 
@@ -563,7 +568,12 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
         let span = at(declared.span());
         let keys = compute_keys.next().unwrap_or_default();
         let all = declared.into_inner().tests(&module, &folder, &keys);
-        for (name, assertion) in all.map_err(|error| Diagnostic::new(error).at(span.clone(), ""))? {
+        for (name, assertion) in all.map_err(|wrong| wrong.unread(&keys, &span))? {
+            let is_same = |test: &Test| test.name == name && matches!(test.kind, Kind::Compute(_));
+            if tests.iter().any(is_same) {
+                let twice = format!("another `[[compute]]` has a test `{name}`: give one a `name`");
+                return Err(Diagnostic::new(twice).at(span, ""));
+            }
             let kind = Kind::Compute(Box::new(assertion));
             tests.push(Test { name, span: span.clone(), kind });
         }
@@ -625,17 +635,31 @@ fn keys(source: &Arc<SourceFile>, kind: &str) -> Vec<Keys> {
     let Some(DeValue::Array(tests)) = table.get(kind).map(Spanned::get_ref) else {
         return Vec::new();
     };
-    let keys = |test: &Spanned<DeValue<'_>>| match test.get_ref() {
-        DeValue::Table(table) => {
-            let spans = table.keys().map(|key| {
-                let span = Span { file: Arc::clone(source), range: key.span() };
-                (key.get_ref().to_string(), span)
-            });
-            Keys(spans.collect())
-        }
-        _ => Keys::default(),
+    let keys = |test: &Spanned<DeValue<'_>>| {
+        let mut keys = Keys::default();
+        note_keys(source, "", test.get_ref(), &mut keys);
+        keys
     };
     tests.iter().map(keys).collect()
+}
+
+/// Notes where the keys below a key are written; those of a list by their numbers.
+fn note_keys(source: &Arc<SourceFile>, above: &str, value: &DeValue<'_>, keys: &mut Keys) {
+    let mut note = |name: &str, range, value: &Spanned<DeValue<'_>>| {
+        let key = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
+        note_keys(source, &key, value.get_ref(), keys);
+        keys.0.insert(key, Span { file: Arc::clone(source), range });
+    };
+    match value {
+        DeValue::Table(table) => {
+            table.iter().for_each(|(key, value)| note(key.get_ref(), key.span(), value));
+        }
+        DeValue::Array(list) => {
+            let all = list.iter().enumerate();
+            all.for_each(|(at, value)| note(&at.to_string(), value.span(), value));
+        }
+        _ => {}
+    }
 }
 
 fn own(module: &str, name: &str) -> String {

@@ -58,10 +58,15 @@ const BLENDS: [(&str, Blend); 5] = [
     ("multiply", Blend::Multiply),
 ];
 
-fn named<T: Copy>(key: &str, all: &[(&str, T)], name: &str) -> Result<T, Misdeclared> {
+fn named<T: Copy>(
+    (key, what): (&'static str, &str),
+    all: &[(&str, T)],
+    name: &str,
+) -> Result<T, Misdeclared> {
     let known = all.iter().map(|(known, _)| *known);
     let found = all.iter().find(|(known, _)| *known == name);
-    Ok(found.map(|(_, value)| *value).ok_or_else(|| no_such(key, name, known))?)
+    let found = found.map(|(_, value)| *value);
+    found.ok_or_else(|| Misdeclared::of(key)(no_such(what, name, known)))
 }
 
 impl Declared {
@@ -93,7 +98,7 @@ impl Declared {
         folder: &Path,
         lacks: bool,
     ) -> Result<Draw, Misdeclared> {
-        let wrong = |message: &str| Misdeclared::of("draws")(message.to_owned());
+        let wrong = |message: &str| Misdeclared::from(message);
         if lacks && self.mesh.is_some() {
             let vertex = self.vertex.as_deref().unwrap_or_default();
             let fragment = self.fragment.as_deref().unwrap_or(vertex);
@@ -134,21 +139,21 @@ impl Declared {
         }
         if let Some(instances) = self.instances {
             if instances == 0 {
-                return Err(wrong("0 instances draw nothing"));
+                return Err(Misdeclared::of("instances")("0 instances draw nothing".to_owned()));
             }
             draw = draw.instances(instances);
         }
         if let Some(cull) = &self.cull {
-            draw = draw.cull(named("cull mode", &CULLS, cull)?);
+            draw = draw.cull(named(("cull", "cull mode"), &CULLS, cull)?);
         }
         if let Some(compare) = &self.depth_compare {
-            draw = draw.depth_compare(named("comparison", &COMPARES, compare)?);
+            draw = draw.depth_compare(named(("depth_compare", "comparison"), &COMPARES, compare)?);
         }
         if let Some(write) = self.depth_write {
             draw = draw.depth_write(write);
         }
         if let Some(blend) = &self.blend {
-            draw = draw.blend(named("blending", &BLENDS, blend)?);
+            draw = draw.blend(named(("blend", "blending"), &BLENDS, blend)?);
         }
         Ok(draw)
     }
@@ -161,7 +166,7 @@ impl Declared {
         folder: &Path,
     ) -> Result<Mesh, Misdeclared> {
         let file = self.mesh_file(folder).expect("it is asked for");
-        let wrong = |message: String| Misdeclared::of("draws")(message);
+        let wrong = |message: String| Misdeclared::of("mesh")(message);
         let inputs = program.located_inputs(vertex);
         let first = inputs.iter().find(|input| input.location == 0);
         let is_position = |shape: &Shape| {

@@ -17,13 +17,13 @@ use karat::unstable::reflect::ReflectError;
 use karat::unstable::run::WrongDeclaration;
 
 use crate::Wrong;
-use crate::declared::{Assertion, Frame};
+use crate::declared::{Assertion, Frame, Keys};
 
 /// Why an assertion can't be checked.
 #[derive(Debug)]
 pub(crate) struct Misdeclared {
-    /// The key that is wrong; `None`: the assertion's own.
-    key: Option<&'static str>,
+    /// The key that is wrong, behind those that it is below: `draws.1.blend`; `None`: the assertion's own.
+    key: Option<String>,
     pub(crate) message: String,
     /// `file:line:column`, if it isn't in the file that declares the test.
     pub(crate) place: Option<String>,
@@ -38,12 +38,19 @@ impl<T: Into<String>> From<T> for Misdeclared {
 impl Misdeclared {
     /// Of a key.
     pub(crate) fn of(key: &'static str) -> impl Fn(String) -> Self {
-        move |message| Self { key: Some(key), message, place: None }
+        move |message| Self { key: Some(key.to_owned()), message, place: None }
     }
 
-    /// Of a key, unless it is one's already.
-    pub(crate) fn or_of(self, key: &'static str) -> Self {
-        Self { key: self.key.or(Some(key)), ..self }
+    /// The same of a table below a key.
+    pub(crate) fn below(self, key: &str) -> Self {
+        let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
+        Self { key: Some(key), ..self }
+    }
+
+    /// The error of a file that isn't read, at its place or else that of the whole test.
+    pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
+        let place = self.key.and_then(|key| keys.place_of(&key).cloned());
+        Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")
     }
 
     /// Of a line of another file.
@@ -57,7 +64,8 @@ impl Misdeclared {
         place_of: &dyn Fn(Option<&str>) -> Option<Span>,
         whole: &Span,
     ) -> Wrong {
-        let message = match self.key {
+        let first = self.key.as_deref().and_then(|key| key.split('.').next());
+        let message = match first {
             Some(key) => format!("{key}: {}", self.message),
             None => self.message,
         };
@@ -65,7 +73,7 @@ impl Misdeclared {
             let text = format!("error: {message}\n   --> {place}");
             return Wrong::new(&message, Some(place), text);
         }
-        let span = place_of(self.key).unwrap_or_else(|| whole.clone());
+        let span = place_of(self.key.as_deref()).unwrap_or_else(|| whole.clone());
         Wrong::from(Diagnostic::new(message).at(span, ""))
     }
 }
@@ -227,6 +235,7 @@ pub(crate) fn compute_key_of(error: &ComputeError) -> Option<&'static str> {
         ComputeError::Dispatch(DispatchError::EntryPoint { .. } | DispatchError::Reflect(_)) => {
             Some("entry")
         }
+        ComputeError::Accepted { verb, .. } => Some(verb),
         ComputeError::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             paths.failures.iter().chain(stopped).find_map(compute_key_of)

@@ -703,10 +703,10 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     for (name, value) in &declared.overrides {
         frame = frame.with_override(name, value.number());
     }
-    for draw in &draws {
+    for (number, draw) in draws.iter().enumerate() {
         // Of a function that isn't there drawing says what is meant.
         let drawn = draw.draw(&program, &declared.folder, unknown.is_some());
-        let drawn = drawn.map_err(|wrong| wrong.or_of("draws"))?;
+        let drawn = drawn.map_err(|wrong| wrong.below(&format!("draws.{number}")))?;
         frame = frame.draw(drawn);
     }
     frame = frame.declared_at(&at.to_string());

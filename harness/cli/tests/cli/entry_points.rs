@@ -308,20 +308,20 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\n",
-            ["nothing is asserted of `keys`", "m.test.toml:1:1"],
+            ["nothing is asserted of `keys`", "m.test.toml:5:16"],
         ),
         ("reverse", input, "[compute.after.keys]\nsortd = true", ["sortd", "m.test.toml:6:1"]),
         (
             "reverse",
             input,
             "[compute.after.keys]\nsorted = false",
-            ["asserts nothing", "m.test.toml:1:1"],
+            ["asserts nothing", "m.test.toml:6:1"],
         ),
         (
             "reverse",
             input,
             "[compute.after.keys]\nsorted = true\ntolerance = \"4 ulp\"",
-            ["a tolerance does nothing", "m.test.toml:1:1"],
+            ["a tolerance does nothing", "m.test.toml:7:1"],
         ),
         (
             "reverse",
@@ -450,9 +450,16 @@ depth_write = false
         ("vertices = 3", "indices = [0, 1, 2]", "`indices` are of a `mesh`"),
         ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
     ] {
-        write(folder.path(), "m.test.toml", &declared.replace(from, to));
+        let text = declared.replace(from, to);
+        write(folder.path(), "m.test.toml", &text);
         let ran = test();
         assert!(ran.code != Some(0) && ran.out.contains(part), "{to}: {ran:?}");
+        // At its own line, whichever draw it is of.
+        if to.ends_with("= 0") || to.ends_with("\"plus\"") {
+            let own = to.lines().last().unwrap_or_default();
+            let line = text.lines().position(|line| line == own).expect("it is there") + 1;
+            assert!(ran.out.contains(&format!("m.test.toml:{line}:1")), "{to}: {ran:?}");
+        }
     }
 }
 
