@@ -761,7 +761,7 @@ impl Hazard {
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
         let counted = match (is_pass, &self.violation) {
             // Elements, of which an invocation has several, or several have one.
-            (true, Some(_)) if self.kind == Kind::OutOfRange => {
+            (true, Some(one)) if self.kind == Kind::OutOfRange && !one.of_fixed_length => {
                 format!("in {of} invocations, over sizes that are made up")
             }
             (true, Some(_)) => format!("in {of} invocations"),

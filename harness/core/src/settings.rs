@@ -76,6 +76,9 @@ const RECORD: &str = "KARAT_RECORD";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
+/// Each order runs all passes: as many take hours.
+const MOST_SCHEDULES: u64 = 1 << 16;
+
 /// Far above what a pixel can afford, and some seconds at most until a loop without end is found.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
@@ -305,8 +308,9 @@ impl Settings {
         let rounds = "a number of rounds above 0";
         let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
         let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
-        let count = "a number of orders, from 0";
-        let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(integer)?;
+        let count = "a number of orders from 0 to 65536";
+        let orders = |text: &str| integer(text).filter(|count| *count <= MOST_SCHEDULES);
+        let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(orders)?;
         let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once and of small letters \
                         and digits";
         let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;

@@ -306,7 +306,8 @@ impl Meaning {
             // A cube has six.
             () if whole && has(&["face"]) => Self::Range(0.0, 5.0),
             () if whole && has(&INDICES) => Self::Index,
-            () if has(&UNIT) => Self::Range(0.0, 1.0),
+            // A whole number called `u` is no coordinate of a texture.
+            () if !whole && has(&UNIT) => Self::Range(0.0, 1.0),
             () => Self::Any,
         }
     }

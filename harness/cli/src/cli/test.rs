@@ -56,7 +56,7 @@ pub(super) struct Args {
     require: Option<String>,
     /// Orders of invocations in which compute passes run before a test of them is judged [default: 32, or 3 above 4,096
     /// invocations]
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(..=65536))]
     schedules: Option<u64>,
     /// Leave frames out, which need a driver
     #[arg(long)]
