@@ -119,7 +119,7 @@ mod tests {
         let error = run(cargo(&["--no-such-option"]).stderr(std::process::Stdio::null()))
             .expect_err("cargo refuses the option");
         assert_eq!(exit_code(&error), 1);
-        assert!(error.to_string().contains("`cargo --no-such-option` failed"), "{error}");
+        assert!(error.to_string().contains("cargo --no-such-option` failed"), "{error}");
         assert_eq!(exit_code(&anyhow::anyhow!("no child at all")), 1);
     }
 

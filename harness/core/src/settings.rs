@@ -489,7 +489,8 @@ mod tests {
             ("KARAT_TIMEOUT", "a minute", "KARAT_TIMEOUT=a minute isn't a number of seconds"),
             ("KARAT_TIMEOUT", "0", "KARAT_TIMEOUT=0 isn't a number of seconds above 0"),
             ("KARAT_TIMEOUT", "NaN", "KARAT_TIMEOUT=NaN isn't a number of seconds above 0"),
-            ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders, from 0"),
+            ("KARAT_SCHEDULES", "few", "KARAT_SCHEDULES=few isn't a number of orders from 0 to"),
+            ("KARAT_SCHEDULES", "65537", "KARAT_SCHEDULES=65537 isn't a number of orders"),
             ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
             (
                 "KARAT_CASE",
