@@ -275,11 +275,14 @@ struct Parted {
     by: Option<usize>,
 }
 
+/// Faults of a case with their sites, and the pixels that part at a derivative.
+type OfCase = BTreeMap<(Fault, usize), Option<Parted>>;
+
 /// Keeps what operations give.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     /// Of each case the operations whose operands are a fault.
-    wrong: Mutex<BTreeMap<usize, BTreeMap<(Fault, usize), Option<Parted>>>>,
+    wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or becomes an integer.
     decided: Mutex<BTreeSet<usize>>,
 }
