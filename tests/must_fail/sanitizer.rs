@@ -604,3 +604,29 @@ fn texels_that_no_invocation_writes() {
         assert_eq!(found.paths[0].shown[0].place.to_string(), first);
     }
 }
+
+/// A blur within one texture: the value that is read and the one that is written, by the texel's own numbers.
+#[test]
+fn texels_that_race_have_their_values() {
+    let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read_write>;
+        @compute @workgroup_size(4) fn shift(@builtin(global_invocation_id) id: vec3u) {
+            let next = textureLoad(image, vec2u(id.x + 1u, 0u));
+            textureStore(image, vec2u(id.x, 0u), next + 0.5);
+        }";
+    let package = Package::from_source("texels", text);
+    let image = Texture::from_fn(9, 1, |x, _| glam::Vec4::splat(x as f32));
+    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+    let passes = package.compute().with("image", image).dispatch("shift", [2, 1, 1]).on(cpu);
+    let raced = passes.after("image").unrecorded().try_is_written();
+    let Err(ComputeError::Violations(found)) = &raced else { panic!("{raced:?}") };
+    let texel = |one: &&Violation| one.element == "image[1, 0]" || one.element == "image[4, 0]";
+    let one = found.all.iter().find(texel).unwrap_or_else(|| panic!("{found}"));
+    let mut does: Vec<&str> = one.accesses.iter().map(|access| &*access.does).collect();
+    does.sort_unstable();
+    let expected = if one.element == "image[1, 0]" {
+        ["reads 1", "writes 2.5"]
+    } else {
+        ["reads 4", "writes 5.5"]
+    };
+    assert_eq!(does, expected, "{found}");
+}

@@ -13,7 +13,7 @@
 //! - the last write of another word, which tells equal writes from others;
 //! - two reads of different invocations since the last barrier, and one by an earlier workgroup.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::Barrier;
 
@@ -55,6 +55,8 @@ pub struct Access {
     pub writes: bool,
     /// The word that it writes or reads.
     pub word: u32,
+    /// Of a texel its channels, as far as they are kept.
+    pub texel: Option<[u32; 4]>,
 }
 
 /// Two accesses of an element that nothing orders.
@@ -266,6 +268,8 @@ pub(crate) struct Detector {
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
+    /// The channels of texels, by the words that stand for them.
+    texels: HashMap<u32, [u32; 4]>,
     /// How often the operations of each site that have an index ran.
     ran: Vec<u64>,
 }
@@ -302,6 +306,7 @@ impl Detector {
             divergences: BTreeMap::new(),
             outside: BTreeMap::new(),
             unwritten: BTreeMap::new(),
+            texels: HashMap::new(),
             ran: vec![0; code.sites.len()],
         }
     }
@@ -393,7 +398,7 @@ impl Detector {
         if reads && shadow.own && !shadow.touched.contains(byte as usize) {
             let site_of = || code.sites[site as usize].clone();
             let new = || Unwritten {
-                access: Access { site: site_of(), invocation, writes: false, word },
+                access: Access { site: site_of(), invocation, writes: false, word, texel: None },
                 variable: code.buffers[slot as usize].name.clone(),
                 byte,
                 count: 0,
@@ -434,7 +439,19 @@ impl Detector {
         self.access(code, (slot, space), accessed, writes);
     }
 
-    pub(crate) fn texture(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
+    /// A texel with these channels is read or written.
+    pub(crate) fn texture(
+        &mut self,
+        code: &Code,
+        slot: u32,
+        accessed: Accessed,
+        (texel, writes): ([u32; 4], bool),
+    ) {
+        /// Texels that are kept for a message: a megabyte of them.
+        const MOST: usize = 1 << 16;
+        if self.texels.len() < MOST {
+            self.texels.insert(accessed.word, texel);
+        }
         if writes {
             self.textures[slot as usize].touched.add(accessed.index);
         }
@@ -533,6 +550,7 @@ impl Detector {
             invocation: self.invocation(who.invocation),
             writes,
             word: who.word,
+            texel: self.texels.get(&who.word).filter(|_| space == 2).copied(),
         };
         let (first, second) = (access(other, other_writes), access(who, writes));
         let race = Race { variable, binding, place, first, second, one_workgroup, elements: 1 };

@@ -213,20 +213,23 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let (path, values) = match race.place {
         Place::Byte(at) => element(program, &race.variable, at, words),
         Place::Texel([x, y, z]) => {
-            let dimensions = pass.bindings.iter().find_map(|(binding, _)| match binding.kind {
-                BindingKind::StorageTexture { dimension, arrayed, .. }
+            let texture = pass.bindings.iter().find_map(|(binding, _)| match binding.kind {
+                BindingKind::StorageTexture { dimension, arrayed, format, .. }
                     if program.name_of(&binding.path) == race.variable =>
                 {
-                    Some((dimension, arrayed))
+                    Some(((dimension, arrayed), format))
                 }
                 _ => None,
             });
-            let texel = match dimensions {
-                Some((Dimension::D1, false)) => format!("[{x}]"),
-                Some((Dimension::D2, false)) => format!("[{x}, {y}]"),
+            let texel = match texture {
+                Some(((Dimension::D1, false), _)) => format!("[{x}]"),
+                Some(((Dimension::D2, false), _)) => format!("[{x}, {y}]"),
                 _ => format!("[{x}, {y}, {z}]"),
             };
-            (texel, None)
+            let values = texture.and_then(|(_, format)| {
+                Some([format.shown(race.first.texel?), format.shown(race.second.texel?)])
+            });
+            (texel, values)
         }
     };
     let (variable, element) = named(program, &race.variable, &path);

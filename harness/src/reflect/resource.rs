@@ -111,6 +111,18 @@ impl Format {
         }
     }
 
+    /// A texel as its author writes its value: as many channels as it keeps.
+    pub(crate) fn shown(self, texel: [u32; 4]) -> String {
+        let channels = self.name().chars().take_while(|c| !c.is_ascii_digit()).count();
+        let shown = |word: &u32| match self.texels() {
+            Texels::Sint => word.cast_signed().to_string(),
+            Texels::Uint => word.to_string(),
+            _ => crate::value::format_f32(f32::from_bits(*word)),
+        };
+        let all: Vec<String> = texel.iter().take(channels.clamp(1, 4)).map(shown).collect();
+        if let [one] = &*all { one.clone() } else { format!("({})", all.join(", ")) }
+    }
+
     /// The step between two numbers that it holds, of formats that hold fractions of a whole number; of others 0.
     #[cfg(feature = "routes")]
     pub(crate) fn step(self) -> f32 {

@@ -91,7 +91,7 @@ impl<A: Rules> Machine<'_, A> {
         words: [u32; 4],
         writes: bool,
     ) {
-        // A word for all channels, which is compared and not shown (FNV-1a, by words).
+        // A word for all channels, which is compared (FNV-1a, by words).
         let word =
             words.iter().fold(0x811C_9DC5_u32, |all, word| (all ^ word).wrapping_mul(0x0100_0193));
         let Some(detector) = &mut self.detector else { return };
@@ -100,7 +100,7 @@ impl<A: Rules> Machine<'_, A> {
             let index = (z * size[1] as usize + y) * size[0] as usize + x;
             let place = Place::Texel(at);
             let accessed = Accessed { lane, site: self.site, place, index, word };
-            detector.texture(self.code, texture, accessed, writes);
+            detector.texture(self.code, texture, accessed, (words, writes));
         }
     }
 
