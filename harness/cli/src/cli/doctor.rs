@@ -140,9 +140,6 @@ struct PathReport {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    if let Some(folder) = &args.package {
-        return package::run(folder, args.write, args.json, out);
-    }
     let required: Vec<Path> = args
         .require
         .iter()
@@ -150,6 +147,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .filter(|name| !name.is_empty())
         .map(str::parse)
         .collect::<Result<_, _>>()?;
+    if let Some(folder) = &args.package {
+        for path in &required {
+            karat::path::adapter(*path)?;
+        }
+        return package::run(folder, args.write, args.json, out);
+    }
     // A required path is looked at even where the platform can't have it, and so is one of a driver.
     let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
     let mut all: Vec<Path> = usual.chain([Path::CPU]).chain(karat::path::programs()?).collect();

@@ -57,6 +57,10 @@ fn a_doctor_says_which_lines_make_a_package_whole_and_writes_them() {
         "{text}"
     );
     let again = karat(folder.path(), &["doctor", "shaders"]).good();
+    // A path that is required is looked at, too.
+    let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
+    assert!(required.contains("banana"), "{required}");
+    karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
     assert!(again.contains("8 modules, all whole"), "{again}");
     karat(folder.path(), &["check", "--shaders", "shaders"]).good();
 }
