@@ -630,3 +630,33 @@ fn texels_that_race_have_their_values() {
     };
     assert_eq!(does, expected, "{found}");
 }
+
+/// The neighbour of the last texel: its coordinate and the texture's size, of numbers and of whole ones.
+#[test]
+fn a_texel_beyond_the_edge() {
+    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+    for (texels, first, place, does) in [
+        ("f32", "f32(textureLoad(src, vec2i(i32(id.x) - 1, 3), 0).x)", 0, "-1, of 8"),
+        ("u32", "f32(textureLoad(src, vec2u(2u, id.x + 1u), 0).x)", 7, "8, of 8"),
+    ] {
+        let text = format!(
+            "@group(0) @binding(0) var src: texture_2d<{texels}>;
+             @group(0) @binding(1) var<storage, read_write> sums: array<f32>;
+             @compute @workgroup_size(8) fn add(@builtin(global_invocation_id) id: vec3u) {{
+                 sums[id.x] = {first};
+             }}"
+        );
+        let package = Package::from_source("texels", text);
+        let passes = package.compute().with("sums", Storage::new([0.0_f32; 8]));
+        let passes = match texels {
+            "f32" => passes.with("src", Texture::from_fn(8, 8, |_, _| glam::Vec4::ONE)),
+            _ => passes.with("src", Texture::from_fn(8, 8, |_, _| glam::UVec4::ONE)),
+        };
+        let left = passes.dispatch("add", [1, 1, 1]).on(cpu).after("sums").unrecorded();
+        let wrong = left.try_is_written();
+        let Err(ComputeError::Violations(found)) = &wrong else { panic!("{wrong:?}") };
+        let access = &found.all[0].accesses[0];
+        assert!(access.invocation.starts_with(&format!("local ({place}, 0, 0)")), "{found}");
+        assert!(access.does.contains(does), "{found}");
+    }
+}

@@ -384,6 +384,9 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
         Some((meant, index)) if one.bounds == Bounds::Wrapped => {
             format!("means element {meant}, and finds {index}")
         }
+        Some((index, length)) if one.bounds == Bounds::Texture => {
+            format!("means a texel beyond its edge: {index}, of {length}")
+        }
         Some((index, length)) => format!("has index {index}, of {length} elements"),
         None => beyond.to_owned(),
     };

@@ -135,6 +135,32 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
+    /// The first coordinate of a texel that is loaded, its layer included, that leaves the texture, and how many there are.
+    pub(super) fn texel_beyond(
+        &self,
+        image: u32,
+        registers: &[u32],
+        lane: usize,
+        memory: &Memory<'_, A>,
+    ) -> Option<(i64, u64)> {
+        let op = &self.code.images[image as usize];
+        let ImageKind::Load { level, .. } = op.kind else { return None };
+        let before = op.outs.iter().sum::<u32>() + op.ins[0];
+        let ints = &registers[before as usize..][..op.ins[1] as usize];
+        let texture = &memory.textures[op.texture as usize];
+        let index = |k: usize| A::bounds(self.ints.get(ints[k])[lane], op.signed >> k & 1 == 1).0;
+        let level = if level { index(ints.len() - 1) } else { 0 };
+        let level = u32::try_from(level).ok().filter(|level| *level < texture.levels())?;
+        let size = texture.level_size(level);
+        let coordinates = op.coordinates as usize;
+        let layer = op.arrayed.then_some((coordinates, size[2]));
+        let mut all = (0..coordinates).map(|k| (k, size[k])).chain(layer);
+        all.find_map(|(k, count)| {
+            let at = index(k);
+            (at < 0 || at >= i64::from(count)).then_some((at, u64::from(count)))
+        })
+    }
+
     fn load_texels(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) {
         let ImageKind::Load { level, sample, signed } = op.kind else { return };
         for lane in 0..self.width {

@@ -177,8 +177,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// The index of a lane that leaves an array in a buffer, and how many elements that has; of one that wraps what it is
-    /// without an end, and what it is.
+    /// The index of a lane that leaves an array in a buffer, or a coordinate that leaves a texture, and how many elements that
+    /// has; of one that wraps what it is without an end, and what it is.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -193,6 +193,7 @@ impl<A: Rules> Machine<'_, A> {
                 let index = A::bounds(self.ints.get(registers[0])[lane], false).0;
                 return Some((self.meant, index.cast_unsigned()));
             }
+            Op::Image(image) => return self.texel_beyond(image, registers, lane, memory),
             _ => return None,
         };
         let walk = &self.code.walks[walk as usize];
