@@ -165,6 +165,7 @@ fn write_text(
         drawn,
         unseen,
     } = hazards;
+    let mut hidden = 0;
     if all {
         for hazard in found.iter().chain(lowered).chain(rare) {
             write_one(hazard, &[], out)?;
@@ -173,7 +174,7 @@ fn write_text(
             writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
         }
     } else {
-        write_idioms(found, out)?;
+        hidden = write_idioms(found, lowered, out)?;
         write_reasons(skipped, out)?;
     }
     write_drawn(drawn, all, out)?;
@@ -194,7 +195,12 @@ fn write_text(
         let reasons = reasons.into_iter().map(|(why, count)| format!("{count}: {}", why.about()));
         let (counted, reasons) =
             (counted(lowered.len(), "lowered hazard"), reasons.collect::<Vec<_>>().join("; "));
-        writeln!(out, "{DIM}{counted}: --all shows them ({reasons}){DIM:#}")?;
+        let more = match hidden {
+            0 => String::new(),
+            _ if hidden == lowered.len() => ": --all shows them".to_owned(),
+            _ => format!(": --all shows {hidden} more"),
+        };
+        writeln!(out, "{DIM}{counted}{more} ({reasons}){DIM:#}")?;
     }
     let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
     let style = if open == 0 && lowered.is_empty() { GOOD } else { BAD };
@@ -262,26 +268,39 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Prints the first hazard of each idiom, with how many others are like it, as far as a screen goes.
-fn write_idioms(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
+/// Hazards of each idiom together, in the order of the first of each.
+fn idioms(hazards: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut idioms: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
-    for hazard in found {
+    for hazard in hazards {
         let at = *known.entry((hazard.kind, hazard.idiom())).or_insert(idioms.len());
         if at == idioms.len() {
             idioms.push(Vec::new());
         }
         idioms[at].push(hazard);
     }
-    let shown = idioms.len().min(terminal::size().rows / LINES);
-    for alike in &idioms[..shown] {
+    idioms
+}
+
+/// Prints the first hazard of each idiom, with how many others are like it, as far as a screen goes, and those that are
+/// lowered where there is room. Returns how many lowered ones aren't shown.
+fn write_idioms(
+    found: &[Hazard],
+    lowered: &[Hazard],
+    out: &mut dyn Write,
+) -> anyhow::Result<usize> {
+    let (found, lowered) = (idioms(found), idioms(lowered));
+    let room = terminal::size().rows / LINES;
+    let shown = found.len().min(room);
+    let (lowered, hidden) = lowered.split_at(lowered.len().min(room - shown));
+    for alike in found[..shown].iter().chain(lowered) {
         write_one(alike[0], &alike[1..], out)?;
     }
-    let left: usize = idioms[shown..].iter().map(Vec::len).sum();
+    let left: usize = found[shown..].iter().map(Vec::len).sum();
     if left > 0 {
         writeln!(out, "{left} more: --all shows them\n")?;
     }
-    Ok(())
+    Ok(hidden.iter().map(Vec::len).sum())
 }
 
 fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
