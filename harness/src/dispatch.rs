@@ -207,6 +207,13 @@ pub(crate) struct Held {
     pub(crate) fixture: Fixture,
 }
 
+impl Pass {
+    /// Where its entry point is declared.
+    pub(crate) fn span(&self) -> Option<Span> {
+        self.program.entry_point_span(&self.entry_point)
+    }
+}
+
 impl Passes {
     pub(crate) fn new(
         package: &Package,
@@ -441,8 +448,7 @@ impl Passes {
 
     /// Where the last entry point is declared.
     pub(crate) fn span(&self) -> Option<Span> {
-        let pass = self.passes.last()?;
-        pass.program.entry_point_span(&pass.entry_point)
+        self.passes.last()?.span()
     }
 
     /// Whether a resource is bound, and not set with the commands.

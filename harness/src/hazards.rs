@@ -775,7 +775,9 @@ impl Hazard {
                 writeln!(f, "    {}  {} {}", access.place, access.invocation, access.does)?;
             }
         }
-        write!(f, "    {}", self.kind.about())?;
+        let advice = self.violation.as_ref().map(|one| one.advice.as_str());
+        let about = advice.filter(|advice| !advice.is_empty()).unwrap_or(self.kind.about());
+        write!(f, "    {about}")?;
         if !self.operands.is_empty() {
             write!(f, " ({})", self.operands.join(", "))?;
         }

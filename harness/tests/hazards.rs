@@ -892,3 +892,26 @@ fn derivatives_want_a_whole_quad() {
         assert_eq!(parted(body), None, "{body}");
     }
 }
+
+/// Zeros are written where others hold numbers, and the race is there all the same; its barrier is named.
+#[test]
+fn races_of_values_that_are_read_are_told() {
+    let pass = |body: &str| {
+        look(&format!(
+            "@group(0) @binding(0) var<storage, read> a: array<f32>;
+             @group(0) @binding(1) var<storage, read_write> b: array<f32>;
+             var<workgroup> tile: array<f32, 64>;
+             @compute @workgroup_size(64) fn half(@builtin(global_invocation_id) id: vec3u,
+                 @builtin(local_invocation_index) i: u32) {{ if id.x < arrayLength(&a) {{ {body} }} }}"
+        ))
+    };
+    let race = |hazards: &karat::unstable::hazards::Hazards| {
+        let mut all = hazards.found.iter().filter(|one| one.kind == Kind::Race);
+        all.next().unwrap_or_else(|| panic!("{hazards:#?}")).to_string()
+    };
+    for body in ["b[id.x / 2u] = a[id.x];", "b[0] = a[id.x] + 1.0;", "b[id.x % 8u] = f32(id.x);"] {
+        race(&pass(body));
+    }
+    let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
+    assert!(within.contains("a `workgroupBarrier()` between both does"), "{within}");
+}

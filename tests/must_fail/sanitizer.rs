@@ -660,3 +660,24 @@ fn a_texel_beyond_the_edge() {
         assert!(access.does.contains(does), "{found}");
     }
 }
+
+/// Of two passes the one whose order matters is told, with its place.
+#[test]
+fn one_pass_of_several_depends_on_its_order() {
+    let text = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
+        @group(0) @binding(1) var<storage, read_write> data: array<u32, 64>;
+        @compute @workgroup_size(64) fn own(@builtin(local_invocation_index) i: u32) {
+            if i == 3u || i == 9u { atomicStore(&last, i); }
+        }
+        @compute @workgroup_size(64) fn bump(@builtin(local_invocation_index) i: u32) { data[i] += 1u; }";
+    let package = Package::from_source("two", text);
+    let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+    let passes = package.compute().with("last", Storage::new([0_u32]));
+    let passes = passes.with("data", Storage::new([0_u32; 64]));
+    let passes = passes.dispatch("own", [1, 1, 1]).dispatch("bump", [1, 1, 1]).on(cpu);
+    let seen = passes.after("last").unrecorded().try_agrees_with([9_u32], Abs(0.0));
+    let Err(ComputeError::Order(order)) = &seen else { panic!("{seen:?}") };
+    let expected = "local (3, 0, 0) and (9, 0, 0) change places in each workgroup of `own`";
+    assert_eq!(order.swap, expected, "{order}");
+    assert!(order.location.starts_with("<two>:3:"), "{order}");
+}

@@ -7,7 +7,7 @@ use std::fmt;
 
 use super::judge::{Assertion, Element, Sum};
 use super::{After, ComputeError};
-use crate::dispatch::{DispatchError, Passes};
+use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::interpret::{OrderOf, in_order_of};
 use crate::probe::ProbeError;
 use crate::record::{Fault, Replay};
@@ -49,7 +49,7 @@ pub struct OrderDependence {
     pub variable: String,
     /// The assertion.
     pub assertion: String,
-    /// The last entry point, `file:line:column`.
+    /// The entry point of the pass whose order matters, or the last one: `file:line:column`.
     pub location: String,
     /// The difference between the orders: `local (3, 0, 0) and (5, 0, 0) change places in each workgroup of .. `.
     pub swap: String,
@@ -181,13 +181,22 @@ impl After<'_> {
                     _ => wrong = middle,
                 }
             }
-            let order = whole.first(wrong);
+            // One pass is to blame, as a rule.
+            let mut order = whole.first(wrong);
+            let count = passes.passes.len();
+            for number in (0..count).filter(|_| count > 1) {
+                if judged(Some(order.only(number)))?.failures > 0 {
+                    order = order.only(number);
+                    break;
+                }
+            }
             let entry_points: Vec<&str> = passes.entry_points().collect();
+            let place = order.passes(passes).last().and_then(Pass::span);
             return Err(ComputeError::Order(Box::new(OrderDependence {
                 entry_points: entry_points.join(", "),
                 variable: self.variable.clone(),
                 assertion: assertion.holds(),
-                location: passes.span().map_or_else(String::new, |span| span.to_string()),
+                location: place.map_or_else(String::new, |span| span.to_string()),
                 swap: order.last(passes),
                 subgroup: passes.has_subgroups().then_some(order.subgroup()),
                 element: judged(Some(order))?.shown.into_iter().next(),

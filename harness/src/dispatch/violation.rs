@@ -90,6 +90,9 @@ pub struct Violation {
     pub element: String,
     /// How many elements have it; of a barrier, how many invocations don't reach it; of an index, how often it is so.
     pub count: u64,
+    /// Of a race what orders it: the barrier, an atomic, or two passes.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub advice: String,
     /// True if sizes that a host gives may well prevent it: made-up ones tell little of it.
     #[serde(skip)]
     pub(crate) by_size: bool,
@@ -113,7 +116,7 @@ impl Violation {
         (headline, count): (String, u64),
         accesses: Vec<ViolationAccess>,
     ) -> Self {
-        let (variable, element) = (String::new(), String::new());
+        let (variable, element, advice) = <(String, String, String)>::default();
         let (by_size, in_workgroup, of_fixed_length) = (false, false, false);
         let entry_point = entry_point.to_owned();
         Self {
@@ -123,6 +126,7 @@ impl Violation {
             variable,
             element,
             count,
+            advice,
             by_size,
             in_workgroup,
             of_fixed_length,

@@ -37,8 +37,8 @@ pub enum Lowered {
     Nan,
     /// What a buffer holds decides it alone, and it is fine over other contents.
     Contents,
-    /// In fewer than one case in twenty two computed numbers, of arguments of which nothing is known, are so close that their
-    /// difference has few digits.
+    /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits; of arguments
+    /// that are known, in fewer than one in a hundred.
     Close,
     /// Nothing is known of the arguments, and what leads here, and nothing calls, was not seen to have it.
     Called,
@@ -70,7 +70,7 @@ impl Lowered {
             Self::Remainder => "the whole part of a number is taken off, and digits with it",
             Self::Nan => "it is NaN for other arguments, which is told",
             Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
-            Self::Close => "two computed numbers are nearly the same in fewer than 1 of 20 cases",
+            Self::Close => "two computed numbers are nearly the same, and in few of the cases",
             Self::Called => {
                 "nothing is known of the arguments, and it wasn't seen in the functions that lead here"
             }
@@ -87,6 +87,9 @@ const ENOUGH: usize = 256;
 
 /// Of one difference in so many it says little that few digits are left: any two numbers may meet.
 const SELDOM: usize = 20;
+
+/// The same where all arguments are known.
+const RARELY: usize = 100;
 
 /// Who calls whom in a package, and who was looked at whole.
 #[derive(Debug, Default)]
@@ -194,9 +197,9 @@ impl Callers {
             return Some(Lowered::Contents);
         }
         let (cases, of) = hazard.cases;
+        let seldom = if hazard.guessed { SELDOM } else { RARELY };
         if hazard.kind == Kind::LostDigits
-            && hazard.guessed
-            && cases * SELDOM < of
+            && cases * seldom < of
             && hazard.idiom != Some(Idiom::Complement)
         {
             return Some(Lowered::Close);

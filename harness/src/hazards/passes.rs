@@ -43,7 +43,14 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
             let zeros = (variant + Extents::ZEROS, &Vec::new());
             if let Ok((passes, _)) = Passes::arbitrary(package, name, None, ranges, zeros) {
                 let all = examine_made_up(&passes).violations.into_iter();
-                surely.extend(all.map(|(one, at)| (place_of(&one, &at).0, kind_of(one.kind))));
+                for (one, at) in all {
+                    let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
+                    // Of zeros two writes are of the same value, and no less a race of others.
+                    if kind == Kind::EqualWrites {
+                        surely.insert((place.clone(), Kind::Race));
+                    }
+                    surely.insert((place, kind));
+                }
             }
         }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.

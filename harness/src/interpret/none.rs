@@ -146,6 +146,17 @@ impl OrderOf {
         self
     }
 
+    pub(crate) fn only(self, _: usize) -> Self {
+        self
+    }
+
+    pub(crate) fn passes(
+        self,
+        _: &crate::dispatch::Passes,
+    ) -> impl Iterator<Item = &crate::dispatch::Pass> {
+        std::iter::empty()
+    }
+
     pub(crate) fn last(self, _: &crate::dispatch::Passes) -> String {
         String::new()
     }

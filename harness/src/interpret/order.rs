@@ -3,7 +3,7 @@
 use karat_engine::{Schedule, Swap};
 
 use super::dispatch::{dispatched, options};
-use crate::dispatch::{Afterwards, DispatchError, Passes};
+use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
 /// Invocations of a subgroup where no order says another number.
 pub(crate) const SUBGROUP: u32 = Schedule::SUBGROUP;
@@ -13,7 +13,11 @@ const SUBGROUPS: [u32; 5] = [4, 64, 8, 32, 16];
 
 /// An order of the invocations of passes: the same shuffle in each pass, as far as that has as many.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct OrderOf(Schedule);
+pub(crate) struct OrderOf {
+    schedule: Schedule,
+    /// The pass that has this order, by its number; the others have the usual one. `None`: all passes have it.
+    only: Option<usize>,
+}
 
 impl OrderOf {
     /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
@@ -32,17 +36,17 @@ impl OrderOf {
             Schedule::whole(seed, groups, together).swaps
         });
         let swaps = if number == 1 { 0 } else { of_pass.max().unwrap_or_default() };
-        Self(Schedule { seed, swaps, serial, subgroup })
+        Self { schedule: Schedule { seed, swaps, serial, subgroup }, only: None }
     }
 
     /// The swaps that it is made of.
     pub(crate) fn swaps(self) -> usize {
-        self.0.swaps
+        self.schedule.swaps
     }
 
     /// Invocations of a subgroup.
     pub(crate) fn subgroup(self) -> u32 {
-        self.0.subgroup
+        self.schedule.subgroup
     }
 
     /// The invocations by their numbers, in the smallest subgroups.
@@ -52,23 +56,37 @@ impl OrderOf {
 
     /// The same with the first so many swaps.
     pub(crate) fn first(self, swaps: usize) -> Self {
-        Self(Schedule { swaps, ..self.0 })
+        Self { schedule: Schedule { swaps, ..self.schedule }, ..self }
+    }
+
+    /// The same in one pass alone.
+    pub(crate) fn only(self, pass: usize) -> Self {
+        Self { only: Some(pass), ..self }
+    }
+
+    /// The passes that have this order.
+    pub(crate) fn passes(self, passes: &Passes) -> impl Iterator<Item = &Pass> {
+        let all = passes.passes.iter().enumerate();
+        all.filter(move |(number, _)| self.only.is_none_or(|only| only == *number))
+            .map(|(_, pass)| pass)
     }
 
     /// The two that change places last, in each pass that has as many.
     pub(crate) fn last(self, passes: &Passes) -> String {
-        let sizes = || format!("subgroups have {} invocations", self.0.subgroup);
+        let sizes = || format!("subgroups have {} invocations", self.schedule.subgroup);
         let sizes = passes.has_subgroups().then(sizes);
-        if self.0.swaps == 0 {
+        if self.schedule.swaps == 0 {
             let serial =
                 "invocations run to the next barrier, or to their ends, one after the other";
-            let serial = self.0.serial.then(|| serial.to_owned());
+            let of_one = self.only.and_then(|number| passes.passes.get(number));
+            let of_one = of_one.map_or_else(String::new, |pass| format!(" in `{}`", pass.name));
+            let serial = self.schedule.serial.then(|| format!("{serial}{of_one}"));
             let both: Vec<String> = sizes.into_iter().chain(serial).collect();
             return both.join(", and ");
         }
-        let of_pass = |pass: &crate::dispatch::Pass| {
-            let (groups, together) = counts(pass, self.0.subgroup);
-            Some(match self.0.last(groups, together)? {
+        let of_pass = |pass: &Pass| {
+            let (groups, together) = counts(pass, self.schedule.subgroup);
+            Some(match self.schedule.last(groups, together)? {
                 Swap::Workgroups(one, two) => {
                     let [one, two] = [one, two].map(|group| pass.workgroup(group));
                     format!("workgroups {one} and {two} of `{}` change places", pass.name)
@@ -84,13 +102,13 @@ impl OrderOf {
                 }
             })
         };
-        let all: Vec<String> = passes.passes.iter().filter_map(of_pass).chain(sizes).collect();
+        let all: Vec<String> = self.passes(passes).filter_map(of_pass).chain(sizes).collect();
         if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
     }
 }
 
 /// Workgroups of a pass, and the invocations of each, or the subgroups if it has any.
-fn counts(pass: &crate::dispatch::Pass, subgroup: u32) -> (usize, usize) {
+fn counts(pass: &Pass, subgroup: u32) -> (usize, usize) {
     let groups = pass.workgroups.iter().map(|count| *count as usize).product();
     let invocations: usize = pass.workgroup_size().iter().map(|count| *count as usize).product();
     let together = if pass.program.has_subgroups() { subgroup as usize } else { 1 };
@@ -102,8 +120,11 @@ pub(crate) fn in_order_of(
     passes: &Passes,
     order: Option<OrderOf>,
 ) -> Result<Afterwards, DispatchError> {
-    let schedule = order.map(|order| order.0);
-    dispatched(passes, &|_| karat_engine::Options { schedule, ..options() })
+    dispatched(passes, &|pass| {
+        let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
+        let schedule = order.filter(has_it).map(|order| order.schedule);
+        karat_engine::Options { schedule, ..options() }
+    })
 }
 
 #[cfg(test)]
@@ -168,7 +189,8 @@ mod tests {
             let sizes = SUBGROUPS.into_iter().filter(|size| (least..=most).contains(size));
             let left = sizes.map(|subgroup| {
                 let order = Schedule { seed: 0, swaps: 0, serial: false, subgroup };
-                in_order_of(&passes, Some(OrderOf(order))).expect("the engine runs it")
+                in_order_of(&passes, Some(OrderOf { schedule: order, only: None }))
+                    .expect("the engine runs it")
             });
             let left: Vec<_> = left.collect();
             assert!(left.contains(&drivers), "{operation}: {drivers:?} is none of {left:?}");

@@ -286,13 +286,14 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         (examining.span(&access.site), examining.invocation(access.invocation), does(access, value))
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
-    let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
+    let diagnostic = diagnostic(headline.clone(), &accesses).note(note.clone());
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
     let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup;
     let in_workgroup = race.binding.is_none();
     let violation =
         Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());
-    (Violation { variable, element, by_size, in_workgroup, ..violation }, diagnostic)
+    let advice = note;
+    (Violation { variable, element, advice, by_size, in_workgroup, ..violation }, diagnostic)
 }
 
 /// True if the access that came first stands behind the other one: a loop lies around both. Functions stand in any order.

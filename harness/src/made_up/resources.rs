@@ -408,8 +408,21 @@ fn texture(
             let texture = made(dimension, arrayed, sides, samples, wave);
             // Lines have one level, and so have textures of several samples.
             let halve = sides.iter().all(|side| side.is_power_of_two());
-            let levels = samples == 1 && dimension != Dimension::D1 && halve;
-            if levels { texture.with_mips() } else { texture }
+            match (samples, dimension) {
+                (1, Dimension::D2 | Dimension::D3 | Dimension::Cube) if halve => {
+                    texture.with_mips()
+                }
+                // As large as a pass is dispatched: a level has every other texel of the one before.
+                (1, Dimension::D2) if !arrayed => {
+                    let last = sides[0].max(sides[1]).ilog2();
+                    let level = |n: u32| {
+                        let sides = sides.map(|side| (side >> n).max(1));
+                        made(dimension, arrayed, sides, 1, |x, y, z| wave(x << n, y << n, z))
+                    };
+                    texture.with_levels((1..=last).map(level))
+                }
+                _ => texture,
+            }
         }
         Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| {
             0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32
@@ -457,6 +470,17 @@ const LAYERS: u32 = 4;
 #[cfg(all(test, feature = "routes"))]
 mod tests {
     use super::*;
+
+    /// Textures of passes are as large as these are dispatched, and have levels all the same.
+    #[test]
+    fn textures_of_any_size_have_levels() {
+        for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
+            let made = texture((Dimension::D2, false), sides, Texels::Float, 1, None);
+            let fixture = Fixture::from(made);
+            let levels = fixture.view().map(|view| view.levels.len());
+            assert_eq!(levels, Some(count), "{sides:?}");
+        }
+    }
 
     #[test]
     fn what_is_differentiated_varies() {

@@ -377,6 +377,20 @@ impl Assertion {
         Some(text)
     }
 
+    /// The key that names an entry point.
+    pub(crate) fn key_of_entry(&self, entry: &str) -> String {
+        let number = self.passes.iter().position(|(name, _)| name == entry);
+        match (&self.what, number) {
+            (What::AgreesWith(other), _) if self.of_module(other) == entry => {
+                "agrees_with".to_owned()
+            }
+            (_, Some(number)) if !self.declared.passes.is_empty() => {
+                format!("passes.{number}.entry")
+            }
+            _ => "entry".to_owned(),
+        }
+    }
+
     /// An entry point of the last pass's module, or of another one.
     fn of_module(&self, entry: &str) -> String {
         match (entry.contains("::"), self.last().rsplit_once("::")) {
@@ -388,7 +402,7 @@ impl Assertion {
     /// The tolerance; where none is needed exact.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
-        tolerance(text).map_err(Misdeclared::of("after"))
+        tolerance(text).map_err(Misdeclared::of("tolerance"))
     }
 
     /// The passes over what is bound, where `last` may stand for the last one.
@@ -444,7 +458,7 @@ impl Assertion {
             compute = compute.accept_equal_writes(variable, reason);
         }
         for (on, text) in &self.tolerance_on {
-            let own = tolerance(text).map_err(Misdeclared::of("after"))?;
+            let own = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;
             compute = compute.tolerance_on(on.as_str(), own);
         }
         Ok(compute)
@@ -495,7 +509,8 @@ impl Assertion {
             What::AgreesWith(entry) => {
                 let entry = self.of_module(entry);
                 if self.last() == entry {
-                    return Err(format!("`{entry}` is compared with itself").into());
+                    let itself = format!("`{entry}` is compared with itself");
+                    return Err(Misdeclared::of("agrees_with")(itself).into());
                 }
                 let reference = self.compute(package, Some(&entry))?;
                 let left = untyped::left(&reference, Route::CPU)?;

@@ -221,6 +221,18 @@ pub(crate) fn compute_has_place(error: &ComputeError) -> bool {
     }
 }
 
+/// The entry point that isn't there.
+pub(crate) fn missing_entry_of(error: &ComputeError) -> Option<&str> {
+    match error {
+        ComputeError::Dispatch(DispatchError::EntryPoint { name, .. }) => Some(name),
+        ComputeError::Paths(paths) => {
+            let stopped = paths.stopped.iter().map(|(_, error)| error);
+            paths.failures.iter().chain(stopped).find_map(missing_entry_of)
+        }
+        _ => None,
+    }
+}
+
 /// The key that an error of passes is about; `None`: the assertion's own.
 pub(crate) fn compute_key_of(error: &ComputeError) -> Option<&'static str> {
     match error {

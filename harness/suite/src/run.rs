@@ -28,7 +28,7 @@ use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::misdeclared::{
     Misdeclared, compute_diagnostic_of, compute_has_place, compute_key_of, diagnostic_of,
-    frame_diagnostic_of, frame_has_place, frame_key_of, has_place, key_of,
+    frame_diagnostic_of, frame_has_place, frame_key_of, has_place, key_of, missing_entry_of,
 };
 use crate::numbers::{self, Wanted};
 use crate::relations::related;
@@ -209,7 +209,9 @@ impl Suite {
                     if compute_has_place(error) {
                         return told(error, found);
                     }
-                    let span = place_of(compute_key_of(error)).unwrap_or_else(|| whole.clone());
+                    let entry = missing_entry_of(error).map(|entry| assertion.key_of_entry(entry));
+                    let key = entry.as_deref().or_else(|| compute_key_of(error));
+                    let span = place_of(key).unwrap_or_else(|| whole.clone());
                     match found {
                         Some(found) => Wrong::from(found.clone().at(span, "")),
                         None => {

@@ -273,7 +273,10 @@ fn idioms(hazards: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut idioms: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
     for hazard in hazards {
-        let at = *known.entry((hazard.kind, hazard.idiom())).or_insert(idioms.len());
+        // Two races of one form are of one fault if they are of one variable.
+        let variable = hazard.violation.as_ref().map(|race| (&race.variable, &race.entry_point));
+        let form = (hazard.kind, hazard.idiom(), variable.filter(|(name, _)| !name.is_empty()));
+        let at = *known.entry(form).or_insert(idioms.len());
         if at == idioms.len() {
             idioms.push(Vec::new());
         }

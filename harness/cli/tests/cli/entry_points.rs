@@ -351,7 +351,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\nagrees_with = \"reverse\"",
-            ["compared with itself", "m.test.toml:5:"],
+            ["compared with itself", "m.test.toml:6:1"],
         ),
     ] {
         let said = of(entry, with, after);
