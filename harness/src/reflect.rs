@@ -314,7 +314,11 @@ impl Program {
     /// The lanes of what a resource holds, by the words of its memory: of a texture four a texel.
     pub(crate) fn lanes_of_words(&self, binding: &Binding, words: &[u32]) -> Vec<u32> {
         match binding.kind {
-            BindingKind::StorageTexture { .. } => words.to_vec(),
+            BindingKind::StorageTexture { format, .. } => {
+                // Engines and drivers have four words a texel, whatever it keeps.
+                let texels = words.chunks_exact(4);
+                texels.flat_map(|texel| &texel[..format.channels()]).copied().collect()
+            }
             _ => {
                 let bytes = bytemuck::cast_slice(words);
                 lanes_of(self.module(), binding.ty, bytes)

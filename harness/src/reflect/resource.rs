@@ -111,15 +111,25 @@ impl Format {
         }
     }
 
+    /// The channels that it keeps: 1, 2 or 4, or 3 of `rg11b10ufloat`.
+    pub(crate) fn channels(self) -> usize {
+        let name = self.name();
+        match () {
+            () if ["rgba", "bgra", "rgb10a2"].iter().any(|prefix| name.starts_with(prefix)) => 4,
+            () if name.starts_with("rg11b10") => 3,
+            () if name.starts_with("rg") => 2,
+            () => 1,
+        }
+    }
+
     /// A texel as its author writes its value: as many channels as it keeps.
     pub(crate) fn shown(self, texel: [u32; 4]) -> String {
-        let channels = self.name().chars().take_while(|c| !c.is_ascii_digit()).count();
         let shown = |word: &u32| match self.texels() {
             Texels::Sint => word.cast_signed().to_string(),
             Texels::Uint => word.to_string(),
             _ => crate::value::format_f32(f32::from_bits(*word)),
         };
-        let all: Vec<String> = texel.iter().take(channels.clamp(1, 4)).map(shown).collect();
+        let all: Vec<String> = texel.iter().take(self.channels()).map(shown).collect();
         if let [one] = &*all { one.clone() } else { format!("({})", all.join(", ")) }
     }
 

@@ -305,7 +305,11 @@ impl Program {
                 Texels::Float | Texels::Depth => Scalar::F32,
             };
             let length = u32::try_from(count.unwrap_or_default()).ok()?;
-            let element = Box::new(Shape::Vector { size: 4, scalar });
+            let element = match u8::try_from(format.channels()).ok()? {
+                1 => Shape::Scalar(scalar),
+                size => Shape::Vector { size, scalar },
+            };
+            let element = Box::new(element);
             return Some(Shape::Array { element, length });
         }
         self.memory_shape(binding.ty, count.unwrap_or_default())
