@@ -517,7 +517,7 @@ impl After<'_> {
     }
 
     /// Compares each element with a reference, which gives as many: the elements of an array, the one
-    /// value of another type, or the texels of a texture as `DVec4`, `IVec4` or `UVec4`.
+    /// value of another type, or the texels of a texture, of four channels as `DVec4`, `IVec4` or `UVec4`.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -49,7 +49,6 @@ pub use error::PackageError;
 pub use feature::Feature;
 pub(crate) use feature::Features;
 pub(crate) use lets::{LetStatement, let_statements};
-#[cfg(feature = "engine")]
 pub(crate) use lexer::texts;
 pub(crate) use library::LinkedModule;
 pub(crate) use limits::{Limit, Limits};

@@ -39,6 +39,7 @@ impl ViolationKind {
     }
 
     /// True of an index that isn't the element's that is meant.
+    #[cfg(feature = "engine")]
     pub(crate) fn is_of_index(self) -> bool {
         matches!(self, Self::Outside | Self::Wrapped)
     }

@@ -85,7 +85,6 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
 }
 
 /// The words, numbers and symbols of a text, without comments.
-#[cfg(feature = "engine")]
 pub(crate) fn texts(text: &str) -> Vec<&str> {
     lex(text).iter().map(|token| &text[token.range()]).collect()
 }

@@ -123,6 +123,7 @@ impl Format {
     }
 
     /// A texel as its author writes its value: as many channels as it keeps.
+    #[cfg(feature = "engine")]
     pub(crate) fn shown(self, texel: [u32; 4]) -> String {
         let shown = |word: &u32| match self.texels() {
             Texels::Sint => word.cast_signed().to_string(),
