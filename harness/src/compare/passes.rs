@@ -8,7 +8,7 @@ use crate::interpret::{OrderOf, examine_made_up, in_order_of};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
 use crate::reflect::{Overrides, Program};
-use crate::value::format_lane;
+use crate::value::{Shape, format_lane};
 
 impl Request {
     /// Dispatches a pass before and after the edit over made-up resources.
@@ -213,10 +213,14 @@ impl Difference {
                 all.relative = all.relative.zip(share).map(|(most, own)| most.max(own));
                 all.first.get_or_insert_with(|| {
                     let shown = |word: u32| format_lane(scalars[lane], word);
-                    // A texel has four lanes.
-                    let of_texel = |texel: String| texel + [".x", ".y", ".z", ".w"][lane % 4];
-                    let place =
-                        new.texel(*number, lane / 4).map_or_else(|| names[lane].clone(), of_texel);
+                    let channels = match &shape {
+                        Shape::Array { element, .. } => element.lane_names(),
+                        _ => vec![String::new()],
+                    };
+                    let of_texel = |texel: String| texel + &channels[lane % channels.len()];
+                    let place = new
+                        .texel(*number, lane / channels.len())
+                        .map_or_else(|| names[lane].clone(), of_texel);
                     (format!("{short}{place}"), shown(*was), shown(*is))
                 });
             }
@@ -304,6 +308,7 @@ mod tests {
         let all = Request::new(before, after).run().expect("both are valid");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
-        assert!(paths[0].before.starts_with("image[0, 1].x = "), "{}", paths[0].before);
+        // It has one channel.
+        assert!(paths[0].before.starts_with("image[0, 1] = "), "{}", paths[0].before);
     }
 }

@@ -249,6 +249,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let more = match race.elements {
         1 => String::new(),
+        2 => ", and of one more element by the same lines".to_owned(),
         count => format!(", and of {} more elements by the same lines", count - 1),
     };
     let headline =

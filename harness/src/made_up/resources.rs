@@ -258,24 +258,25 @@ pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, Str
 }
 
 /// What each resource of an entry point holds, the same on each column; or the resource that nothing is made up for. An
-/// array whose length the shader doesn't say has an element for each invocation.
+/// array whose length the shader doesn't say has an element for each invocation. Each variant is another content.
 #[cfg(feature = "routes")]
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
     ranges: &Ranges,
     invocations: usize,
+    variant: usize,
 ) -> Result<Vec<(Binding, Fixture)>, String> {
     // More words than a buffer may have are refused below.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
-            let made = texture_or_sampler(binding, Content::Plain, 0, None);
+            let made = texture_or_sampler(binding, Content::Plain, variant, None);
             let none =
                 || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
-        let bytes = Resources::default().buffer((program, binding, elements), ranges, 0)?;
+        let bytes = Resources::default().buffer((program, binding, elements), ranges, variant)?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
                 "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",

@@ -169,11 +169,11 @@ pub(crate) fn frame_has_place(error: &FrameError) -> bool {
 
 /// The key that a frame's error is about; `None`: the whole frame. `unknown` is the key that names a function
 /// which isn't there.
-pub(crate) fn frame_key_of(
+pub(crate) fn frame_key_of<'k>(
     frame: &Frame,
-    unknown: Option<&'static str>,
+    unknown: Option<&'k str>,
     error: &FrameError,
-) -> Option<&'static str> {
+) -> Option<&'k str> {
     let wrong = |paths: &BTreeMap<String, String>| {
         paths.keys().any(|path| !Selector::from(&**path).is_known())
     };

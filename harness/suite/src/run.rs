@@ -240,7 +240,7 @@ impl Suite {
                 if frame_has_place(&error) {
                     return Err(told(&error, found));
                 }
-                let span = place_of(frame_key_of(declared, unknown, &error));
+                let span = place_of(frame_key_of(declared, unknown.as_deref(), &error));
                 let span = span.unwrap_or_else(|| whole.clone());
                 match found {
                     Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
@@ -654,7 +654,7 @@ fn bound(
 }
 
 /// The verdict of a frame, and the key of a function that isn't there.
-type Drawn = (Option<&'static str>, Result<FrameAgreement, FrameError>);
+type Drawn = (Option<String>, Result<FrameAgreement, FrameError>);
 
 fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdeclared> {
     let module = declared.module.as_deref().unwrap_or_default();
@@ -669,8 +669,8 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     };
     let mut bindings: Vec<Binding> = Vec::new();
     let draws = declared.draws().map_err(Misdeclared::of("draws"))?;
-    let mut unknown = None;
-    for draw in &draws {
+    let mut unknown: Option<String> = None;
+    for (number, draw) in draws.iter().enumerate() {
         let named = [
             ("vertex", Stage::Vertex, &draw.vertex),
             ("fragment", Stage::Fragment, &draw.fragment),
@@ -679,7 +679,11 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
             let Some(name) = name else { continue };
             match program.entry_point_bindings(stage, name) {
                 Some(own) => bindings.extend(own),
-                None => unknown = unknown.or(Some(key)),
+                None => {
+                    let below = format!("draws.{number}.{key}");
+                    let is_below = declared.keys.exactly(&below).is_some();
+                    unknown = unknown.or(Some(if is_below { below } else { key.to_owned() }));
+                }
             }
         }
     }

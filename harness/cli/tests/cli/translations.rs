@@ -280,6 +280,20 @@ fn an_entry_point_needs_what_it_uses_itself() {
     assert!(cell["differing"] == 0 && cell["open"].as_u64() > Some(0), "{cell}");
 }
 
+/// A pass that adds what is 0 in the first content is run over another one.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_matrix_looks_for_a_content_that_a_pass_changes() {
+    let text = "@group(0) @binding(0) var<storage, read_write> output: array<u32>;\n\
+        @group(0) @binding(1) var<storage, read> sums: array<u32>;\n\
+        @compute @workgroup_size(64) fn add(@builtin(global_invocation_id) id: vec3u) {\n\
+        if id.x < arrayLength(&output) && sums[0] > 0u { output[id.x] += sums[0]; }\n}\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,cpu");
+    for column in run_here(["vulkan", "cpu"]) {
+        assert_eq!(row(&matrix, "add")[column]["status"], "agrees", "{ran:?}");
+    }
+}
+
 /// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
 #[cfg(target_os = "linux")]
 #[test]
