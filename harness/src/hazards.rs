@@ -98,7 +98,7 @@ pub struct Hazard {
     pub extreme: bool,
     #[serde(skip)]
     idiom: Option<Idiom>,
-    /// True if what a buffer holds decides it alone, and it is fine over other contents.
+    /// True if the contents of buffers decide it alone, and it is fine over others.
     #[serde(skip)]
     by_contents: bool,
     /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
@@ -112,7 +112,7 @@ pub struct Hazard {
     pub lowered: Option<Lowered>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// What the sanitizer found in a compute pass, or who doesn't come to a derivative.
+    /// The sanitizer's finding in a compute pass, or the pixel that doesn't come to a derivative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
@@ -673,7 +673,7 @@ fn operands(found: &Found) -> Vec<String> {
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
-/// Of a derivative who comes to it, and who parts from them where.
+/// The pixel that takes a derivative and the one that doesn't, with the condition where it parted.
 fn violation(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {

@@ -167,12 +167,12 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// Which lanes of the results depend on what is read outside of an array or a texture, or on what is
-    /// written there: WGSL leaves open what that is. And those that depend on a derivative, or a texture that is sampled by
-    /// one: WGSL bounds no error of theirs (15.7.4).
+    /// The lanes of the results that WGSL leaves open: they depend on a read or a write outside of an array or a texture; or
+    /// on a derivative, or a texture that is sampled by one, whose errors have no bound (15.7.4).
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        /// Steeper and flatter by the eighth of a level of a texture or more.
+        /// Steeper and flatter by a third of a texture's level (the logarithm of 1.25 to the base 2): a level that a driver
+        /// takes instead is nearer.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let words = |rows: &[u32], outside| {
             let options = Options { outside, ..self.options() };

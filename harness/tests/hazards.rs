@@ -72,7 +72,7 @@ fn hazards_that_matter_less_are_lowered() {
     // A caller that isn't looked at may give anything: nothing is known, but that it wasn't seen.
     let unseen = "var<private> p: f32; fn unseen(x: f32) { p = inverse(2.0 + abs(x)); }\n";
     assert_eq!(with(&format!("{good}{unseen}")), Some(Lowered::Called));
-    // Whose arguments are known is asked for them, whoever calls it.
+    // A function whose arguments are known is asked for them, called or not.
     let known = "fn known(roughness: f32) -> f32 { return 1.0 / roughness; }
         fn other(x: f32) -> f32 { return known(1.0 + x * x); }
         var<private> p: f32; fn unseen(x: f32) { p = known(2.0 + abs(x)); }";
@@ -82,7 +82,7 @@ fn hazards_that_matter_less_are_lowered() {
         "fn far(x: f32) -> f32 { if x > 0.5 { return bitcast<f32>(0x7f800000u); } return x; }";
     let seen = at(far, Kind::Infinite, "bitcast<f32>(0x7f800000u)");
     assert_eq!(seen.lowered, Some(Lowered::Meant));
-    // What a host gives may be 0.
+    // A host may give 0.
     let setting =
         "@group(0) @binding(0) var<uniform> scale: f32; fn f(x: f32) -> f32 { return x / scale; }";
     assert_eq!(at(setting, Kind::Infinite, "x / scale").lowered, Some(Lowered::Contents));
@@ -137,7 +137,7 @@ fn idioms_are_lowered_and_their_likes_are_not() {
         let found = at(&projected, Kind::Nan, "q.xyz / q.w");
         assert_eq!(found.lowered, None, "a point beside the camera of {name}");
         let found = at(&projected, Kind::Infinite, "q.xyz / q.w");
-        assert_eq!(found.lowered, Some(Lowered::Nan), "it is told once");
+        assert_eq!(found.lowered, Some(Lowered::Nan), "one hazard is enough");
     }
     let inverse = "fn f(m: mat2x2f) -> f32 { return 1.0 / (m[0].x * m[1].y - m[0].y * m[1].x); }";
     at(inverse, Kind::Infinite, "1.0 / (m[0].x * m[1].y - m[0].y * m[1].x)");
@@ -828,7 +828,8 @@ fn derivatives_want_a_whole_quad() {
             Package::from_source("planted", text.clone()).hazards().run().expect("it is looked at");
         let mut all = hazards.found.into_iter();
         let one = all.find(|one| one.kind == Kind::Barrier)?;
-        let [_, missing] = &*one.violation?.accesses else { panic!("two pixels") };
+        let [reached, missing] = &*one.violation?.accesses else { panic!("two pixels") };
+        assert_ne!(reached.invocation, missing.invocation, "{body}");
         let place = missing.place.split(':').skip(1).map(|number| number.parse::<usize>().unwrap());
         let [line, column] = place.collect::<Vec<_>>()[..] else { panic!("{}", missing.place) };
         let rest = text.lines().nth(line - 1).unwrap()[column - 1..].to_owned();
@@ -893,7 +894,7 @@ fn derivatives_want_a_whole_quad() {
     }
 }
 
-/// Zeros are written where others hold numbers, and the race is there all the same; its barrier is named.
+/// A race stays one if zeros make its writes equal, and has the barrier that orders it.
 #[test]
 fn races_of_values_that_are_read_are_told() {
     let pass = |body: &str| {

@@ -661,7 +661,7 @@ fn a_texel_beyond_the_edge() {
     }
 }
 
-/// Of two passes the one whose order matters is told, with its place.
+/// The message of two passes names the one whose order matters, with its place.
 #[test]
 fn one_pass_of_several_depends_on_its_order() {
     let text = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;

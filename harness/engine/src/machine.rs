@@ -86,7 +86,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// The site of the operation that runs.
     site: u32,
     width: usize,
-    /// For each lane, the site at which it became inactive last; kept where somebody asks who is missing.
+    /// For each lane, the site at which it became inactive last; kept for the detector, and for derivatives.
     parted: Vec<Option<u32>>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,

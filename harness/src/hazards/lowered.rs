@@ -33,14 +33,14 @@ pub enum Lowered {
     Power,
     /// The whole part of a number is taken off, and digits with it: a hash, or a place within a tile.
     Remainder,
-    /// The same operation is NaN for other arguments, which is told.
+    /// The same operation is NaN for other arguments, a hazard of its own.
     Nan,
-    /// What a buffer holds decides it alone, and it is fine over other contents.
+    /// The contents of buffers decide it alone, and it is fine over others.
     Contents,
     /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits; of arguments
     /// that are known, in fewer than one in a hundred.
     Close,
-    /// Nothing is known of the arguments, and what leads here, and nothing calls, was not seen to have it.
+    /// Nothing is known of the arguments, and the functions that lead here, and that no other one calls, don't show it.
     Called,
     /// The functions and entry points that lead here were looked at as well: each ran the operation often, and it was
     /// fine; or has no hazard of this kind at all.
@@ -68,7 +68,7 @@ impl Lowered {
                 "WGSL has a power of 0 by a logarithm, without a bound: drivers return 0"
             }
             Self::Remainder => "the whole part of a number is taken off, and digits with it",
-            Self::Nan => "it is NaN for other arguments, which is told",
+            Self::Nan => "it is NaN for other arguments, a hazard of its own",
             Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
             Self::Close => "two computed numbers are nearly the same, and in few of the cases",
             Self::Called => {

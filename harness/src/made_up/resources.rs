@@ -257,7 +257,7 @@ pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, Str
     Ok(Resources::made_of(probed, ranges, 0, Content::Plain)?.fixtures)
 }
 
-/// What each resource of an entry point holds, the same on each column; or the resource that nothing is made up for. An
+/// The contents of an entry point's resources, the same on each column; or the resource that nothing is made up for. An
 /// array whose length the shader doesn't say has an element for each invocation. Each variant is another content.
 #[cfg(feature = "routes")]
 pub(crate) fn data(

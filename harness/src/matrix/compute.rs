@@ -142,7 +142,7 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// Whether passes leave other words than there were; `None` if Karat's engine doesn't run them.
+/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = in_order_of(passes, None).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))

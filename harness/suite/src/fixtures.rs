@@ -666,7 +666,7 @@ mod tests {
         }
     }
 
-    /// What is drawn from few values isn't sorted, and has each of them somewhere.
+    /// Draws from few values aren't sorted, and depend on the seed.
     #[test]
     fn ranges_are_drawn_by_their_seed() {
         let of = |seed: u32| {

@@ -264,7 +264,7 @@ fn compute_entry_points_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// What another entry point of the module needs is no need of this one, and how many invocations are together is the driver's.
+/// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_entry_point_needs_what_it_uses_itself() {

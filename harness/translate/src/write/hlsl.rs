@@ -64,7 +64,7 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
     })
 }
 
-/// Whether a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
+/// True if a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
 pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
     let mut all = module.entry_points.iter();
     all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
