@@ -681,3 +681,26 @@ fn one_pass_of_several_depends_on_its_order() {
     assert_eq!(order.swap, expected, "{order}");
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
+
+/// A function above the entry point that calls it is no loop: a barrier between both lines orders them.
+#[test]
+fn a_race_with_a_function_above() {
+    let load = "fn load(i: u32) -> u32 { return tile[i]; }";
+    let own = "@compute @workgroup_size(64) fn own(@builtin(local_invocation_index) i: u32) {
+        tile[i] = i;
+        data[i] = load(63u - i);
+    }";
+    for text in [format!("{load}\n{own}"), format!("{own}\n{load}")] {
+        let text = format!(
+            "var<workgroup> tile: array<u32, 64>;
+             @group(0) @binding(0) var<storage, read_write> data: array<u32, 64>;\n{text}"
+        );
+        let package = Package::from_source("above", text);
+        let passes = package.compute().with("data", Storage::new([0_u32; 64]));
+        let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
+        let left = passes.dispatch("own", [1, 1, 1]).on(cpu).after("data").unrecorded();
+        let Err(ComputeError::Violations(found)) = left.try_is_written() else { panic!("a race") };
+        let advice = &found.all[0].advice;
+        assert!(advice.contains("a `workgroupBarrier()` between both does"), "{found}");
+    }
+}
