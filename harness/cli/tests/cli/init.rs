@@ -195,6 +195,19 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     );
     let ran = karat(folder.path(), &["test", "."]);
     assert!(ran.out.contains("1 of 64 elements differ"), "{ran:?}");
+    // A buffer may be declared writable and only be read; and an invocation may have two elements.
+    let pairs = tempfile::tempdir().expect("a temporary folder");
+    let copy = "@group(0) @binding(0) var<storage, read_write> from_: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> to: array<u32>;
+        @compute @workgroup_size(32) fn pairs(@builtin(global_invocation_id) id: vec3u) {
+            to[2u * id.x] = from_[2u * id.x];
+            to[2u * id.x + 1u] = from_[2u * id.x + 1u];
+        }\n";
+    write(pairs.path(), "m.wgsl", copy);
+    karat(pairs.path(), &["init"]).good();
+    let text = std::fs::read_to_string(pairs.path().join("m.test.toml")).expect("it is written");
+    assert!(text.contains("[compute.after.to]") && !text.contains("after.from_"), "{text}");
+    assert!(text.contains("size = 128"), "{text}");
     // Nothing is left of a test that doesn't hold.
     let alone = tempfile::tempdir().expect("a temporary folder");
     let leak = "@group(0) @binding(0) var<storage, read_write> sums: array<f32>;
