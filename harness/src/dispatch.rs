@@ -5,6 +5,8 @@
 
 #[cfg(feature = "engine")]
 mod arbitrary;
+#[cfg(feature = "engine")]
+mod pixels;
 mod runner;
 mod violation;
 
@@ -153,6 +155,9 @@ pub(crate) struct Pass {
     pub(crate) workgroups: [u32; 3],
     /// What it uses, with the number of the resource.
     pub(crate) bindings: Vec<(Binding, usize)>,
+    /// Its invocations are pixels of a fragment function, so many in a row; `None` of a compute pass.
+    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs pixels"))]
+    pub(crate) pixels: Option<u32>,
 }
 
 impl Pass {
@@ -175,6 +180,10 @@ impl Pass {
     /// An invocation by its number, workgroup after workgroup of this size.
     #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
+        if let Some(across) = self.pixels {
+            let across = across as usize;
+            return format!("pixel ({}, {})", number % across, number / across);
+        }
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (self.workgroup(number / width), split(number % width, size));
         format!("local {local} of workgroup {group}")
@@ -277,7 +286,8 @@ impl Passes {
             }
             all.extend(bindings);
             let (name, bindings) = (name.clone(), bound);
-            passes.push(Pass { name, program, entry_point, workgroups, bindings });
+            let pixels = None;
+            passes.push(Pass { name, program, entry_point, workgroups, bindings, pixels });
         }
         if let Some(name) = unknown_overrides.first() {
             return Err(DispatchError::Override { name: (*name).clone() });
@@ -288,7 +298,7 @@ impl Passes {
     }
 
     /// One pass over resources. The entry point is named as in the text.
-    #[cfg(feature = "routes")]
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn over(
         program: Arc<Program>,
         entry_point: &str,
@@ -302,7 +312,8 @@ impl Passes {
         };
         let resources = resources.iter().map(held).collect();
         let (name, entry_point) = (entry_point.to_owned(), entry_point.to_owned());
-        Self { passes: vec![Pass { name, program, entry_point, workgroups, bindings }], resources }
+        let pass = Pass { name, program, entry_point, workgroups, bindings, pixels: None };
+        Self { passes: vec![pass], resources }
     }
 
     /// True if results may depend on the size of subgroups.

@@ -243,6 +243,16 @@ impl Arguments {
         Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
     }
 
+    /// The inputs of a fragment function, whose sizes follow from the pixels.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_draw(
+        function: &Function,
+        ranges: &Ranges,
+        extents: Extents,
+    ) -> Result<Self, String> {
+        Self::of(function, &Ranges { extents: Some(extents), ..ranges.clone() })
+    }
+
     /// How many rows there are, at most `cases`, and their words: edges first, at most half of them.
     /// A domain that has fewer values gives each of them once.
     pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
@@ -304,6 +314,46 @@ impl Arguments {
             };
             one.scalars.iter().zip(own).all(is_moderate)
         })
+    }
+
+    /// A row for each pixel of a draw, all else being that of one row: a position is the pixel's own, and the first two
+    /// numbers of a vector go from 0 to 1 across and down, as texture coordinates do.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_pixels(
+        &self,
+        function: &Function,
+        row: &[u32],
+        [across, down]: [u32; 2],
+    ) -> Vec<u32> {
+        let is_position = |one: &Described| {
+            let mut builtins = function.form.builtins.iter();
+            builtins.any(|(path, builtin)| *path == one.path && builtin == meaning::POSITION)
+        };
+        // The place in a row of the first two numbers of vectors, and whether it is a position.
+        let (mut at, mut vectors) = (0, Vec::new());
+        for (index, one) in self.described.iter().enumerate() {
+            let path = |other: usize| self.described.get(other).map(|other| &other.path);
+            let begins = index.checked_sub(1).and_then(path) != Some(&one.path);
+            let is_number = one.scalars == [Scalar::F32] && !one.declared;
+            if begins && is_number && path(index + 1) == Some(&one.path) {
+                vectors.push((at, is_position(one)));
+            }
+            at += one.scalars.len();
+        }
+        let pixels = (0..down).flat_map(|y| (0..across).map(move |x| [x, y]));
+        let mut rows = Vec::with_capacity(row.len() * (across * down) as usize);
+        for pixel in pixels {
+            let first = rows.len();
+            rows.extend_from_slice(row);
+            for (at, is_position) in &vectors {
+                for (lane, (index, count)) in pixel.into_iter().zip([across, down]).enumerate() {
+                    let center = index as f32 + 0.5;
+                    let value = if *is_position { center } else { center / count as f32 };
+                    rows[first + at + lane] = value.to_bits();
+                }
+            }
+        }
+        rows
     }
 
     /// The rows in which each integer that isn't declared is small enough for loops to count to.

@@ -251,6 +251,14 @@ impl Program {
         Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 
+    /// The same with more declarations behind it, which no author wrote.
+    #[cfg(feature = "engine")]
+    pub(crate) fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
+        let mut linked = self.linked.clone();
+        linked.spliced.append(text);
+        Self::compiled(linked)
+    }
+
     /// A kernel of this program, by its text: naga's IR, and what its validator knows.
     #[cfg(feature = "engine")]
     pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {

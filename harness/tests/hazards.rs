@@ -759,6 +759,59 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
+/// The pixels of a draw are run beside each other, each at its own place.
+#[test]
+fn pixels_that_write_storage_race() {
+    let declared = "struct P { width: u32, height: u32 }
+        @group(0) @binding(0) var<storage, read_write> out: array<vec4f>;
+        @group(0) @binding(1) var<uniform> p: P;
+        @group(0) @binding(2) var image: texture_storage_2d<r32uint, read_write>;
+        @group(0) @binding(3) var<storage, read_write> count: atomic<u32>;
+        fn at(q: vec4f) -> u32 { return u32(q.y) * p.width + u32(q.x); }
+        fn texel(q: vec4f, dx: u32) -> vec4u { return textureLoad(image, vec2u(q.xy) + vec2u(dx, 0)); }\n";
+    let fragment = |body: &str| {
+        format!(
+            "{declared}@fragment fn main(@builtin(position) q: vec4f, @location(0) uv: vec2f, \
+             @location(1) @interpolate(flat) id: u32) {{ {body} }}"
+        )
+    };
+    for body in [
+        "out[at(q)] = q + out[at(q)];",
+        "out[u32(uv.y * f32(p.height)) * p.width + u32(uv.x * f32(p.width))] = q;",
+        "textureStore(image, vec2u(q.xy), texel(q, 0u));",
+        "let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
+    ] {
+        let hazards = look(&fragment(body));
+        let skipped = hazards.skipped.iter().find(|(name, _)| name == "main");
+        assert_eq!(skipped, None, "{body}");
+        let mut all = [hazards.found, hazards.lowered, hazards.rare].concat();
+        all.retain(|one| one.function == "main" || one.also.contains(&"main".to_owned()));
+        assert!(all.is_empty(), "{body}: {all:?}");
+    }
+    for (body, kind, text) in [
+        ("out[u32(q.x)] = q;", Kind::Race, "out[u32(q.x)] = q"),
+        ("out[u32(uv.x * 8.0)] += q;", Kind::Race, "out[u32(uv.x * 8.0)] += q"),
+        ("out[id] = vec4f(1.0);", Kind::EqualWrites, "out[id] = vec4f(1.0)"),
+        (
+            "textureStore(image, vec2u(q.xy), texel(q, 1u));",
+            Kind::Race,
+            "textureLoad(image, vec2u(q.xy) + vec2u(dx, 0))",
+        ),
+        ("out[at(q) + 1u] = q;", Kind::OutOfRange, "out[at(q) + 1u] = q"),
+        ("out[at(q)] = normalize(q - q);", Kind::Nan, "normalize(q - q)"),
+    ] {
+        let hazard = at(&fragment(body), kind, text);
+        assert_eq!(hazard.function, "main", "{body}");
+        let (name, pixel) = &hazard.arguments[0];
+        assert!(name == "invocation" && pixel.starts_with("pixel ("), "{body}: {pixel}");
+    }
+    let race = at(&fragment("out[u32(q.x)] = q;"), Kind::Race, "out[u32(q.x)] = q");
+    let race = race.violation.expect("both accesses");
+    let pixels: Vec<&str> = race.accesses.iter().map(|one| one.invocation.as_str()).collect();
+    assert_eq!(pixels, ["pixel (0, 0)", "pixel (0, 1)"]);
+    assert!(race.advice.starts_with("nothing orders two pixels of a draw"), "{}", race.advice);
+}
+
 /// Contents decide who writes, and not where: that is no made-up index.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {

@@ -1,4 +1,4 @@
-//! Hazards of compute passes, which the engine dispatches over made-up resources.
+//! Hazards of compute passes, and of the pixels of a draw that write storage, which the engine dispatches over made-up resources.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,7 @@ use crate::dispatch::{Passes, Violation, ViolationKind};
 use crate::interpret::examine_made_up;
 use crate::interpret::hazards::Kind;
 use crate::interpret::passes::{FoundInPass, hazards_made_up};
-use crate::made_up::{Extents, Ranges};
+use crate::made_up::{Extents, Ranges, Resources};
 use crate::package::Package;
 
 /// The first argument of a hazard in a pass.
@@ -20,14 +20,33 @@ const SEVERAL: usize = 3;
 /// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
 /// meanings that no name tells.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
+    look_at(name, &|invocations, variant| {
+        Passes::arbitrary(package, name, invocations, ranges, (variant, &Vec::new()))
+    })
+}
+
+/// Looks for hazards in a fragment function that writes what other pixels see.
+pub(super) fn look_at_pixels(
+    package: &Package,
+    name: &str,
+    ranges: &Ranges,
+) -> Result<Seen, String> {
+    look_at(name, &|invocations, variant| {
+        Passes::of_pixels(package, name, invocations.is_some(), ranges, variant)
+    })
+}
+
+/// Makes passes over a variant of what is made up: so many invocations in each direction, or as many as are usual.
+type Make<'m> = &'m dyn Fn(Option<[u32; 3]>, usize) -> Result<(Passes, Resources), String>;
+
+fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     let mut seen = Seen::default();
     let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
     let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
     for variant in 0..Extents::VARIANTS {
-        let made = Passes::arbitrary(package, name, None, ranges, (variant, &Vec::new()));
-        let (passes, made) = made.map_err(|error| first_line(&error))?;
+        let (passes, made) = make(None, variant).map_err(|error| first_line(&error))?;
         seen.drawn.merge(made.drawn);
         let examined = examine_made_up(&passes);
         let watched = examined.watched;
@@ -40,8 +59,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         // A violation that zeros have, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
         if !examined.violations.is_empty() {
-            let zeros = (variant + Extents::ZEROS, &Vec::new());
-            if let Ok((passes, _)) = Passes::arbitrary(package, name, None, ranges, zeros) {
+            if let Ok((passes, _)) = make(None, variant + Extents::ZEROS) {
                 let all = examine_made_up(&passes).violations.into_iter();
                 for (one, at) in all {
                     let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
@@ -56,10 +74,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
         let mut of_one_workgroup = BTreeSet::new();
         if examined.violations.iter().any(|(one, _)| one.of_fixed_length) {
-            let one = Some([1, 1, 1]);
-            if let Ok((passes, _)) =
-                Passes::arbitrary(package, name, one, ranges, (variant, &Vec::new()))
-            {
+            if let Ok((passes, _)) = make(Some([1; 3]), variant) {
                 let all = examine_made_up(&passes).violations.into_iter();
                 of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
             }

@@ -165,7 +165,15 @@ fn dispatched(
         let bindings = bindings.into_iter().map(numbered).collect::<Result<_, Unraised>>()?;
         let (name, entry_point) = (pass.entry_point.clone(), pass.entry_point.clone());
         let workgroups = pass.workgroups;
-        all.passes.push(dispatch::Pass { name, program, entry_point, workgroups, bindings });
+        let pixels = None;
+        all.passes.push(dispatch::Pass {
+            name,
+            program,
+            entry_point,
+            workgroups,
+            bindings,
+            pixels,
+        });
     }
     let most = 1..=dispatch::MOST_WORKGROUPS;
     for Pass { entry_point, workgroups, .. } in passes {

@@ -1,0 +1,74 @@
+//! A fragment function that writes storage, as a pass: each invocation is a pixel of a draw that nothing orders.
+
+use std::sync::Arc;
+
+use super::Passes;
+use crate::fixture::{self, Fixture, Storage, Uniform};
+use crate::made_up::{Arguments, Extents, Ranges, Resources};
+use crate::package::Package;
+use crate::probe::Probed;
+
+/// Pixels across and down: as many as a compute pass of 8 x 8 invocations usually has, and rows are no columns.
+const SIZE: [u32; 2] = [16, 24];
+
+/// The same rows for each function of one signature, on every machine.
+const SEED: u64 = 0x7069_7865_6c73; // "pixels"
+
+impl Passes {
+    /// The pixels of one draw, with made-up inputs and resources, whose sizes follow from the pixels. A single one if that
+    /// is asked for.
+    ///
+    /// # Errors
+    /// If the function isn't valid, or an input or a resource can't be made up.
+    pub(crate) fn of_pixels(
+        package: &Package,
+        name: &str,
+        single: bool,
+        ranges: &Ranges,
+        variant: usize,
+    ) -> Result<(Self, Resources), String> {
+        let probed = Probed::new(package, name).map_err(|error| error.to_string())?;
+        let (program, function) = (&probed.program, probed.function());
+        let [across, down] = if single { [1; 2] } else { SIZE };
+        let extents = Extents::of([1; 3], [SIZE[0], SIZE[1], 1], variant);
+        let draws = variant % Extents::ZEROS;
+        let made = Resources::of_pass((program, &function.bindings), ranges, extents, draws)?;
+        let arguments = Arguments::of_draw(function, ranges, extents)?;
+        let (count, rows) = arguments.rows(SEED, Extents::VARIANTS);
+        let width = arguments.width();
+        let row = rows.chunks_exact(width.max(1)).nth(draws % count.max(1)).unwrap_or_default();
+        let words = arguments.of_pixels(function, row, [across, down]);
+        // The kernel of one call writes its results behind each other, and takes its number from its invocation.
+        let text = probed.kernel().strip_prefix(program.text()).expect("a kernel begins with it");
+        let kernel = program.followed_by(text).map_err(|error| error.to_string())?;
+        let (bindings, _) =
+            kernel.compute_entry_point(Probed::ENTRY_POINT).expect("it is a kernel");
+        let pixels = across * down;
+        let (_, words_out) = probed.kernel.words();
+        let results = vec![0_u32; (words_out + 1) * pixels as usize];
+        let own: [(u32, Fixture); 3] = [
+            (0, Storage::new(words).into()),
+            (1, Storage::new(results).into()),
+            (2, Uniform::new(glam::UVec4::new(pixels, 0, 0, 0)).into()),
+        ];
+        let first = probed.kernel.first_binding();
+        let given = fixture::resolve(&function.bindings, &made.fixtures);
+        let given = given.map_err(|error| error.to_string())?;
+        let fixture_of = |place: (u32, u32)| {
+            let mut given = given.iter().map(|(one, fixture)| ((one.group, one.binding), *fixture));
+            let mut own = own.iter().map(|(number, fixture)| ((0, first + number), fixture));
+            let found =
+                given.find(|(at, _)| *at == place).or_else(|| own.find(|(at, _)| *at == place));
+            found.expect("a kernel uses what its function does").1.clone()
+        };
+        let bound = bindings.into_iter().map(|one| {
+            let fixture = fixture_of((one.group, one.binding));
+            (one, fixture)
+        });
+        let bound: Vec<_> = bound.collect();
+        let mut passes = Self::over(Arc::new(kernel), Probed::ENTRY_POINT, [pixels, 1, 1], &bound);
+        let pass = &mut passes.passes[0];
+        (pass.name, pass.pixels) = (name.to_owned(), Some(across));
+        Ok((passes, made))
+    }
+}
