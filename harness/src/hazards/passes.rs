@@ -58,26 +58,26 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
         };
         // A violation that zeros have, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
-        if !examined.violations.is_empty() {
-            if let Ok((passes, _)) = make(None, variant + Extents::ZEROS) {
-                let all = examine_made_up(&passes).violations.into_iter();
-                for (one, at) in all {
-                    let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
-                    // Of zeros two writes are of the same value, and no less a race of others.
-                    if kind == Kind::EqualWrites {
-                        surely.insert((place.clone(), Kind::Race));
-                    }
-                    surely.insert((place, kind));
+        if !examined.violations.is_empty()
+            && let Ok((passes, _)) = make(None, variant + Extents::ZEROS)
+        {
+            let all = examine_made_up(&passes).violations.into_iter();
+            for (one, at) in all {
+                let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
+                // Of zeros two writes are of the same value, and no less a race of others.
+                if kind == Kind::EqualWrites {
+                    surely.insert((place.clone(), Kind::Race));
                 }
+                surely.insert((place, kind));
             }
         }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
         let mut of_one_workgroup = BTreeSet::new();
-        if examined.violations.iter().any(|(one, _)| one.of_fixed_length) {
-            if let Ok((passes, _)) = make(Some([1; 3]), variant) {
-                let all = examine_made_up(&passes).violations.into_iter();
-                of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
-            }
+        if examined.violations.iter().any(|(one, _)| one.of_fixed_length)
+            && let Ok((passes, _)) = make(Some([1; 3]), variant)
+        {
+            let all = examine_made_up(&passes).violations.into_iter();
+            of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
         }
         let members = made.members.iter().take(MEMBERS).cloned();
         let described = |invocation: String| {
