@@ -106,6 +106,8 @@ pub enum Stop {
     Rejected(String),
     /// A validator or a driver has no verdict: it crashed, didn't end or can't be run.
     Broke(String),
+    /// The validators of the language that are here don't know all of it: what they lack, and their words.
+    Unable(String),
     /// No validator of the language is here.
     NoValidator(String),
     /// The column's path isn't here, or nothing here runs its language.
@@ -127,6 +129,7 @@ impl Stop {
             | Self::Panicked(text)
             | Self::Rejected(text)
             | Self::Broke(text)
+            | Self::Unable(text)
             | Self::NoValidator(text)
             | Self::Unavailable(text)
             | Self::NotRun(text)

@@ -33,6 +33,8 @@ pub enum Outcome {
     Valid,
     /// Something wrong.
     Invalid,
+    /// Nothing: it doesn't know all of the language.
+    Unable,
     /// Nothing: it crashed, didn't end, or can't be run.
     Broke,
 }
@@ -105,6 +107,7 @@ impl Judged {
                 let text = format!("`{}`: {}", said.command, said.verdict);
                 let stop = match said.outcome {
                     Outcome::Broke => Stop::Broke(text),
+                    Outcome::Unable => Stop::Unable(text),
                     _ => Stop::Rejected(text),
                 };
                 (Status::Translated, Some(stop))
@@ -135,15 +138,17 @@ impl Judged {
     }
 }
 
-/// What stands against a translation: a rejection, or else a validator without a verdict. `spirv-cross`
-/// writes source text of it, and doesn't know all that is valid: where `spirv-val` accepts, it isn't
-/// asked.
+/// What stands against a translation: a rejection, or else a validator without a verdict; of one that doesn't know all
+/// of the language, if no other one accepts. `spirv-cross` writes source text of it, and doesn't know all that is valid:
+/// where `spirv-val` accepts, it isn't asked.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
     let counts = |said: &&Said| !(accepted && of(said, "spirv-cross"));
     let first = |outcome| said.iter().filter(counts).find(|said| said.outcome == outcome);
-    first(Outcome::Invalid).or_else(|| first(Outcome::Broke))
+    let valid = first(Outcome::Valid).is_some();
+    let unable = || first(Outcome::Unable).filter(|_| !valid);
+    first(Outcome::Invalid).or_else(|| first(Outcome::Broke)).or_else(unable)
 }
 
 /// What a tool says of each translation, a part of them on each core.
@@ -195,6 +200,7 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
             match said.verdict {
                 Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
                 Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
+                Verdict::Unable(what) => (Outcome::Unable, format!("no verdict, as {what}")),
                 Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, as it {how}")),
             },
         ),
@@ -236,6 +242,10 @@ mod tests {
             Some(&broke),
             "no verdict isn't valid"
         );
+        let unable = said("glslangValidator shader.hlsl", Outcome::Unable);
+        assert_eq!(rejection(std::slice::from_ref(&unable)), Some(&unable));
+        assert_eq!(rejection(&[unable.clone(), good.clone()]), None, "another one knows it");
+        assert_eq!(rejection(&[unable, broke.clone()]), Some(&broke));
         assert_eq!(rejection(&[broke, good, val.clone()]), Some(&val), "a rejection says more");
     }
 }

@@ -99,6 +99,7 @@ impl Cell {
                 Stop::Rejected(_)
                     | Stop::Differs(_)
                     | Stop::Unsupported(_)
+                    | Stop::Unable(_)
                     | Stop::Panicked(_)
                     | Stop::NotRun(_)
             )

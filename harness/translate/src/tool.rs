@@ -16,6 +16,8 @@ pub enum Verdict {
     Valid,
     /// It rejects it, with this message.
     Invalid(String),
+    /// It has no verdict, as it doesn't know all of the language: what it lacks, and its words.
+    Unable(String),
     /// It has no verdict: it crashed, didn't end in time, or wrote without end. How, and what it wrote.
     Broke(String),
 }
@@ -231,7 +233,7 @@ impl Tool {
             let compiled = compile::run(program, &arguments, translation)?;
             let verdict = match compiled.writes_nothing() {
                 true => Verdict::Broke("ends well, and writes no SPIR-V".to_owned()),
-                false => verdict(compiled.ran.clone()),
+                false => self.verdict(translation.target, compiled.ran.clone()),
             };
             return Ok(self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict));
         }
@@ -243,7 +245,7 @@ impl Tool {
             let arguments = (self.known.arguments)(translation.target, entry_point, &file);
             let mut command = Command::new(program);
             let ran = child::run(command.args(&arguments).current_dir(folder.path()))?;
-            let verdict = verdict(ran);
+            let verdict = self.verdict(translation.target, ran);
             let rejects = verdict != Verdict::Valid;
             said = self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict);
             if rejects {
@@ -299,11 +301,35 @@ impl Tool {
     }
 }
 
-fn verdict(ran: Ran) -> Verdict {
-    match (ran.broke(), ran.end) {
-        (Some(how), _) => Verdict::Broke(format!("{how}\n{}", ran.output).trim().to_owned()),
-        (None, End::Good) => Verdict::Valid,
-        (None, _) => Verdict::Invalid(ran.output),
+impl Tool {
+    fn verdict(&self, target: Target, ran: Ran) -> Verdict {
+        match (ran.broke(), ran.end) {
+            (Some(how), _) => Verdict::Broke(format!("{how}\n{}", ran.output).trim().to_owned()),
+            (None, End::Good) => Verdict::Valid,
+            (None, _) => match self.lacks(target, &ran.output) {
+                Some(what) => Verdict::Unable(format!("{what}:\n{}", ran.output)),
+                None => Verdict::Invalid(ran.output),
+            },
+        }
+    }
+
+    /// What it doesn't know of a language, if that is why it rejects a text.
+    fn lacks(&self, target: Target, output: &str) -> Option<&'static str> {
+        /// Messages of glslang (seen of 11.12) about HLSL that DXC and FXC take.
+        const OF_HLSL: [(&str, &str); 2] = [
+            (
+                "array constructor needs one argument per array element",
+                "it doesn't know the zero value of an array, `(uint[64])0`",
+            ),
+            // Neither WGSL nor what naga makes of it has any.
+            (
+                "Recursion detected",
+                "it takes a function that a constant calls for one that calls itself",
+            ),
+        ];
+        let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;
+        let mut all = OF_HLSL.iter().filter(|_| asked);
+        all.find(|(message, _)| output.contains(message)).map(|(_, what)| *what)
     }
 }
 

@@ -99,6 +99,32 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
     assert_eq!(read.verdict, Verdict::Valid);
 }
 
+/// What a validator doesn't know of a language is no fault of the translation; other faults are.
+#[test]
+fn arrays_of_workgroups_are_no_fault_of_hlsl() {
+    let text = "var<workgroup> tile: array<u32, 64>;
+        @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        @compute @workgroup_size(64) fn turn(@builtin(local_invocation_index) i: u32) {
+            tile[i] = data[i];
+            workgroupBarrier();
+            data[i] = tile[63u - i];
+        }";
+    let shader = Shader::parse(text).expect("valid");
+    let translation = shader.translate(Target::Hlsl, Some("turn"));
+    let mut translation = translation.expect("naga writes it");
+    for tool in Tool::of(Target::Hlsl) {
+        let said = tool.validate(&translation).expect("it runs");
+        let is_none = matches!(&said.verdict, Verdict::Unable(what) if what.contains("zero value of an array"));
+        assert!(is_none || said.verdict == Verdict::Valid, "{said:?}");
+    }
+    let Code::Text(written) = &mut translation.code else { panic!("HLSL is a text") };
+    *written = written.replacen("(uint[64])0", "undeclared_name", 1);
+    for tool in Tool::of(Target::Hlsl) {
+        let said = tool.validate(&translation).expect("it runs");
+        assert!(matches!(said.verdict, Verdict::Invalid(_)), "{said:?}");
+    }
+}
+
 /// A validator that finds nothing wrong with anything would find nothing wrong here.
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {

@@ -158,6 +158,7 @@ fn line(said: &Validation) -> String {
     let (style, text) = match &said.verdict {
         Verdict::Valid => (GOOD, "valid".to_owned()),
         Verdict::Invalid(message) => (BAD, format!("invalid\n{message}")),
+        Verdict::Unable(what) => (BAD, format!("no verdict, as {what}")),
         Verdict::Broke(how) => (BAD, format!("no verdict, as it {how}")),
     };
     let Validation { version, command, .. } = said;

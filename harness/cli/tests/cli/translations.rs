@@ -926,6 +926,24 @@ mod planted {
         assert!(why.contains(": vulkan:hlsl: "), "what is wrong is never left out: {why}");
     }
 
+    /// glslang 11.12 has no zero value of an array, which naga's HLSL gives workgroup memory: nothing is wrong with that.
+    #[test]
+    fn an_array_of_workgroups_is_no_fault_of_hlsl() {
+        let folder = shaders();
+        let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
+                    var<workgroup> tile: array<u32, 64>;\n\
+                    @compute @workgroup_size(64) fn turn(@builtin(local_invocation_index) i: u32) {\n    \
+                    tile[i] = data[i];\n    workgroupBarrier();\n    data[i] = tile[63u - i];\n}\n";
+        write(&folder.path().join("shaders"), "maths.wgsl", text);
+        let columns = ["matrix", "--only", "turn", "--columns", "vulkan,vulkan:hlsl,cpu"];
+        let ran = karat(folder.path(), &columns).good();
+        let known = ran.contains("vulkan:hlsl  1 translated, 1 valid");
+        assert!(known || ran.contains("it doesn't know the zero value of an array"), "{ran}");
+        let required = [&columns[..], &["--require", "vulkan:hlsl=valid"]].concat();
+        let ran = karat(folder.path(), &required);
+        assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
+    }
+
     /// What fails before the declared status isn't what was declared.
     #[test]
     fn a_declaration_hides_no_worse_failure() {
