@@ -759,6 +759,24 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
+/// What a pass divides by is 0 over one content of eight, and its own difference over all.
+#[test]
+fn contents_of_a_pass_may_decide_alone() {
+    let pass = |divisor: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read> data: array<u32>;
+             @group(0) @binding(1) var<storage, read_write> out: array<f32>;
+             @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
+                 let x = f32(data[0]);
+                 if id.x < arrayLength(&out) {{ out[id.x] = 1.0 / ({divisor}); }}
+             }}"
+        )
+    };
+    let of_one = at(&pass("x - 127.0"), Kind::Infinite, "1.0 / (x - 127.0)");
+    assert_eq!(of_one.lowered, Some(Lowered::Contents), "{of_one:?}");
+    assert_eq!(at(&pass("x - x"), Kind::Infinite, "1.0 / (x - x)").lowered, None);
+}
+
 /// The pixels of a draw are run beside each other, each at its own place.
 #[test]
 fn pixels_that_write_storage_race() {

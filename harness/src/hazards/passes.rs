@@ -45,6 +45,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
     let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
+    // Contents that were tried, and those in which a float isn't finite, by its place.
+    let (mut contents, mut wrong_in) = (0, BTreeMap::<(String, Kind), usize>::new());
     for variant in 0..Extents::VARIANTS {
         let (passes, made) = make(None, variant).map_err(|error| first_line(&error))?;
         seen.drawn.merge(made.drawn);
@@ -134,6 +136,10 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 ..of_pass(Kind::Endless, location, one_line(text))
             }
         });
+        contents += 1;
+        for found in inside.iter().flatten().map(|one| &one.found) {
+            *wrong_in.entry((found.span.to_string(), found.kind)).or_default() += 1;
+        }
         for hazard in violations.chain(inside_found).chain(endless) {
             // No name tells how large a texture is beside another one, or how many words an element has.
             let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
@@ -185,6 +191,12 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     };
     found.extend(rare.extract_if(.., is_fixed));
     rare.retain(|key, _| !found.contains_key(key));
+    for (key, hazard) in &mut found {
+        let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
+        // Over most contents it is fine.
+        hazard.by_contents =
+            is_float && wrong_in.get(key).is_some_and(|count| 2 * count < contents);
+    }
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();
     Ok(seen)
