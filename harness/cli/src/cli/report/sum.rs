@@ -3,6 +3,7 @@
 //! The line, its colour and the exit code of each command are made of one count, so none of them can
 //! contradict another: "0 failed" stands in a line that is good, and in no other.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::unstable::output::{Style, counted, one_line};
@@ -34,16 +35,23 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Checks of compute passes that weren't looked through by the sanitizer, or not whole, with the first reason.
+/// Checks of compute passes that weren't looked through by the sanitizer, or not whole, with their first reason; their
+/// records have the others.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
-    let mut reasons = watched.map(|watched| &watched.reason).filter(|reason| !reason.is_empty());
-    let first = reasons.next()?;
-    let count = 1 + reasons.count();
+    let reasons =
+        watched.map(|watched| watched.reason.as_str()).filter(|reason| !reason.is_empty());
+    let reasons: Vec<&str> = reasons.collect();
+    let (first, count) = (reasons.first()?, reasons.len());
+    let others = reasons.iter().collect::<BTreeSet<_>>().len() - 1;
+    let others = match others {
+        0 => String::new(),
+        others => format!(", and {}", counted(others, "other reason")),
+    };
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes {were} looked through by the sanitizer, or not whole: {first}"
+        "{checks} of passes {were} looked through by the sanitizer, or not whole: {first}{others}"
     ))
 }
 
@@ -207,7 +215,8 @@ mod tests {
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
         let expected =
             "; 2 checks of passes weren't looked through by the sanitizer, or not whole: too large";
-        assert_eq!(told, expected);
+        assert_eq!(told, format!("{expected}, and 1 other reason"));
+        assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
         watched.accepted.push(("any".to_owned(), "whichever comes last will do".to_owned()));
