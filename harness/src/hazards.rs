@@ -402,16 +402,17 @@ impl Request {
         let mut look = Look { name, probed: &probed, arguments: &arguments, seen };
         let mut found = BTreeMap::new();
         let (mut cases, mut first) = (0, None);
-        // Of a function whose loops go round thousands of times a part is looked at, as over each other content.
-        let is_long = probed.program.most_rounds().is_some_and(|rounds| rounds > MANY_ROUNDS);
+        // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
+        let share = probed.program.most_rounds().map_or(1, share_of);
         let varies = Resources::of(&probed, ranges, 0)?.varies;
         let variants = if varies { VARIANTS } else { 1 };
         // One function with long loops would keep one core busy while the others idle.
         let looked = (0..variants).into_par_iter().map(|variant| {
             let resources = Resources::of(&probed, ranges, variant)?;
-            // The number of one more content names a quarter of the rows.
-            let part = if is_long && variant == 0 { VARIANTS } else { variant };
-            let (count, rows) = arguments.part(&rows, count, part);
+            let (count, rows) = match share {
+                1 => arguments.part(&rows, count, variant),
+                share => arguments.share(&rows, count, (variant, share)),
+            };
             let engine = Interpreted::new(&probed, &resources.fixtures);
             let seen = engine.and_then(|engine| engine.hazards(count, &rows));
             Ok::<_, String>((resources, (count, rows), seen))
@@ -446,9 +447,13 @@ impl Request {
     }
 }
 
-/// Rounds of loops above which a quarter of a function's inputs is looked at. The longest of the shader library has 16,000,
-/// and took 22 s of one core over all of them.
-const MANY_ROUNDS: u64 = 4096;
+/// One input of so many is looked at in a function with so many rounds of loops: some hundred thousand rounds are. The
+/// longest of the shader library has 4,300, and took 18 s of one core with four times as many.
+fn share_of(rounds: u64) -> usize {
+    const ROUNDS: u64 = 256;
+    let share = (rounds / ROUNDS).clamp(1, 16).next_power_of_two();
+    usize::try_from(share).expect("it is small")
+}
 
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x6861_7a61_7264; // "hazard"

@@ -35,6 +35,8 @@ use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
+#[cfg(feature = "routes")]
+pub(crate) use dispatch::dispatch_briefly;
 pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 use quads::Quads;

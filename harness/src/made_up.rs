@@ -267,11 +267,22 @@ impl Arguments {
     pub(crate) fn part(&self, rows: &[u32], count: usize, variant: usize) -> (usize, Vec<u32>) {
         /// One row in so many.
         const SHARE: usize = 4;
+        self.share(rows, count, (variant, if variant == 0 { 1 } else { SHARE }))
+    }
+
+    /// One row in so many, by the number of the first.
+    #[cfg(feature = "engine")]
+    pub(crate) fn share(
+        &self,
+        rows: &[u32],
+        count: usize,
+        (first, of): (usize, usize),
+    ) -> (usize, Vec<u32>) {
         let width = self.width();
-        if variant == 0 || count < SHARE {
+        if count < of {
             return (count, rows.to_vec());
         }
-        let at: Vec<usize> = (0..count).filter(|at| at % SHARE == variant % SHARE).collect();
+        let at: Vec<usize> = (0..count).filter(|at| at % of == first % of).collect();
         (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
     }
 

@@ -16,6 +16,13 @@ pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
     dispatched(passes, &|_| options())
 }
 
+/// The same of passes whose loops go round less than some ten thousand times together: those take a moment.
+#[cfg(feature = "routes")]
+pub(crate) fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
+    const WORK: u64 = 1 << 16;
+    dispatched(passes, &|_| Options { work: WORK, ..options() })
+}
+
 /// The same in an arithmetic of the path `cpu`.
 pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;

@@ -170,6 +170,14 @@ pub(crate) fn in_order_of(
     Err(missing().into())
 }
 
+/// Nothing runs passes.
+#[cfg(feature = "routes")]
+pub(crate) fn dispatch_briefly(
+    _: &crate::dispatch::Passes,
+) -> Result<crate::dispatch::Afterwards, crate::dispatch::DispatchError> {
+    Err(missing().into())
+}
+
 /// Nothing notes writes.
 pub(crate) fn written(
     _: &crate::dispatch::Passes,

@@ -6,7 +6,7 @@ use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::executor;
 use crate::fixture::{self, Fixture};
-use crate::interpret::{OrderOf, in_order_of, strays};
+use crate::interpret::{OrderOf, dispatch_briefly, in_order_of, strays};
 use crate::path::{self, Api, Device, Path, Via};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Texels, Watched};
@@ -142,9 +142,9 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them.
+/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a moment.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
-    let left = in_order_of(passes, None).ok()?;
+    let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
 }
 
