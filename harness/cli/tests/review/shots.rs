@@ -1,5 +1,5 @@
-//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full`, which sets
-//! `SUITES=whole`, draws all sizes, other runs one.
+//! Pictures of each view at its sizes, in `target/karat/review`, to be looked at. `cargo ci full` draws them, and
+//! `cargo test --test review -- --ignored shots::`.
 
 use std::path::Path;
 
@@ -13,13 +13,8 @@ pub(crate) fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
     browser.screen(tab, Some(&folder.join(format!("{name}.png"))));
 }
 
-/// All sizes, or of a sample the last one.
-fn sizes<const COUNT: usize>(all: [(u32, u32); COUNT]) -> Vec<(u32, u32)> {
-    let whole = std::env::var("SUITES").is_ok_and(|value| value == "whole");
-    all[if whole { 0 } else { COUNT - 1 }..].to_vec()
-}
-
 #[test]
+#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
 fn files_and_maps_are_drawn() {
     let project = Project::with_frames();
     let report = project.folder().join("report");
@@ -50,12 +45,13 @@ fn files_and_maps_are_drawn() {
 }
 
 #[test]
+#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
 fn every_view_is_drawn() {
     let project = Project::with_frames();
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
-    for (width, height) in sizes([(1920, 1080), (1280, 720)]) {
+    for (width, height) in [(1920, 1080), (1280, 720)] {
         browser.resize(&tab, width, height, 1.0);
         let views: [(&str, &[&str]); 11] = [
             ("diffuse-side", &["4"]),
@@ -84,6 +80,7 @@ fn every_view_is_drawn() {
 
 /// What is chosen when accepting, what can't be used, and many frames.
 #[test]
+#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
 fn choices_faults_and_many_frames_are_drawn() {
     let project = Project::with_frames();
     let scene = karat::Image::read_exr(&project.pending("scene")).expect("pending").0;
@@ -116,6 +113,7 @@ fn choices_faults_and_many_frames_are_drawn() {
 
 /// What the second edition has, at the widths that people have, dark and light, and by touch.
 #[test]
+#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
 fn every_width_is_drawn() {
     let project = Project::with_frames();
     let mut scene = karat::Image::read_exr(&project.golden("scene")).expect("a golden").0;
@@ -132,7 +130,7 @@ fn every_width_is_drawn() {
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
     browser.wait(&tab, "karat.state.cases.every(({ thumb }) => thumb)");
-    for (width, height) in sizes([(1400, 900), (1000, 700), (700, 900)]) {
+    for (width, height) in [(1400, 900), (1000, 700), (700, 900)] {
         browser.resize(&tab, width, height, 1.0);
         for (name, keys) in [
             ("side", &["4"][..]),
@@ -176,6 +174,7 @@ fn every_width_is_drawn() {
 
 /// Where cases come from: a repository with a record, goldens and functions that fail.
 #[test]
+#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
 fn origins_are_drawn() {
     let project = Project::with_frames();
     crate::sourcing::with_origins(&project);
