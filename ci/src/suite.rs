@@ -138,7 +138,7 @@ fn strangers() -> Command {
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", "second_opinion", "--test", "translations", "--test", "review"]);
-    // The review's pictures.
+    // The review's pictures, and its long tests.
     test.args(["--", "--include-ignored"]);
     test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);
     test

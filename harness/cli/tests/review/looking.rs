@@ -46,6 +46,7 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn all_cases_are_listed_and_keys_move_between_them() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);
@@ -242,6 +243,7 @@ fn flip_shows_both_in_turn_and_stops() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn the_inspector_s_values_are_those_of_the_files() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);
@@ -316,6 +318,7 @@ fn numbers_are_those_of_rust() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn what_is_no_number_has_its_colour_at_any_zoom() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);

@@ -102,6 +102,7 @@ pub(crate) fn with_origins(project: &Project) {
 
 /// The module that changed is named with its lines, and the golden's versions with their reasons.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn what_changed_since_the_golden_is_shown() {
     let project = Project::new();
     let module = |name: &str| project.folder().join("shaders").join(name);
@@ -171,6 +172,7 @@ fn what_changed_since_the_golden_is_shown() {
 /// Golden and frame say themselves which modules made them, so that the golden needn't be committed, and
 /// commits that aren't the golden's don't count.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
     let project = Project::new();
     project.put("Cargo.lock", "");
@@ -346,6 +348,7 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
 
 /// A report has the older versions that fit.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_leave_a_report_small() {
     let project = Project::with_frames();
     let golden = Image::read_exr(&project.golden("diffuse")).expect("a golden").0;
@@ -460,6 +463,7 @@ fn goldens_are_looked_at_without_anything_pending() {
 
 /// A report is mailed and kept: a frame of 480 by 270 takes less than 1 MB, even if all of it is noise.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_frame_takes_less_than_a_megabyte() {
     let project = Project::with_frames();
     let report = project.folder().join("report");

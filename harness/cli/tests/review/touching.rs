@@ -7,6 +7,7 @@ use crate::project::Project;
 
 /// What is shown, fits, and is large enough for a finger.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_narrow_touch_screen_has_all_of_it() {
     let project = Project::with_frames();
     let server = project.serve();
@@ -39,6 +40,7 @@ fn a_narrow_touch_screen_has_all_of_it() {
 
 /// On a telephone the toolbar is one line, whose views are scrolled, and the rest of it unfolds.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_telephone_has_its_screen_for_the_image() {
     let project = Project::with_frames();
     let server = project.serve();
