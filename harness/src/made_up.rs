@@ -229,18 +229,28 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
 pub(crate) struct Arguments {
     pub(crate) domain: Dynamic,
     described: Vec<Described>,
+    /// Square matrices of which nothing is known: the first lane of each, and its columns.
+    matrices: Vec<(usize, usize)>,
 }
 
 impl Arguments {
     pub(crate) fn of(function: &Function, ranges: &Ranges) -> Result<Self, String> {
         let mut parts = Vec::new();
         let mut all = Vec::new();
+        let (mut matrices, mut lane) = (Vec::new(), 0);
         let ranges = ranges.of_function(function);
         for (name, shape) in &function.parameters {
+            if let Shape::Matrix { columns, rows, .. } = shape
+                && columns == rows
+                && ranges.get(name).is_none()
+            {
+                matrices.push((lane, usize::from(*columns)));
+            }
+            lane += shape.lanes().len();
             parts.push(suggested(name, shape, &ranges)?);
             all.extend(described(name, shape, &ranges)?);
         }
-        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
+        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all, matrices })
     }
 
     /// The inputs of a fragment function, whose sizes follow from the pixels.
@@ -309,11 +319,17 @@ impl Arguments {
     }
 
     /// True if no float of a row that is drawn by its type alone is beyond what shaders compute with: positions,
-    /// times and sizes are thousands at most. And none but those that are declared is nearer to 0 than what is
+    /// times and sizes are thousands at most. Each square matrix has an inverse. And none but those that are declared is nearer to 0 than what is
     /// computed: no distance, weight or density of a scene is so small.
     pub(crate) fn is_moderate(&self, row: &[u32]) -> bool {
         const MOST: f32 = 1e4;
         const LEAST: f32 = 1e-10;
+        let singular = |(first, columns): &(usize, usize)| {
+            row.get(*first..first + columns * columns).is_some_and(|own| is_singular(own, *columns))
+        };
+        if self.matrices.iter().any(singular) {
+            return false;
+        }
         let mut rest = row;
         self.described.iter().all(|one| {
             let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
@@ -393,6 +409,21 @@ impl Arguments {
         self.described.iter().for_each(|one| drawn.note(one));
         drawn
     }
+}
+
+/// True if a square matrix, column by column, has no inverse in `f32`: the volume of its columns is rounding.
+#[cfg(feature = "engine")]
+fn is_singular(words: &[u32], columns: usize) -> bool {
+    /// Of the product of their lengths: some roundings of `f32`.
+    const NONE: f64 = 1e-6;
+    let all: Vec<f64> = words.iter().map(|word| f64::from(f32::from_bits(*word))).collect();
+    let length = |column: &[f64]| column.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let volume = match columns {
+        2 => glam::DMat2::from_cols_slice(&all).determinant(),
+        3 => glam::DMat3::from_cols_slice(&all).determinant(),
+        _ => glam::DMat4::from_cols_slice(&all).determinant(),
+    };
+    !(volume.abs() > NONE * all.chunks_exact(columns).map(length).product::<f64>())
 }
 
 /// One call of a function, of which nothing is given.

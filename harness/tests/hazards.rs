@@ -58,7 +58,35 @@ fn hazards_that_matter_less_are_lowered() {
 
     let inverse = "fn inverse(x: f32) -> f32 { return 1.0 / x; }\n";
     let with = |more: &str| at(&format!("{inverse}{more}"), Kind::Infinite, "1.0 / x").lowered;
-    assert_eq!(with(""), None);
+    assert_eq!(with(""), Some(Lowered::Given));
+    let own = |text: &str, part: &str| at(text, Kind::Infinite, part).lowered;
+    let edges = "fn f(x: f32, a: f32, b: f32) -> f32 { return x / (b - a); }";
+    assert_eq!(at(edges, Kind::Nan, "x / (b - a)").lowered, Some(Lowered::Given));
+    // A function computes it, or its name says what it is.
+    let computed = "fn f(x: f32, p: vec3f) -> f32 { return (1.0 + x * x) / dot(p, p); }";
+    assert_eq!(own(computed, "(1.0 + x * x) / dot(p, p)"), None);
+    assert_eq!(
+        own("fn f(roughness: f32) -> f32 { return 1.0 / roughness; }", "1.0 / roughness"),
+        None
+    );
+    let whole = "fn f(i: u32, columns: u32) -> u32 { return i / columns; }";
+    assert_eq!(at(whole, Kind::ByZero, "i / columns").lowered, None);
+    // A host gives no matrix without an inverse.
+    let inverse_of = "fn f(m: mat2x2f) -> f32 { return 1.0 / determinant(m); }";
+    assert_eq!(own(inverse_of, "1.0 / determinant(m)"), Some(Lowered::Extreme));
+    // The host counts what is in an array; a constant is the author's, and so is an index that is given.
+    let counted = |end: &str| {
+        format!(
+            "@group(0) @binding(0) var<uniform> lights: array<vec4f, 8>; \
+             fn f(count: u32) -> f32 {{ var sum = 0.0; \
+             for (var i = 0u; i < {end}; i++) {{ sum += lights[i].x; }} return sum; }}"
+        )
+    };
+    let outside = |end: &str| {
+        let all = found(&counted(end));
+        all.iter().find(|one| one.kind == Kind::OutOfRange).expect(end).lowered
+    };
+    assert_eq!((outside("count"), outside("9u")), (Some(Lowered::Guessed), None));
     let good = "fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }\n";
     assert_eq!(with(good), Some(Lowered::Callers));
     let shaded =
@@ -89,9 +117,9 @@ fn hazards_that_matter_less_are_lowered() {
     let both = "@group(0) @binding(0) var<uniform> scale: f32; fn f(x: f32) -> f32 { return x / (scale - x); }";
     assert_eq!(at(both, Kind::Nan, "x / (scale - x)").lowered, None);
     // One line for both.
-    let quotient = "fn f(a: f32, b: f32) -> f32 { return a / b; }";
-    assert_eq!(at(quotient, Kind::Nan, "a / b").lowered, None);
-    assert_eq!(at(quotient, Kind::Infinite, "a / b").lowered, Some(Lowered::Nan));
+    let quotient = "fn f(a: f32, b: f32) -> f32 { return a / abs(b); }";
+    assert_eq!(at(quotient, Kind::Nan, "a / abs(b)").lowered, None);
+    assert_eq!(at(quotient, Kind::Infinite, "a / abs(b)").lowered, Some(Lowered::Nan));
     // Two numbers meet now and then, and the square of a cosine is often near 1.
     let meet = "fn f(p: vec2f) -> f32 { let l = sqrt(dot(p, p)); return l - abs(p.x); }";
     assert_eq!(at(meet, Kind::LostDigits, "l - abs(p.x)").lowered, Some(Lowered::Close));
@@ -200,7 +228,7 @@ fn hazards_that_show_somewhere_are_not_lowered() {
         "fn f(x: f32) -> f32 { let i = 1.0 / abs(x); return clamp(i - i, -1.0, 1.0); }";
     assert_eq!(at(difference, Kind::Infinite, "1.0 / abs(x)").lowered, None);
     let bits = "fn f(word: u32, d: f32) -> f32 { return bitcast<f32>(word) / d; }";
-    assert_eq!(at(bits, Kind::Nan, "bitcast<f32>(word) / d").lowered, None);
+    assert_eq!(at(bits, Kind::Nan, "bitcast<f32>(word) / d").lowered, Some(Lowered::Given));
     let masked = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
         @compute @workgroup_size(4) fn main(@builtin(global_invocation_id) id: vec3u) {
             if id.x < arrayLength(&out) { out[id.x] = max(sqrt(-1.0 - abs(out[id.x])), 0.0); }

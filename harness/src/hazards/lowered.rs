@@ -22,10 +22,11 @@ pub enum Lowered {
     Bits,
     /// It reads the bits of a number that its author wrote.
     Meant,
-    /// Each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0.
+    /// Each case has a number beyond 10,000 of which nothing is known, one within 1e-10 of 0, or a matrix without an inverse.
     Extreme,
-    /// A float that becomes an integer, edges of `clamp`, or an index that wraps, of numbers of which nothing is known; or a place in a
-    /// texture, or in an array as long as its buffer, whose sizes are made up.
+    /// A float that becomes an integer, edges of `clamp`, or an index that wraps, of numbers of which nothing is known; a place in a
+    /// texture, or in an array as long as its buffer, whose sizes are made up; or an element by the counter of a loop whose end
+    /// is no constant.
     Guessed,
     /// A sine or a cosine beyond pi, where WGSL has no bound, or near its zero, where it has few digits.
     Trigonometry,
@@ -40,6 +41,9 @@ pub enum Lowered {
     /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits; of arguments
     /// that are known, in fewer than one in a hundred.
     Close,
+    /// It divides by an argument or a uniform of which nothing is known as it is given, or by the difference of two, and no
+    /// function of the package calls it: whoever gives it sees that it isn't 0.
+    Given,
     /// Nothing is known of the arguments, and the functions that lead here, and that no other one calls, don't show it.
     Called,
     /// The functions and entry points that lead here were looked at as well: each ran the operation often, and it was
@@ -56,7 +60,7 @@ impl Lowered {
             Self::Bits => "each word is some number, and this one was made up",
             Self::Meant => "its author wrote these bits",
             Self::Extreme => {
-                "each case has a number beyond 10,000 of which nothing is known, or one within 1e-10 of 0"
+                "each case has a number beyond 10,000 of which nothing is known, one within 1e-10 of 0, or a matrix without an inverse"
             }
             Self::Guessed => {
                 "nothing is known of the numbers, the texture or the buffer that it was asked with"
@@ -71,6 +75,9 @@ impl Lowered {
             Self::Nan => "it is NaN for other arguments, a hazard of its own",
             Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
             Self::Close => "two computed numbers are nearly the same, and in few of the cases",
+            Self::Given => {
+                "it divides by what it is given, or by a difference of two: whoever gives it sees that this isn't 0"
+            }
             Self::Called => {
                 "nothing is known of the arguments, and it wasn't seen in the functions that lead here"
             }
@@ -183,7 +190,7 @@ impl Callers {
         let is_bound = match hazard.kind {
             Kind::Saturated => hazard.guessed,
             Kind::EdgesReversed => hazard.guessed && hazard.idiom == Some(Idiom::Clamp),
-            Kind::OutOfRange => hazard.of_made_up_size,
+            Kind::OutOfRange => hazard.of_made_up_size || hazard.idiom == Some(Idiom::Counted),
             Kind::Wrapped => hazard.guessed,
             _ => false,
         };
@@ -211,7 +218,10 @@ impl Callers {
         for function in hazard.functions() {
             let roots = self.roots(function);
             if roots.is_empty() {
-                return None;
+                let is_given = is_float && hazard.guessed && hazard.idiom == Some(Idiom::Quotient);
+                // Who hands it on is no better informed.
+                let is_alone = hazard.also.is_empty();
+                return (is_given && is_alone).then_some(Lowered::Given);
             }
             all.extend(roots);
         }

@@ -58,7 +58,7 @@ const DIRECTIONS: [&str; 26] = [
 ];
 
 /// Words of names that mean a number from 0 to 1.
-const UNIT: [&str; 47] = [
+const UNIT: [&str; 48] = [
     "alpha",
     "roughness",
     "metallic",
@@ -94,6 +94,7 @@ const UNIT: [&str; 47] = [
     "rand",
     "random",
     "noise",
+    "jitter",
     "sample",
     "t",
     "fraction",

@@ -1,6 +1,8 @@
 //! Operations that many shaders write alike, and that go wrong alike in all of them.
 
-use naga::{BinaryOperator, Expression, Function, Handle, Literal, MathFunction, ScalarKind};
+use naga::{
+    AddressSpace, BinaryOperator, Expression, Function, Handle, Literal, MathFunction, ScalarKind,
+};
 
 use super::Program;
 
@@ -21,6 +23,17 @@ pub(crate) enum Idiom {
     Clamp,
     /// A constant less something: `1.0 - x * x`.
     Complement,
+    /// A quotient by an argument or a uniform as it is given, or by the difference of two: `x / (edge1 - edge0)`.
+    Quotient,
+    /// An element by the counter of a loop whose end is no constant: `a[i]` under `i < count`.
+    Counted,
+}
+
+/// Who knows the numbers that a function is given.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Giver {
+    Caller,
+    Host,
 }
 
 impl Program {
@@ -45,6 +58,9 @@ impl Program {
                 Some(Idiom::Remainder)
             }
             Expression::Math { fun: MathFunction::Clamp, .. } => Some(Idiom::Clamp),
+            Expression::Access { .. }
+            | Expression::AccessIndex { .. }
+            | Expression::Load { .. } => is_counted(function, at).then_some(Idiom::Counted),
             Expression::Binary { op: BinaryOperator::Subtract, left, .. }
                 if self.is_positive(function, left) =>
             {
@@ -59,6 +75,11 @@ impl Program {
                 };
                 is_whole.then_some(Idiom::Remainder)
             }
+            Expression::Binary {
+                op: BinaryOperator::Divide | BinaryOperator::Modulo,
+                right,
+                ..
+            } => self.giver(function, right).map(|_| Idiom::Quotient),
             Expression::As { expr, kind: ScalarKind::Float, convert: None }
                 if matches!(of(expr), Expression::Literal(_) | Expression::Constant(_)) =>
             {
@@ -73,6 +94,28 @@ impl Program {
                         | Expression::FunctionArgument(_)
                 );
                 is_read.then_some(Idiom::Bits)
+            }
+            _ => None,
+        }
+    }
+
+    /// Who gives a value, if it is an argument, a uniform, or a part of one; or the difference of two.
+    fn giver(&self, function: &Function, at: Handle<Expression>) -> Option<Giver> {
+        let giver = |at| self.giver(function, at);
+        match function.expressions[at] {
+            Expression::FunctionArgument(_) => Some(Giver::Caller),
+            Expression::GlobalVariable(variable) => {
+                let space = self.checked.module.global_variables[variable].space;
+                (space == AddressSpace::Uniform).then_some(Giver::Host)
+            }
+            Expression::AccessIndex { base: part, .. }
+            | Expression::Access { base: part, .. }
+            | Expression::Load { pointer: part }
+            | Expression::Swizzle { vector: part, .. }
+            | Expression::Splat { value: part, .. } => giver(part),
+            // Who gives both knows their difference.
+            Expression::Binary { op: BinaryOperator::Subtract, left, right } => {
+                giver(left).filter(|one| giver(right) == Some(*one))
             }
             _ => None,
         }
@@ -108,6 +151,48 @@ impl Program {
     }
 }
 
+/// True of an element whose index is a variable that is compared with what is no constant, and with nothing else.
+fn is_counted(function: &Function, at: Handle<Expression>) -> bool {
+    let of = |at: Handle<Expression>| &function.expressions[at];
+    let index = match *of(at) {
+        Expression::Access { index, .. } => index,
+        Expression::AccessIndex { base: of, .. } | Expression::Load { pointer: of } => {
+            return is_counted(function, of);
+        }
+        _ => return false,
+    };
+    let counter = |at: Handle<Expression>| match *of(at) {
+        Expression::Load { pointer } => match *of(pointer) {
+            Expression::LocalVariable(variable) => Some(variable),
+            _ => None,
+        },
+        _ => None,
+    };
+    let Some(own) = counter(index) else { return false };
+    let ends = function.expressions.iter().filter_map(|(_, one)| match *one {
+        Expression::Binary {
+            op:
+                BinaryOperator::Less
+                | BinaryOperator::LessEqual
+                | BinaryOperator::Greater
+                | BinaryOperator::GreaterEqual
+                | BinaryOperator::NotEqual,
+            left,
+            right,
+        } => match (counter(left) == Some(own), counter(right) == Some(own)) {
+            (true, _) => Some(right),
+            (_, true) => Some(left),
+            _ => None,
+        },
+        _ => None,
+    });
+    let is_constant = |at| {
+        matches!(of(at), Expression::Literal(_) | Expression::Constant(_) | Expression::Override(_))
+    };
+    let ends: Vec<bool> = ends.map(is_constant).collect();
+    !ends.is_empty() && !ends.contains(&true)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,12 +224,21 @@ mod tests {
             ("bitcast<f32>(words[word + 3u])", Some(Idiom::Bits)),
             ("bitcast<f32>(0x5f3759dfu - (word >> 1u))", None),
             ("bitcast<f32>(0x7f800000u)", Some(Idiom::WrittenBits)),
-            ("bitcast<f32>(word) / a", None),
+            ("bitcast<f32>(word) / a", Some(Idiom::Quotient)),
             ("clamp(a, b, 1.0)", Some(Idiom::Clamp)),
             ("smoothstep(a, b, 1.0)", None),
+            ("1.0 / a", Some(Idiom::Quotient)),
+            ("a % (b - v.x)", Some(Idiom::Quotient)),
+            ("v / b", Some(Idiom::Quotient)),
+            ("v / size.xyz", Some(Idiom::Quotient)),
+            ("a / (size.x - b)", None),
+            ("a / (size.x - size.y)", Some(Idiom::Quotient)),
+            ("a / (b * b)", None),
+            ("a / (b - 1.0)", None),
+            ("a / length(v)", None),
         ] {
             let source = format!(
-                "const GAMMA = 2.2;\nvar<private> words: array<u32, 4>;\n\
+                "const GAMMA = 2.2;\n@group(0) @binding(0) var<uniform> size: vec4f;\nvar<private> words: array<u32, 4>;\n\
                  fn f(a: f32, b: f32, v: vec3f, word: u32) {{ let own = {text}; }}"
             );
             let program = Program::of_module(&Package::from_source("m", source), "");
