@@ -14,7 +14,7 @@ pub(crate) fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
 }
 
 #[test]
-#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
+#[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn files_and_maps_are_drawn() {
     let project = Project::with_frames();
     let report = project.folder().join("report");
@@ -45,7 +45,7 @@ fn files_and_maps_are_drawn() {
 }
 
 #[test]
-#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
+#[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn every_view_is_drawn() {
     let project = Project::with_frames();
     let server = project.serve();
@@ -80,7 +80,7 @@ fn every_view_is_drawn() {
 
 /// What is chosen when accepting, what can't be used, and many frames.
 #[test]
-#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
+#[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn choices_faults_and_many_frames_are_drawn() {
     let project = Project::with_frames();
     let scene = karat::Image::read_exr(&project.pending("scene")).expect("pending").0;
@@ -113,7 +113,7 @@ fn choices_faults_and_many_frames_are_drawn() {
 
 /// What the second edition has, at the widths that people have, dark and light, and by touch.
 #[test]
-#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
+#[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn every_width_is_drawn() {
     let project = Project::with_frames();
     let mut scene = karat::Image::read_exr(&project.golden("scene")).expect("a golden").0;
@@ -174,7 +174,7 @@ fn every_width_is_drawn() {
 
 /// Where cases come from: a repository with a record, goldens and functions that fail.
 #[test]
-#[ignore = "pictures to be looked at: `cargo ci full` draws them"]
+#[ignore = "pictures to be looked at: `cargo ci full` runs it"]
 fn origins_are_drawn() {
     let project = Project::with_frames();
     crate::sourcing::with_origins(&project);
