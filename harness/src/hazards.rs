@@ -426,11 +426,25 @@ impl Request {
         let Look { mut seen, .. } = look;
         seen.cut += count - first.unwrap_or(count);
         let guessed = arguments.are_guessed();
-        for Gathered { hazard, plain, mixed } in found.into_values() {
+        let of_index =
+            |kind: Kind| matches!(kind, Kind::OutOfRange | Kind::Wrapped | Kind::Endless);
+        // What buffers of zeros don't have comes of what they hold.
+        let zeros = found.keys().any(|(_, kind)| varies && of_index(*kind));
+        let zeros = zeros.then(|| {
+            let fixtures = Resources::of(&probed, ranges, 0).ok()?.of_zeros(&probed)?;
+            let (count, rows) = arguments.share(&rows, count, (0, share.max(4)));
+            let seen = Interpreted::new(&probed, &fixtures).ok()?.hazards(count, &rows).ok()?;
+            let all = seen.cases.into_iter().flatten();
+            Some(all.map(|one| (one.span.to_string(), one.kind)).collect::<BTreeSet<_>>())
+        });
+        let zeros = zeros.flatten();
+        for (key, Gathered { hazard, plain, mixed }) in found {
+            let of_contents = |zeros: &BTreeSet<_>| of_index(hazard.kind) && !zeros.contains(&key);
             let fine = seen.fine.get(&hazard.location).map_or(0, |ran| ran.fine);
             let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
             // Over most contents it is fine.
-            let by_contents = is_float && !mixed && fine >= hazard.cases.0;
+            let by_contents = is_float && !mixed && fine >= hazard.cases.0
+                || zeros.as_ref().is_some_and(of_contents);
             let cases = (hazard.cases.0, cases);
             let hazard = Hazard { cases, guessed, by_contents, ..hazard };
             // Numbers that are drawn by type alone may break anything once: then it has to happen more often,

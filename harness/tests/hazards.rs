@@ -87,6 +87,20 @@ fn hazards_that_matter_less_are_lowered() {
         all.iter().find(|one| one.kind == Kind::OutOfRange).expect(end).lowered
     };
     assert_eq!((outside("count"), outside("9u")), (Some(Lowered::Guessed), None));
+    // What a buffer holds is an index, or an end.
+    let held = |body: &str| {
+        format!(
+            "struct L {{ count: u32, first: u32, data: array<vec4f, 8> }} \
+             @group(0) @binding(0) var<uniform> l: L; \
+             fn f(i: u32) -> f32 {{ var sum = 0.0; {body} return sum; }}"
+        )
+    };
+    let outside = |body: &str| {
+        let all = found(&held(body));
+        all.iter().find(|one| one.kind == Kind::OutOfRange).expect(body).lowered
+    };
+    assert_eq!(outside("sum = l.data[l.first].x;"), Some(Lowered::Contents));
+    assert_eq!(outside("sum = l.data[i].x;"), None);
     let good = "fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }\n";
     assert_eq!(with(good), Some(Lowered::Callers));
     let shaded =

@@ -36,7 +36,7 @@ pub enum Lowered {
     Remainder,
     /// The same operation is NaN for other arguments, a hazard of its own.
     Nan,
-    /// The contents of buffers decide it alone, and it is fine over others.
+    /// The contents of buffers decide it alone: it is fine over others, or an index or a loop that buffers of zeros don't have.
     Contents,
     /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits; of arguments
     /// that are known, in fewer than one in a hundred.

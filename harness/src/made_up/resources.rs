@@ -71,6 +71,21 @@ impl Resources {
         Self::made_of(probed, ranges, variant, Content::Own)
     }
 
+    /// The same with zeros in each buffer; `None` if one has no bytes.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_zeros(self, probed: &Probed) -> Option<Fixtures> {
+        let bindings = &probed.function().bindings;
+        let zeros = |(name, fixture): (String, Fixture)| {
+            let binding = bindings.iter().find(|binding| binding.path == name)?;
+            let fixture = match fixture.bytes(&probed.program, binding) {
+                Some(bytes) => Buffer::zeros(bytes.ok()?.len()).into(),
+                None => fixture,
+            };
+            Some((name, fixture))
+        };
+        self.fixtures.into_iter().map(zeros).collect()
+    }
+
     fn made_of(
         probed: &Probed,
         ranges: &Ranges,

@@ -122,6 +122,7 @@ fn several_frames_are_accepted_with_one_reason() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'c-size'");
 
     // The reason is offered the next time, and isn't taken by Enter alone.
+    browser.settle(&tab);
     browser.press(&tab, "a");
     assert!(browser.text(&tab, "#last-reason").contains("the light is warmer, as planned"));
     browser.press(&tab, "Enter");

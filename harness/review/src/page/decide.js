@@ -23,7 +23,10 @@ const decide = (() => {
       getSelection().selectAllChildren(line);
       return;
     }
-    if (entries.length === 1 && !known(entry)) return;
+    if (entries.length === 1 && !known(entry)) {
+      announce(`${entry.name} is still being loaded: look at it first`);
+      return;
+    }
     if (entry.status !== "pending") {
       announce(`${entry.name} is ${entry.status === "gone" ? "no longer pending" : entry.status} already`);
       return;
