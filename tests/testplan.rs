@@ -69,12 +69,11 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// What fails is declared with its reason, and runs. Of the suites that `cargo ci full` runs whole, with what is ignored,
-/// some tests are its own.
+/// Tests that fail are declared with their reason, and run. `cargo ci full` alone runs the review's long ones.
 #[test]
 fn no_test_is_switched_off() {
     let full = include_str!("../ci/src/suite.rs");
-    assert!(full.contains(r#"test.args(["--", "--include-ignored"]);"#), "nobody runs them");
+    assert!(full.contains(r#"test.args(["--", "--include-ignored"]);"#), "no command runs them");
     let is_long = |file: &Path, line: &str| {
         file.iter().any(|part| part == "review") && line.ends_with("`cargo ci full` runs it\"]")
     };

@@ -428,11 +428,11 @@ impl Request {
         let guessed = arguments.are_guessed();
         let of_index =
             |kind: Kind| matches!(kind, Kind::OutOfRange | Kind::Wrapped | Kind::Endless);
-        // What buffers of zeros don't have comes of what they hold.
-        let zeros = found.keys().any(|(_, kind)| varies && of_index(*kind));
+        // Buffers of zeros, over the very same inputs, tell an index that inputs make from one that contents make. Of a function
+        // with long loops each content has inputs of its own.
+        let zeros = found.keys().any(|(_, kind)| varies && share == 1 && of_index(*kind));
         let zeros = zeros.then(|| {
             let fixtures = Resources::of(&probed, ranges, 0).ok()?.of_zeros(&probed)?;
-            let (count, rows) = arguments.share(&rows, count, (0, share.max(4)));
             let seen = Interpreted::new(&probed, &fixtures).ok()?.hazards(count, &rows).ok()?;
             let all = seen.cases.into_iter().flatten();
             Some(all.map(|one| (one.span.to_string(), one.kind)).collect::<BTreeSet<_>>())

@@ -87,7 +87,7 @@ fn hazards_that_matter_less_are_lowered() {
         all.iter().find(|one| one.kind == Kind::OutOfRange).expect(end).lowered
     };
     assert_eq!((outside("count"), outside("9u")), (Some(Lowered::Guessed), None));
-    // What a buffer holds is an index, or an end.
+    // A buffer holds the index, or an argument is the index, which is outside now and then.
     let held = |body: &str| {
         format!(
             "struct L {{ count: u32, first: u32, data: array<vec4f, 8> }} \
@@ -101,6 +101,7 @@ fn hazards_that_matter_less_are_lowered() {
     };
     assert_eq!(outside("sum = l.data[l.first].x;"), Some(Lowered::Contents));
     assert_eq!(outside("sum = l.data[i].x;"), None);
+    assert_eq!(outside("sum = l.data[select(0u, 9u, i == 1u)].x;"), None);
     let good = "fn good(x: f32) -> f32 { return inverse(1.0 + x * x); }\n";
     assert_eq!(with(good), Some(Lowered::Callers));
     let shaded =
@@ -801,7 +802,7 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// What a pass divides by is 0 over one content of eight, and its own difference over all.
+/// One divisor is 0 over one content of eight, and the other over all.
 #[test]
 fn contents_of_a_pass_may_decide_alone() {
     let pass = |divisor: &str| {

@@ -42,7 +42,7 @@ pub enum Lowered {
     /// that are known, in fewer than one in a hundred.
     Close,
     /// It divides by an argument or a uniform of which nothing is known as it is given, or by the difference of two, and no
-    /// function of the package calls it: whoever gives it sees that it isn't 0.
+    /// function of the package calls it: the caller or the host sees that it isn't 0.
     Given,
     /// Nothing is known of the arguments, and the functions that lead here, and that no other one calls, don't show it.
     Called,
@@ -76,7 +76,7 @@ impl Lowered {
             Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
             Self::Close => "two computed numbers are nearly the same, and in few of the cases",
             Self::Given => {
-                "it divides by what it is given, or by a difference of two: whoever gives it sees that this isn't 0"
+                "it divides by a number that it is given, or by a difference of two: the caller or the host sees that this isn't 0"
             }
             Self::Called => {
                 "nothing is known of the arguments, and it wasn't seen in the functions that lead here"

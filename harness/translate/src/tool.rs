@@ -313,7 +313,7 @@ impl Tool {
         }
     }
 
-    /// What it doesn't know of a language, if that is why it rejects a text.
+    /// The part of a language that it doesn't know, if its first error is about that: the next ones may follow from it.
     fn lacks(&self, target: Target, output: &str) -> Option<&'static str> {
         /// Messages of glslang (seen of 11.12) about HLSL that DXC and FXC take.
         const OF_HLSL: [(&str, &str); 2] = [
@@ -328,8 +328,9 @@ impl Tool {
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;
-        let mut all = OF_HLSL.iter().filter(|_| asked);
-        all.find(|(message, _)| output.contains(message)).map(|(_, what)| *what)
+        let first = output.lines().find(|line| line.starts_with("ERROR")).filter(|_| asked)?;
+        let mut all = OF_HLSL.iter();
+        all.find(|(message, _)| first.contains(message)).map(|(_, what)| *what)
     }
 }
 

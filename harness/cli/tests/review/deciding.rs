@@ -234,7 +234,7 @@ fn a_frame_of_another_profile_becomes_its_golden() {
     assert!(own("tiny").is_file(), "the default harms no other profile");
     assert_eq!(facts(&project, "tiny").0, tiny());
 
-    // What isn't loaded yet can't be accepted.
+    // A frame that isn't loaded yet can't be accepted.
     browser.settle(&tab);
     browser.press(&tab, "a");
     browser.wait(&tab, "document.getElementById('accept-dialog').open");
