@@ -90,17 +90,17 @@ pub struct Hazard {
     /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
     /// than a line holds.
     pub operands: Vec<String>,
-    /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
-    /// knows whether these are arguments that it gets.
+    /// Whether some argument, or a member of a buffer, is a number of which neither name nor type say what it is, so that
+    /// nobody knows whether these are numbers that it gets.
     pub guessed: bool,
     /// True if each case has a float beyond 10,000 among the arguments of which nothing is known, or one within
     /// 1e-10 of 0.
     pub extreme: bool,
     #[serde(skip)]
     idiom: Option<Idiom>,
-    /// True if the contents of buffers decide it alone, and it is fine over others.
+    /// The functions in which the contents of buffers decide it alone, and it is fine over others.
     #[serde(skip)]
-    by_contents: bool,
+    by_contents: BTreeSet<String>,
     /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
     #[serde(skip)]
     of_made_up_size: bool,
@@ -339,8 +339,10 @@ impl Request {
         let told: BTreeSet<String> =
             found.values().filter(|one| is_told(one)).map(|one| one.location.clone()).collect();
         for hazard in found.values_mut().filter(|one| one.kind == Kind::Infinite) {
-            let is_other = hazard.lowered.is_none() && told.contains(&hazard.location);
-            hazard.lowered = hazard.lowered.or(is_other.then_some(Lowered::Nan));
+            let is_less = matches!(hazard.lowered, None | Some(Lowered::Arithmetic));
+            if is_less && told.contains(&hazard.location) {
+                hazard.lowered = Some(Lowered::Nan);
+            }
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
@@ -417,22 +419,23 @@ impl Request {
             let seen = engine.and_then(|engine| engine.hazards(count, &rows));
             Ok::<_, String>((resources, (count, rows), seen))
         });
+        let mut guessed = arguments.are_guessed();
         for one in looked.collect::<Vec<_>>() {
             let (resources, rows, seen) = one?;
+            guessed |= resources.guessed;
             first.get_or_insert(rows.0);
             cases +=
                 look.variant(resources, rows, seen, &mut found).map_err(|error| text(&error))?;
         }
         let Look { mut seen, .. } = look;
         seen.cut += count - first.unwrap_or(count);
-        let guessed = arguments.are_guessed();
         let of_index =
             |kind: Kind| matches!(kind, Kind::OutOfRange | Kind::Wrapped | Kind::Endless);
-        // Buffers of zeros, over the very same inputs, tell an index that inputs make from one that contents make. Of a function
-        // with long loops each content has inputs of its own.
-        let zeros = found.keys().any(|(_, kind)| varies && share == 1 && of_index(*kind));
+        // Buffers of zeros, over the very same inputs, tell an index that inputs make from one that contents make.
+        let zeros = found.keys().any(|(_, kind)| varies && of_index(*kind));
         let zeros = zeros.then(|| {
             let fixtures = Resources::of(&probed, ranges, 0).ok()?.of_zeros(&probed)?;
+            let (count, rows) = arguments.select(&rows, count, |at| at % share < variants);
             let seen = Interpreted::new(&probed, &fixtures).ok()?.hazards(count, &rows).ok()?;
             let all = seen.cases.into_iter().flatten();
             Some(all.map(|one| (one.span.to_string(), one.kind)).collect::<BTreeSet<_>>())
@@ -445,6 +448,7 @@ impl Request {
             // Over most contents it is fine.
             let by_contents = is_float && !mixed && fine >= hazard.cases.0
                 || zeros.as_ref().is_some_and(of_contents);
+            let by_contents = by_contents.then(|| name.to_owned()).into_iter().collect();
             let cases = (hazard.cases.0, cases);
             let hazard = Hazard { cases, guessed, by_contents, ..hazard };
             // Numbers that are drawn by type alone may break anything once: then it has to happen more often,
@@ -582,7 +586,7 @@ impl Look<'_> {
                             guessed: false,
                             extreme: true,
                             idiom: one.idiom,
-                            by_contents: false,
+                            by_contents: BTreeSet::new(),
                             of_made_up_size: one.of_given_size,
                             accepted: None,
                             lowered: None,
@@ -637,7 +641,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         guessed: true,
         extreme: false,
         idiom: None,
-        by_contents: false,
+        by_contents: BTreeSet::new(),
         of_made_up_size: false,
         accepted: None,
         lowered: None,
@@ -662,7 +666,7 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
                 false => (hazard, known.clone()),
             };
             let also = [better.also.clone(), other.also.clone(), vec![other.function]].concat();
-            let by_contents = better.by_contents && other.by_contents;
+            let by_contents = &better.by_contents | &other.by_contents;
             *known = Hazard { also, by_contents, ..better };
         }
     }

@@ -288,11 +288,19 @@ impl Arguments {
         count: usize,
         (first, of): (usize, usize),
     ) -> (usize, Vec<u32>) {
+        self.select(rows, count, |at| count < of || at % of == first % of)
+    }
+
+    /// The rows of some numbers.
+    #[cfg(feature = "engine")]
+    pub(crate) fn select(
+        &self,
+        rows: &[u32],
+        count: usize,
+        wanted: impl Fn(usize) -> bool,
+    ) -> (usize, Vec<u32>) {
         let width = self.width();
-        if count < of {
-            return (count, rows.to_vec());
-        }
-        let at: Vec<usize> = (0..count).filter(|at| at % of == first % of).collect();
+        let at: Vec<usize> = (0..count).filter(|at| wanted(*at)).collect();
         (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
     }
 

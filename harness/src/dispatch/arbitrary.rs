@@ -9,21 +9,25 @@ use crate::reflect::{Overrides, Program};
 /// Invocations of a pass, at least.
 const INVOCATIONS: u32 = 64;
 
-/// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which a workgroup extends or
-/// the pass asks for its place, as nothing orders two of them, and three downwards, so that rows are no columns. A pass
-/// that asks for nothing that tells workgroups apart is made for one.
-fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [bool; 3]) -> [u32; 3] {
+/// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which the pass asks for its
+/// place, or may ask and a workgroup extends, as nothing orders two of them; and three downwards, so that rows are no
+/// columns. A pass that asks for nothing that tells workgroups apart is made for one.
+fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
     }
-    let extends = [0, 1, 2].map(|k| size[k] > 1 || asks[k]);
+    let asks_for_one = asks.contains(&Some(true));
+    let extends = [0, 1, 2].map(|k| match asks[k] {
+        Some(asks) if asks_for_one => asks,
+        _ => size[k] > 1 || k == 0,
+    });
     let mut groups = extends.map(|extends| if extends { 2 } else { 1 });
-    groups[0] = groups[0].max(2);
     if extends[1] {
         groups[1] = 3;
     }
+    let first = extends.iter().position(|extends| *extends).unwrap_or(0);
     while size.iter().chain(&groups).product::<u32>() < INVOCATIONS {
-        groups[0] *= 2;
+        groups[first] *= 2;
     }
     groups
 }
@@ -36,6 +40,9 @@ const APART: [&str; 5] = [
     "@builtin(workgroup_index)",
     "@builtin(num_workgroups)",
 ];
+
+/// Those of them that count in all directions.
+const INDICES: [&str; 2] = ["@builtin(global_invocation_index)", "@builtin(workgroup_index)"];
 
 /// A compute entry point as it is usually dispatched.
 #[derive(Clone, Copy, Debug)]
@@ -51,8 +58,10 @@ impl Usual {
         let (program, _, size) = Program::of_pass(package, name, &Overrides::new())?;
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
-        let apart = attributes.iter().any(|(_, attribute)| APART.contains(&&**attribute));
+        let has = |list: &[&str]| attributes.iter().any(|(_, one)| list.contains(&one.as_str()));
+        let (apart, by_index) = (has(&APART), has(&INDICES));
         let asks = program.asks_for_places(own);
+        let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Ok(Self { size, workgroups: usual_workgroups(size, apart, asks) })
     }
 
@@ -107,13 +116,17 @@ mod tests {
 
     #[test]
     fn several_workgroups_run_in_each_direction_that_a_workgroup_has() {
-        let usual_workgroups = |size, apart| usual_workgroups(size, apart, [false; 3]);
+        let usual_workgroups = |size, apart| usual_workgroups(size, apart, [None; 3]);
         assert_eq!(usual_workgroups([256, 1, 1], true), [2, 1, 1]);
         assert_eq!(usual_workgroups([8, 8, 1], true), [2, 3, 1]);
         assert_eq!(usual_workgroups([1, 1, 1], true), [64, 1, 1]);
         assert_eq!(usual_workgroups([1, 16, 1], true), [2, 3, 1]);
         assert_eq!(usual_workgroups([64, 1, 1], false), [1, 1, 1]);
-        assert_eq!(super::usual_workgroups([64, 1, 1], true, [true, true, false]), [2, 3, 1]);
+        let asks = |size, asks: [bool; 3]| super::usual_workgroups(size, true, asks.map(Some));
+        assert_eq!(asks([64, 1, 1], [true, true, false]), [2, 3, 1]);
+        assert_eq!(asks([64, 1, 1], [false, true, false]), [1, 3, 1]);
+        assert_eq!(asks([1, 1, 1], [false, false, true]), [1, 1, 64]);
+        assert_eq!(asks([64, 1, 1], [false; 3]), [2, 1, 1], "it asks for their number alone");
         let usual = |size| Usual { size, workgroups: usual_workgroups(size, true) };
         assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);

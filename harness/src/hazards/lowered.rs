@@ -18,32 +18,28 @@ pub enum Lowered {
     /// The result is finite in each case: a `select` or a branch drops the value, or `clamp`, `min` or `max` bounds an
     /// infinity.
     Hidden,
-    /// It reads the bits of a number, and these were drawn at random.
+    /// It reads the bits of a number, and these were drawn at random, or its author wrote them.
     Bits,
-    /// It reads the bits of a number that its author wrote.
-    Meant,
     /// Each case has a number beyond 10,000 of which nothing is known, one within 1e-10 of 0, or a matrix without an inverse.
     Extreme,
     /// A float that becomes an integer, edges of `clamp`, or an index that wraps, of numbers of which nothing is known; a place in a
     /// texture, or in an array as long as its buffer, whose sizes are made up; or an element by the counter of a loop whose end
     /// is no constant.
     Guessed,
-    /// A sine or a cosine beyond pi, where WGSL has no bound, or near its zero, where it has few digits.
-    Trigonometry,
-    /// A power of 0, which WGSL computes by a logarithm without a bound.
-    Power,
+    /// WGSL has no bound for it: a sine or a cosine beyond pi, an arcsine or arccosine by `atan2` of a zero, a power of 0, or a
+    /// determinant. Or a sine or a cosine is near its zero, where it has few digits.
+    Builtin,
     /// The whole part of a number is taken off, and digits with it: a hash, or a place within a tile.
     Remainder,
     /// The same operation is NaN for other arguments, a hazard of its own.
     Nan,
     /// The contents of buffers decide it alone: it is fine over others, or an index or a loop that buffers of zeros don't have.
     Contents,
-    /// In fewer than one case in twenty two computed numbers are so close that their difference has few digits; of arguments
-    /// that are known, in fewer than one in a hundred.
+    /// Two computed numbers of which nothing is known are so close that their difference has few digits; or of those that are
+    /// known, in fewer than one case in a hundred.
     Close,
-    /// It divides by an argument or a uniform of which nothing is known as it is given, or by the difference of two, and no
-    /// function of the package calls it: the caller or the host sees that it isn't 0.
-    Given,
+    /// A quotient, a product or a power is infinite, or without a bound in WGSL, of numbers of which nothing is known.
+    Arithmetic,
     /// Nothing is known of the arguments, and the functions that lead here, and that no other one calls, don't show it.
     Called,
     /// The functions and entry points that lead here were looked at as well: each ran the operation often, and it was
@@ -57,26 +53,27 @@ impl Lowered {
     pub fn about(self) -> &'static str {
         match self {
             Self::Hidden => "a later operation drops it in each case that was drawn",
-            Self::Bits => "each word is some number, and this one was made up",
-            Self::Meant => "its author wrote these bits",
+            Self::Bits => {
+                "each word is some number, and this one was made up, or its author wrote it"
+            }
             Self::Extreme => {
                 "each case has a number beyond 10,000 of which nothing is known, one within 1e-10 of 0, or a matrix without an inverse"
             }
             Self::Guessed => {
                 "nothing is known of the numbers, the texture or the buffer that it was asked with"
             }
-            Self::Trigonometry => {
-                "WGSL bounds sine and cosine from -pi to pi alone, and near their zeros digits are few"
-            }
-            Self::Power => {
-                "WGSL has a power of 0 by a logarithm, without a bound: drivers return 0"
+            Self::Builtin => {
+                "WGSL has no bound for sine and cosine beyond pi, `asin` of 0, `acos` of 1, a power of 0 and determinants; and near \
+                 zeros of sine and cosine digits are few"
             }
             Self::Remainder => "the whole part of a number is taken off, and digits with it",
             Self::Nan => "it is NaN for other arguments, a hazard of its own",
             Self::Contents => "a buffer's contents decide it alone, and over others it is fine",
-            Self::Close => "two computed numbers are nearly the same, and in few of the cases",
-            Self::Given => {
-                "it divides by a number that it is given, or by a difference of two: the caller or the host sees that this isn't 0"
+            Self::Close => {
+                "two computed numbers are nearly the same, in few of the cases, or nothing is known of them"
+            }
+            Self::Arithmetic => {
+                "nothing is known of its numbers, and some of them make each quotient, product or power infinite"
             }
             Self::Called => {
                 "nothing is known of the arguments, and it wasn't seen in the functions that lead here"
@@ -92,10 +89,8 @@ impl Lowered {
 /// first hundred.
 const ENOUGH: usize = 256;
 
-/// Of one difference in so many it says little that few digits are left: any two numbers may meet.
-const SELDOM: usize = 20;
-
-/// The same where all arguments are known.
+/// Of one difference in so many it says little that few digits are left, though all arguments are known: any two numbers may
+/// meet.
 const RARELY: usize = 100;
 
 /// Who calls whom in a package, and who was looked at whole.
@@ -182,13 +177,14 @@ impl Callers {
             return Some(Lowered::Bits);
         }
         if hazard.idiom == Some(Idiom::WrittenBits) {
-            return Some(Lowered::Meant);
+            return Some(Lowered::Bits);
         }
         if hazard.extreme {
             return Some(Lowered::Extreme);
         }
         let is_bound = match hazard.kind {
-            Kind::Saturated => hazard.guessed,
+            // The numbers of a pass are all made up.
+            Kind::Saturated => hazard.guessed || self.passes.contains(&hazard.function),
             Kind::EdgesReversed => hazard.guessed && hazard.idiom == Some(Idiom::Clamp),
             Kind::OutOfRange => hazard.of_made_up_size || hazard.idiom == Some(Idiom::Counted),
             Kind::Wrapped => hazard.guessed,
@@ -200,13 +196,12 @@ impl Callers {
         if let Some(lowered) = hazard.idiom.and_then(|idiom| of_idiom(hazard.kind, idiom)) {
             return Some(lowered);
         }
-        if hazard.by_contents {
+        if own_functions(hazard).next().is_none() {
             return Some(Lowered::Contents);
         }
         let (cases, of) = hazard.cases;
-        let seldom = if hazard.guessed { SELDOM } else { RARELY };
         if hazard.kind == Kind::LostDigits
-            && cases * seldom < of
+            && (hazard.guessed || cases * RARELY < of)
             && hazard.idiom != Some(Idiom::Complement)
         {
             return Some(Lowered::Close);
@@ -214,19 +209,30 @@ impl Callers {
         if hazard.violation.is_some() || hazard.kind == Kind::Endless {
             return None;
         }
+        let is_large = matches!(hazard.kind, Kind::Infinite | Kind::Unbounded);
+        let is_arithmetic = matches!(hazard.idiom, Some(Idiom::Arithmetic | Idiom::Power));
+        let by_callers = self.by_callers(hazard, of_kind, now_and_then);
+        by_callers.or((hazard.guessed && is_large && is_arithmetic).then_some(Lowered::Arithmetic))
+    }
+
+    /// Why the functions that lead to a hazard make it less than others, if they do.
+    fn by_callers(
+        &self,
+        hazard: &Hazard,
+        of_kind: &BTreeSet<(String, Kind)>,
+        now_and_then: &BTreeSet<&str>,
+    ) -> Option<Lowered> {
         let mut all = BTreeSet::new();
-        for function in hazard.functions() {
+        for function in own_functions(hazard) {
             let roots = self.roots(function);
             if roots.is_empty() {
-                let is_given = is_float && hazard.guessed && hazard.idiom == Some(Idiom::Quotient);
-                // Who hands it on is no better informed.
-                let is_alone = hazard.also.is_empty();
-                return (is_given && is_alone).then_some(Lowered::Given);
+                return None;
             }
             all.extend(roots);
         }
+        let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
         let has_it = |root: &str| {
-            now_and_then.contains(root) || hazard.functions().any(|function| function == root)
+            now_and_then.contains(root) || own_functions(hazard).any(|function| function == root)
         };
         // Of the other kinds a function or a pass reports some alone: that a caller has none says nothing.
         let is_seen = is_float || matches!(hazard.kind, Kind::ByZero | Kind::OutOfRange);
@@ -254,13 +260,18 @@ impl Callers {
     }
 }
 
+/// The functions of a hazard that have it over contents of buffers that don't decide it alone.
+fn own_functions(hazard: &Hazard) -> impl Iterator<Item = &str> {
+    hazard.functions().filter(|function| !hazard.by_contents.contains(*function))
+}
+
 /// Why an operation that many write is less than others.
 fn of_idiom(kind: Kind, idiom: Idiom) -> Option<Lowered> {
     let is_either = matches!(kind, Kind::Unbounded | Kind::LostDigits);
     match idiom {
-        Idiom::Trigonometry if is_either => Some(Lowered::Trigonometry),
+        Idiom::Builtin if is_either => Some(Lowered::Builtin),
         // A power of 0 with an exponent above it is 0; of another one it may be anything.
-        Idiom::Power if kind == Kind::Unbounded => Some(Lowered::Power),
+        Idiom::Power if kind == Kind::Unbounded => Some(Lowered::Builtin),
         Idiom::Remainder if kind == Kind::LostDigits => Some(Lowered::Remainder),
         _ => None,
     }

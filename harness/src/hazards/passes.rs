@@ -46,7 +46,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
     let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
     // Contents that were tried, and those in which a float isn't finite, by its place.
-    let (mut contents, mut wrong_in) = (0, BTreeMap::<(String, Kind), usize>::new());
+    let (mut contents, mut wrong_in) = (0, BTreeMap::<(String, Kind), BTreeSet<usize>>::new());
     for variant in 0..Extents::VARIANTS {
         let (passes, made) = make(None, variant).map_err(|error| first_line(&error))?;
         seen.drawn.merge(made.drawn);
@@ -99,7 +99,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             guessed: variant > 0,
             extreme: false,
             idiom: None,
-            by_contents: false,
+            by_contents: BTreeSet::new(),
             of_made_up_size: false,
             accepted: None,
             lowered: None,
@@ -138,7 +138,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
         });
         contents += 1;
         for found in inside.iter().flatten().map(|one| &one.found) {
-            *wrong_in.entry((found.span.to_string(), found.kind)).or_default() += 1;
+            wrong_in.entry((found.span.to_string(), found.kind)).or_default().insert(variant);
         }
         for hazard in violations.chain(inside_found).chain(endless) {
             // No name tells how large a texture is beside another one, or how many words an element has.
@@ -193,9 +193,16 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     rare.retain(|key, _| !found.contains_key(key));
     for (key, hazard) in &mut found {
         let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
-        // Over most contents it is fine.
-        hazard.by_contents =
-            is_float && wrong_in.get(key).is_some_and(|count| 2 * count < contents);
+        let wrong_in = wrong_in.get(key).filter(|_| is_float);
+        // Over half of the contents it is fine; or over numbers that were drawn, and no invocation is over one number for
+        // all members.
+        let by_contents = |wrong: &BTreeSet<usize>| {
+            2 * wrong.len() <= contents
+                || !wrong.contains(&0) && wrong.len() < contents && hazard.cases.0 == hazard.cases.1
+        };
+        if wrong_in.is_some_and(by_contents) {
+            hazard.by_contents.insert(hazard.function.clone());
+        }
     }
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();

@@ -54,6 +54,8 @@ pub(crate) struct Resources {
     pub(crate) drawn: Drawn,
     /// True if there is any, so that another variant has other contents.
     pub(crate) varies: bool,
+    /// True if some number of a buffer is drawn by its type alone.
+    pub(crate) guessed: bool,
     /// The number of the element of an array that is filled.
     element: Option<u32>,
     /// Arrays around what is filled.
@@ -158,6 +160,11 @@ impl Resources {
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
+    fn note(&mut self, one: &Described) {
+        self.drawn.note(one);
+        self.guessed |= one.guessed && !one.sized;
+    }
+
     /// Draws the lanes of a value. Elements of an array take the numbers that are tried first in turn.
     fn fill(
         &mut self,
@@ -194,7 +201,7 @@ impl Resources {
                         let parts = described(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
                         if !in_order {
-                            parts.iter().for_each(|one| self.drawn.note(one));
+                            parts.iter().for_each(|one| self.note(one));
                         }
                         for (at, index) in (0..).zip(each) {
                             if ranges.numbered() == Some(Numbered::Zero) {
@@ -230,7 +237,7 @@ impl Resources {
                         lanes.push(0);
                         continue;
                     }
-                    self.drawn.note(&one);
+                    self.note(&one);
                     lanes.extend(one.part.value(index, source).unwrap_or_default());
                 }
                 self.members.push((path.to_owned(), other.format(&lanes[start..])));

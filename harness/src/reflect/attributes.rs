@@ -38,17 +38,17 @@ impl Program {
         all
     }
 
-    /// For each direction, true if an entry point asks for its place: for a component of the number of its invocation in
-    /// the dispatch, or of its workgroup. One that takes the vector as a whole says nothing.
-    pub(crate) fn asks_for_places(&self, name: &str) -> [bool; 3] {
+    /// For each direction, whether an entry point asks for its place: for a component of the number of its invocation in
+    /// the dispatch, or of its workgroup. `None` if it takes such a vector as a whole, and so may ask for each.
+    pub(crate) fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);
         let module = &self.checked.module;
-        let mut asks = [false; 3];
-        let Some(entry) = module.entry_points.iter().find(|entry| entry.name == name) else {
-            return asks;
+        let entries = &module.entry_points;
+        let Some(at) = entries.iter().position(|entry| entry.name == name) else {
+            return [None; 3];
         };
-        let function = &entry.function;
+        let function = &entries[at].function;
         let is_place = |binding: Option<&Binding>| {
             let place = [BuiltIn::GlobalInvocationId, BuiltIn::WorkGroupId].map(Binding::BuiltIn);
             binding.is_some_and(|binding| place.contains(binding))
@@ -70,18 +70,27 @@ impl Program {
             },
             _ => false,
         };
-        for (_, expression) in function.expressions.iter() {
+        let mut asks = [false; 3];
+        // Those who use a vector, less those who take a component.
+        let info = self.checked.info.get_entry_point(at);
+        let mut whole = 0;
+        for (handle, expression) in function.expressions.iter() {
+            if is_place(handle) {
+                whole += info[handle].ref_count;
+            }
             match *expression {
                 Expression::AccessIndex { base, index } if is_place(base) => {
                     asks[index as usize] = true;
+                    whole -= 1;
                 }
                 Expression::Swizzle { size, vector, pattern } if is_place(vector) => {
                     pattern.iter().take(size as usize).for_each(|at| asks[*at as usize] = true);
+                    whole -= 1;
                 }
                 _ => {}
             }
         }
-        asks
+        asks.map(|asks| if whole > 0 && !asks { None } else { Some(asks) })
     }
 }
 

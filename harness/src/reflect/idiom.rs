@@ -1,16 +1,14 @@
 //! Operations that many shaders write alike, and that go wrong alike in all of them.
 
-use naga::{
-    AddressSpace, BinaryOperator, Expression, Function, Handle, Literal, MathFunction, ScalarKind,
-};
+use naga::{BinaryOperator, Expression, Function, Handle, Literal, MathFunction, ScalarKind};
 
 use super::Program;
 
 /// An operation that many shaders have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Idiom {
-    /// A sine or a cosine.
-    Trigonometry,
+    /// A sine, a cosine, the inverse of one, or a determinant.
+    Builtin,
     /// A power whose exponent is a constant above 0.
     Power,
     /// `fract(x)`, `floor(x)`, or `x` less a whole number that `floor` gives, such as `x - floor(x / n) * n`.
@@ -21,19 +19,12 @@ pub(crate) enum Idiom {
     WrittenBits,
     /// `clamp`.
     Clamp,
-    /// A constant less something: `1.0 - x * x`.
+    /// A constant less a product: `1.0 - x * x`.
     Complement,
-    /// A quotient by an argument or a uniform as it is given, or by the difference of two: `x / (edge1 - edge0)`.
-    Quotient,
+    /// A quotient, a product, or a power with another exponent.
+    Arithmetic,
     /// An element by the counter of a loop whose end is no constant: `a[i]` under `i < count`.
     Counted,
-}
-
-/// Who knows the numbers that a function is given.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Giver {
-    Caller,
-    Host,
 }
 
 impl Program {
@@ -48,11 +39,18 @@ impl Program {
             matches!(of(at), Expression::Math { fun: MathFunction::Floor, .. })
         };
         match *of(at) {
-            Expression::Math { fun: MathFunction::Sin | MathFunction::Cos, .. } => {
-                Some(Idiom::Trigonometry)
-            }
+            Expression::Math {
+                fun:
+                    MathFunction::Sin
+                    | MathFunction::Cos
+                    | MathFunction::Asin
+                    | MathFunction::Acos
+                    | MathFunction::Determinant,
+                ..
+            } => Some(Idiom::Builtin),
             Expression::Math { fun: MathFunction::Pow, arg1: Some(exponent), .. } => {
-                self.is_positive(function, exponent).then_some(Idiom::Power)
+                let is_positive = self.is_positive(function, exponent);
+                Some(if is_positive { Idiom::Power } else { Idiom::Arithmetic })
             }
             Expression::Math { fun: MathFunction::Fract | MathFunction::Floor, .. } => {
                 Some(Idiom::Remainder)
@@ -61,8 +59,8 @@ impl Program {
             Expression::Access { .. }
             | Expression::AccessIndex { .. }
             | Expression::Load { .. } => is_counted(function, at).then_some(Idiom::Counted),
-            Expression::Binary { op: BinaryOperator::Subtract, left, .. }
-                if self.is_positive(function, left) =>
+            Expression::Binary { op: BinaryOperator::Subtract, left, right }
+                if self.is_positive(function, left) && is_product(of(right)) =>
             {
                 Some(Idiom::Complement)
             }
@@ -76,46 +74,19 @@ impl Program {
                 is_whole.then_some(Idiom::Remainder)
             }
             Expression::Binary {
-                op: BinaryOperator::Divide | BinaryOperator::Modulo,
-                right,
+                op: BinaryOperator::Multiply | BinaryOperator::Divide | BinaryOperator::Modulo,
                 ..
-            } => self.giver(function, right).map(|_| Idiom::Quotient),
+            } => Some(Idiom::Arithmetic),
+            Expression::Math { fun: MathFunction::Unpack2x16float, arg, .. } => {
+                is_read(of(arg)).then_some(Idiom::Bits)
+            }
             Expression::As { expr, kind: ScalarKind::Float, convert: None }
                 if matches!(of(expr), Expression::Literal(_) | Expression::Constant(_)) =>
             {
                 Some(Idiom::WrittenBits)
             }
             Expression::As { expr, kind: ScalarKind::Float, convert: None } => {
-                let is_read = matches!(
-                    of(expr),
-                    Expression::Load { .. }
-                        | Expression::Access { .. }
-                        | Expression::AccessIndex { .. }
-                        | Expression::FunctionArgument(_)
-                );
-                is_read.then_some(Idiom::Bits)
-            }
-            _ => None,
-        }
-    }
-
-    /// Who gives a value, if it is an argument, a uniform, or a part of one; or the difference of two.
-    fn giver(&self, function: &Function, at: Handle<Expression>) -> Option<Giver> {
-        let giver = |at| self.giver(function, at);
-        match function.expressions[at] {
-            Expression::FunctionArgument(_) => Some(Giver::Caller),
-            Expression::GlobalVariable(variable) => {
-                let space = self.checked.module.global_variables[variable].space;
-                (space == AddressSpace::Uniform).then_some(Giver::Host)
-            }
-            Expression::AccessIndex { base: part, .. }
-            | Expression::Access { base: part, .. }
-            | Expression::Load { pointer: part }
-            | Expression::Swizzle { vector: part, .. }
-            | Expression::Splat { value: part, .. } => giver(part),
-            // Who gives both knows their difference.
-            Expression::Binary { op: BinaryOperator::Subtract, left, right } => {
-                giver(left).filter(|one| giver(right) == Some(*one))
+                is_read(of(expr)).then_some(Idiom::Bits)
             }
             _ => None,
         }
@@ -149,6 +120,26 @@ impl Program {
             _ => false,
         }
     }
+}
+
+/// True of a product, a square of a vector or a power.
+fn is_product(expression: &Expression) -> bool {
+    match expression {
+        Expression::Binary { op, .. } => *op == BinaryOperator::Multiply,
+        Expression::Math { fun, .. } => matches!(fun, MathFunction::Dot | MathFunction::Pow),
+        _ => false,
+    }
+}
+
+/// True of a number that isn't computed: an argument, a variable, or a part of one.
+fn is_read(expression: &Expression) -> bool {
+    matches!(
+        expression,
+        Expression::Load { .. }
+            | Expression::Access { .. }
+            | Expression::AccessIndex { .. }
+            | Expression::FunctionArgument(_)
+    )
 }
 
 /// True of an element whose index is a variable that is compared with what is no constant, and with nothing else.
@@ -201,21 +192,24 @@ mod tests {
     #[test]
     fn an_idiom_is_the_whole_operation() {
         for (text, expected) in [
-            ("sin(a)", Some(Idiom::Trigonometry)),
+            ("sin(a)", Some(Idiom::Builtin)),
             ("cos(a) - 1.0", None),
             ("pow(1.0 - max(a, b), 5.0)", Some(Idiom::Power)),
             ("pow(v, vec3f(2.4))", Some(Idiom::Power)),
             ("pow(v, vec3f(1.0 / 3.0))", Some(Idiom::Power)),
             ("pow(a, GAMMA)", Some(Idiom::Power)),
-            ("pow(v, vec3f(2.0, 0.0, 1.0))", None),
-            ("pow(a, b)", None),
-            ("pow(a, 0.0)", None),
-            ("pow(a, -2.0)", None),
+            ("pow(v, vec3f(2.0, 0.0, 1.0))", Some(Idiom::Arithmetic)),
+            ("pow(a, b)", Some(Idiom::Arithmetic)),
+            ("pow(a, 0.0)", Some(Idiom::Arithmetic)),
+            ("pow(a, -2.0)", Some(Idiom::Arithmetic)),
+            ("exp(a)", None),
             ("a - floor(a * (1.0 / 289.0)) * 289.0", Some(Idiom::Remainder)),
             ("a - b * floor(a / b)", Some(Idiom::Remainder)),
             ("floor(a) - b", None),
             ("1.0 - a * a", Some(Idiom::Complement)),
-            ("vec3f(1.0) - v", Some(Idiom::Complement)),
+            ("1.0 - dot(v, v)", Some(Idiom::Complement)),
+            ("vec3f(1.0) - v * v", Some(Idiom::Complement)),
+            ("vec3f(1.0) - v", None),
             ("a - 1.0", None),
             ("normalize(v)", None),
             ("fract(a) - fract(b)", None),
@@ -224,21 +218,19 @@ mod tests {
             ("bitcast<f32>(words[word + 3u])", Some(Idiom::Bits)),
             ("bitcast<f32>(0x5f3759dfu - (word >> 1u))", None),
             ("bitcast<f32>(0x7f800000u)", Some(Idiom::WrittenBits)),
-            ("bitcast<f32>(word) / a", Some(Idiom::Quotient)),
+            ("unpack2x16float(word)", Some(Idiom::Bits)),
+            ("unpack2x16float(word ^ 3u)", None),
+            ("bitcast<f32>(word) / a", Some(Idiom::Arithmetic)),
             ("clamp(a, b, 1.0)", Some(Idiom::Clamp)),
             ("smoothstep(a, b, 1.0)", None),
-            ("1.0 / a", Some(Idiom::Quotient)),
-            ("a % (b - v.x)", Some(Idiom::Quotient)),
-            ("v / b", Some(Idiom::Quotient)),
-            ("v / size.xyz", Some(Idiom::Quotient)),
-            ("a / (size.x - b)", None),
-            ("a / (size.x - size.y)", Some(Idiom::Quotient)),
-            ("a / (b * b)", None),
-            ("a / (b - 1.0)", None),
-            ("a / length(v)", None),
+            ("1.0 / a", Some(Idiom::Arithmetic)),
+            ("a % (b - v.x)", Some(Idiom::Arithmetic)),
+            ("v / (b * b)", Some(Idiom::Arithmetic)),
+            ("a * b", Some(Idiom::Arithmetic)),
+            ("1.0 + a / b", None),
         ] {
             let source = format!(
-                "const GAMMA = 2.2;\n@group(0) @binding(0) var<uniform> size: vec4f;\nvar<private> words: array<u32, 4>;\n\
+                "const GAMMA = 2.2;\nvar<private> words: array<u32, 4>;\n\
                  fn f(a: f32, b: f32, v: vec3f, word: u32) {{ let own = {text}; }}"
             );
             let program = Program::of_module(&Package::from_source("m", source), "");
