@@ -335,6 +335,17 @@ impl Request {
             let now_and_then = now_and_then.into_iter().flat_map(Hazard::functions).collect();
             hazard.lowered = callers.lower(hazard, &of_kind, &now_and_then);
         }
+        let infinite = |one: &Hazard| found.get(&(one.location.clone(), Kind::Infinite));
+        let is_by_zero = |one: &&Hazard| {
+            let of_nan = one.kind == Kind::Nan && one.lowered.is_none();
+            of_nan && infinite(one).is_some_and(|infinite| lowered::is_by_zero(one, infinite))
+        };
+        let by_zero: Vec<_> =
+            found.values().filter(is_by_zero).map(|one| one.location.clone()).collect();
+        for location in by_zero {
+            let nan = found.get_mut(&(location, Kind::Nan)).expect("it is one of them");
+            nan.lowered = Some(Lowered::Arithmetic);
+        }
         let is_told = |one: &Hazard| one.kind == Kind::Nan && one.lowered.is_none();
         let told: BTreeSet<String> =
             found.values().filter(|one| is_told(one)).map(|one| one.location.clone()).collect();

@@ -38,7 +38,8 @@ pub enum Lowered {
     /// Two computed numbers of which nothing is known are so close that their difference has few digits; or of those that are
     /// known, in fewer than one case in a hundred.
     Close,
-    /// A quotient, a product or a power is infinite, or without a bound in WGSL, of numbers of which nothing is known.
+    /// A quotient, a product or a power is infinite, or without a bound in WGSL, of numbers of which nothing is known; or a quotient
+    /// is NaN, and infinite as often: its divisor is 0, whatever it divides.
     Arithmetic,
     /// Nothing is known of the arguments, and the functions that lead here, and that no other one calls, don't show it.
     Called,
@@ -63,8 +64,7 @@ impl Lowered {
                 "nothing is known of the numbers, the texture or the buffer that it was asked with"
             }
             Self::Builtin => {
-                "WGSL has no bound for sine and cosine beyond pi, `asin` of 0, `acos` of 1, a power of 0 and determinants; and near \
-                 zeros of sine and cosine digits are few"
+                "WGSL has no bound for this function there, or few digits are left: no other way to write it is better"
             }
             Self::Remainder => "the whole part of a number is taken off, and digits with it",
             Self::Nan => "it is NaN for other arguments, a hazard of its own",
@@ -73,7 +73,7 @@ impl Lowered {
                 "two computed numbers are nearly the same, in few of the cases, or nothing is known of them"
             }
             Self::Arithmetic => {
-                "nothing is known of its numbers, and some of them make each quotient, product or power infinite"
+                "nothing is known of its numbers: by 0, or by large ones, it is infinite"
             }
             Self::Called => {
                 "nothing is known of the arguments, and it wasn't seen in the functions that lead here"
@@ -210,7 +210,8 @@ impl Callers {
             return None;
         }
         let is_large = matches!(hazard.kind, Kind::Infinite | Kind::Unbounded);
-        let is_arithmetic = matches!(hazard.idiom, Some(Idiom::Arithmetic | Idiom::Power));
+        let is_arithmetic =
+            matches!(hazard.idiom, Some(Idiom::Quotient | Idiom::Product | Idiom::Power));
         let by_callers = self.by_callers(hazard, of_kind, now_and_then);
         by_callers.or((hazard.guessed && is_large && is_arithmetic).then_some(Lowered::Arithmetic))
     }
@@ -258,6 +259,13 @@ impl Callers {
         let is_unknown = all.iter().all(|root| could_show(root) && !has_it(root));
         (hazard.guessed && is_unknown).then_some(Lowered::Called)
     }
+}
+
+/// True of a quotient of numbers of which nothing is known that is NaN, and infinite as often. Where the divisor and what it
+/// divides become 0 together, as in `dot(p, v) / dot(v, v)`, NaN is more frequent.
+pub(super) fn is_by_zero(nan: &Hazard, infinite: &Hazard) -> bool {
+    let is_as_often = infinite.cases.0 * nan.cases.1 >= nan.cases.0 * infinite.cases.1;
+    nan.guessed && nan.idiom == Some(Idiom::Quotient) && is_as_often
 }
 
 /// The functions of a hazard that have it over contents of buffers that don't decide it alone.

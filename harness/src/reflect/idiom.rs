@@ -21,8 +21,10 @@ pub(crate) enum Idiom {
     Clamp,
     /// A constant less a product: `1.0 - x * x`.
     Complement,
-    /// A quotient, a product, or a power with another exponent.
-    Arithmetic,
+    /// A quotient.
+    Quotient,
+    /// A product, or a power with another exponent.
+    Product,
     /// An element by the counter of a loop whose end is no constant: `a[i]` under `i < count`.
     Counted,
 }
@@ -50,7 +52,7 @@ impl Program {
             } => Some(Idiom::Builtin),
             Expression::Math { fun: MathFunction::Pow, arg1: Some(exponent), .. } => {
                 let is_positive = self.is_positive(function, exponent);
-                Some(if is_positive { Idiom::Power } else { Idiom::Arithmetic })
+                Some(if is_positive { Idiom::Power } else { Idiom::Product })
             }
             Expression::Math { fun: MathFunction::Fract | MathFunction::Floor, .. } => {
                 Some(Idiom::Remainder)
@@ -73,10 +75,10 @@ impl Program {
                 };
                 is_whole.then_some(Idiom::Remainder)
             }
-            Expression::Binary {
-                op: BinaryOperator::Multiply | BinaryOperator::Divide | BinaryOperator::Modulo,
-                ..
-            } => Some(Idiom::Arithmetic),
+            Expression::Binary { op: BinaryOperator::Divide | BinaryOperator::Modulo, .. } => {
+                Some(Idiom::Quotient)
+            }
+            Expression::Binary { op: BinaryOperator::Multiply, .. } => Some(Idiom::Product),
             Expression::Math { fun: MathFunction::Unpack2x16float, arg, .. } => {
                 is_read(of(arg)).then_some(Idiom::Bits)
             }
@@ -198,10 +200,10 @@ mod tests {
             ("pow(v, vec3f(2.4))", Some(Idiom::Power)),
             ("pow(v, vec3f(1.0 / 3.0))", Some(Idiom::Power)),
             ("pow(a, GAMMA)", Some(Idiom::Power)),
-            ("pow(v, vec3f(2.0, 0.0, 1.0))", Some(Idiom::Arithmetic)),
-            ("pow(a, b)", Some(Idiom::Arithmetic)),
-            ("pow(a, 0.0)", Some(Idiom::Arithmetic)),
-            ("pow(a, -2.0)", Some(Idiom::Arithmetic)),
+            ("pow(v, vec3f(2.0, 0.0, 1.0))", Some(Idiom::Product)),
+            ("pow(a, b)", Some(Idiom::Product)),
+            ("pow(a, 0.0)", Some(Idiom::Product)),
+            ("pow(a, -2.0)", Some(Idiom::Product)),
             ("exp(a)", None),
             ("a - floor(a * (1.0 / 289.0)) * 289.0", Some(Idiom::Remainder)),
             ("a - b * floor(a / b)", Some(Idiom::Remainder)),
@@ -220,13 +222,13 @@ mod tests {
             ("bitcast<f32>(0x7f800000u)", Some(Idiom::WrittenBits)),
             ("unpack2x16float(word)", Some(Idiom::Bits)),
             ("unpack2x16float(word ^ 3u)", None),
-            ("bitcast<f32>(word) / a", Some(Idiom::Arithmetic)),
+            ("bitcast<f32>(word) / a", Some(Idiom::Quotient)),
             ("clamp(a, b, 1.0)", Some(Idiom::Clamp)),
             ("smoothstep(a, b, 1.0)", None),
-            ("1.0 / a", Some(Idiom::Arithmetic)),
-            ("a % (b - v.x)", Some(Idiom::Arithmetic)),
-            ("v / (b * b)", Some(Idiom::Arithmetic)),
-            ("a * b", Some(Idiom::Arithmetic)),
+            ("1.0 / a", Some(Idiom::Quotient)),
+            ("a % (b - v.x)", Some(Idiom::Quotient)),
+            ("v / (b * b)", Some(Idiom::Quotient)),
+            ("a * b", Some(Idiom::Product)),
             ("1.0 + a / b", None),
         ] {
             let source = format!(
