@@ -813,6 +813,15 @@ fn compute_passes_are_looked_through() {
     };
     assert!(fixed("id.x").found.is_empty(), "a host dispatches one workgroup");
     assert!(of_kind(&fixed("id.x + 1u"), Kind::OutOfRange).location.contains(":2:"));
+    // A reduction that is dispatched as one workgroup writes all of its own.
+    let reduction = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
+                     var<workgroup> own: array<u32, 64>;\n\
+                     @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) id: vec3u) {\n\
+                     own[id.x] = 1u; workgroupBarrier();\n\
+                     let first = own[0]; if id.x == 0u { sum = first; }\n}";
+    assert!(look(reduction).found.is_empty(), "{:#?}", look(reduction).found);
+    let unwritten = reduction.replace("own[id.x] = 1u", "if id.x > 0u { own[id.x] = 1u; }");
+    assert!(of_kind(&look(&unwritten), Kind::Unwritten).location.contains(":5:"));
     // Workgroups beside each other would have one row, and the pass asks for no column; by `x` they race.
     let rows = |value: &str| {
         look(&format!(

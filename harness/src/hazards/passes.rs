@@ -75,9 +75,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
         }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
         let mut of_one_workgroup = BTreeSet::new();
-        if examined.violations.iter().any(|(one, _)| one.of_fixed_length)
-            && let Ok((passes, _)) = make(Some([1; 3]), variant)
-        {
+        let leaves_array = examined.violations.iter().any(|(one, _)| one.of_fixed_length);
+        if leaves_array && let Ok((passes, _)) = make(Some([1; 3]), variant) {
             let all = examine_made_up(&passes).violations.into_iter();
             of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
         }
@@ -165,8 +164,11 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 }
                 _ => variant < Extents::LIKELY,
             };
-            let by_dispatch = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length)
-                && !of_one_workgroup.contains(&hazard.location);
+            // What lies beyond it isn't written either.
+            let is_unwritten = leaves_array && hazard.kind == Kind::Unwritten;
+            let is_beyond = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length);
+            let by_dispatch =
+                (is_beyond || is_unwritten) && !of_one_workgroup.contains(&hazard.location);
             let likely = likely && !by_size && !by_dispatch && !of_content;
             let to = if likely { &mut found } else { &mut rare };
             let hidden = hazard.hidden;
