@@ -192,6 +192,32 @@ fn hazards_that_matter_less_are_lowered() {
     assert!(rarely.cases.0 * 20 < rarely.cases.1 && rarely.lowered.is_none(), "{rarely:?}");
 }
 
+/// Twelve faults that no rule may lower.
+#[test]
+fn faults_that_authors_act_on_are_not_lowered() {
+    let weights = "@group(0) @binding(0) var<uniform> weights: array<vec4f, 8>;";
+    for (parameters, result, operation, kind) in [
+        ("s: vec3f", "vec3f", "normalize(s)", Kind::Nan),
+        ("c: f32", "f32", "acos(c)", Kind::Nan),
+        ("p: vec3f, q: vec3f", "f32", "dot(p, q) / dot(q, q)", Kind::Nan),
+        ("x: f32", "f32", "log(x)", Kind::Nan),
+        ("x: f32", "vec4f", "weights[8 + i32(x) * 0]", Kind::OutOfRange),
+        ("i: u32", "vec4f", "weights[i]", Kind::OutOfRange),
+        ("a: i32, b: i32", "i32", "a / b", Kind::ByZero),
+        ("n: vec3f, v: vec3f", "f32", "1.0 - dot(n, v) * dot(n, v)", Kind::LostDigits),
+        ("n_dot_v: f32", "f32", "sqrt(1.0 - n_dot_v * n_dot_v)", Kind::Nan),
+        ("x: f32", "f32", "pow(x, 2.2)", Kind::Nan),
+        ("x: f32", "f32", "exp(x)", Kind::Infinite),
+        ("a: f32, b: f32, x: f32", "f32", "smoothstep(a, b, x)", Kind::EdgesReversed),
+    ] {
+        let text = format!("{weights} fn f({parameters}) -> {result} {{ return {operation}; }}");
+        assert_eq!(at(&text, kind, operation).lowered, None, "{operation}");
+    }
+    // An infinity that a factor of 0 makes NaN stands where it is born.
+    let product = "fn f(x: f32, y: f32) -> f32 { return exp(x) * y; }";
+    assert_eq!(at(product, Kind::Infinite, "exp(x)").lowered, None);
+}
+
 /// Operations that many write, and that drivers compute as authors mean it.
 #[test]
 fn idioms_are_lowered_and_their_likes_are_not() {
