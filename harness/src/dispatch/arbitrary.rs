@@ -131,4 +131,26 @@ mod tests {
         assert_eq!(usual([8, 8, 1]).invocations_with(usual([4, 4, 1])), [16, 24, 1]);
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
+
+    /// A pass that takes a part asks for that one, and one that hands the vector on may ask for each.
+    #[test]
+    fn a_pass_runs_along_the_places_that_it_asks_for() {
+        let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\
+                    @group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
+                    fn sum(v: vec3u) -> u32 { return v.x + v.y; } fn all(in: In) -> u32 { return in.w.x; }\n\
+                    @compute @workgroup_size(64) fn f(in: In) { out[0] = ";
+        let workgroups = |value: &str| {
+            let package = Package::from_source("p", format!("{head}{value}; }}"));
+            Usual::of(&package, "f").expect(value).workgroups
+        };
+        for (value, expected) in [
+            ("in.w.y", [1, 3, 1]),
+            ("in.w.yz.x", [1, 3, 2]),
+            ("in.w.y + sum(in.w)", [2, 3, 1]),
+            ("in.w.y + all(in)", [2, 3, 1]),
+            ("in.w[in.i]", [2, 1, 1]),
+        ] {
+            assert_eq!(workgroups(value), expected, "{value}");
+        }
+    }
 }

@@ -53,37 +53,48 @@ impl Program {
             let place = [BuiltIn::GlobalInvocationId, BuiltIn::WorkGroupId].map(Binding::BuiltIn);
             binding.is_some_and(|binding| place.contains(binding))
         };
-        let is_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
+        let members =
+            |argument: u32| match &module.types[function.arguments[argument as usize].ty].inner {
+                TypeInner::Struct { members, .. } => &**members,
+                _ => &[],
+            };
+        let is_place_of = |handle: naga::Handle<Expression>| match function.expressions[handle] {
             Expression::FunctionArgument(at) => {
                 is_place(function.arguments[at as usize].binding.as_ref())
             }
             Expression::AccessIndex { base, index } => match function.expressions[base] {
                 Expression::FunctionArgument(at) => {
-                    match &module.types[function.arguments[at as usize].ty].inner {
-                        TypeInner::Struct { members, .. } => {
-                            is_place(members[index as usize].binding.as_ref())
-                        }
-                        _ => false,
-                    }
+                    let member = members(at).get(index as usize);
+                    member.is_some_and(|member| is_place(member.binding.as_ref()))
                 }
                 _ => false,
             },
             _ => false,
         };
+        // A structure with such a vector may be taken as a whole, too.
+        let holds_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
+            Expression::FunctionArgument(at) => {
+                members(at).iter().any(|member| is_place(member.binding.as_ref()))
+            }
+            _ => false,
+        };
+        let is_either = |handle| is_place_of(handle) || holds_place(handle);
         let mut asks = [false; 3];
-        // Those who use a vector, less those who take a component.
+        // Those who use one as a whole: all who use it, less those who take a part.
         let info = self.checked.info.get_entry_point(at);
         let mut whole = 0;
         for (handle, expression) in function.expressions.iter() {
-            if is_place(handle) {
+            if is_either(handle) {
                 whole += info[handle].ref_count;
             }
             match *expression {
-                Expression::AccessIndex { base, index } if is_place(base) => {
-                    asks[index as usize] = true;
+                Expression::AccessIndex { base, index } if is_either(base) => {
+                    if is_place_of(base) {
+                        asks[index as usize] = true;
+                    }
                     whole -= 1;
                 }
-                Expression::Swizzle { size, vector, pattern } if is_place(vector) => {
+                Expression::Swizzle { size, vector, pattern } if is_place_of(vector) => {
                     pattern.iter().take(size as usize).for_each(|at| asks[*at as usize] = true);
                     whole -= 1;
                 }
