@@ -90,6 +90,13 @@ fn hazards_that_matter_less_are_lowered() {
             "color.x / (color.x + color.y + color.z)",
             None,
         ),
+        // Whatever the number is.
+        (
+            "fn f(x: f32) -> f32 { return 1.0 / (floor(x) - floor(x)); }",
+            Kind::Infinite,
+            "1.0 / (floor(x) - floor(x))",
+            None,
+        ),
         (
             "fn f(x: f32) -> f32 { return inverseSqrt(x * x); }",
             Kind::Infinite,
@@ -848,6 +855,13 @@ fn compute_passes_are_looked_through() {
     assert!(look(reduction).found.is_empty(), "{:#?}", look(reduction).found);
     let unwritten = reduction.replace("own[id.x] = 1u", "if id.x > 0u { own[id.x] = 1u; }");
     assert!(of_kind(&look(&unwritten), Kind::Unwritten).location.contains(":5:"));
+    // Another array that is left says nothing of this one.
+    let other = "@group(0) @binding(0) var<storage, read_write> out: array<f32, 256>;\n\
+                 var<workgroup> t: array<u32, 64>;\n\
+                 @compute @workgroup_size(64) fn f(@builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) l: u32) {\n\
+                 if w.x == 0u { t[l] = 1u; } workgroupBarrier();\n\
+                 let at = w.x * 64u + l; out[at + 4000u] = 1.0; out[at] = f32(t[l]);\n}";
+    assert_eq!(of_kind(&look(other), Kind::Unwritten).text, "t[l]");
     // Workgroups beside each other would have one row, and the pass asks for no column; by `x` they race.
     let rows = |value: &str| {
         look(&format!(

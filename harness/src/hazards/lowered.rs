@@ -213,7 +213,9 @@ impl Callers {
         let is_arithmetic =
             matches!(hazard.idiom, Some(Idiom::Quotient | Idiom::Product | Idiom::Power));
         let by_callers = self.by_callers(hazard, of_kind, now_and_then);
-        by_callers.or((hazard.guessed && is_large && is_arithmetic).then_some(Lowered::Arithmetic))
+        // What happens whatever the numbers are, no caller prevents.
+        let is_chosen = hazard.guessed && hazard.cases.0 < hazard.cases.1;
+        by_callers.or((is_chosen && is_large && is_arithmetic).then_some(Lowered::Arithmetic))
     }
 
     /// Why the functions that lead to a hazard make it less than others, if they do.
@@ -265,7 +267,8 @@ impl Callers {
 /// divides become 0 together, as in `dot(p, v) / dot(v, v)`, NaN is more frequent.
 pub(super) fn is_by_zero(nan: &Hazard, infinite: &Hazard) -> bool {
     let is_as_often = infinite.cases.0 * nan.cases.1 >= nan.cases.0 * infinite.cases.1;
-    nan.guessed && nan.idiom == Some(Idiom::Quotient) && is_as_often
+    let is_likely = !infinite.extreme && nan.cases.0 < nan.cases.1;
+    nan.guessed && nan.idiom == Some(Idiom::Quotient) && is_likely && is_as_often
 }
 
 /// The functions of a hazard that have it over contents of buffers that don't decide it alone.

@@ -75,8 +75,12 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
         }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
         let mut of_one_workgroup = BTreeSet::new();
-        let leaves_array = examined.violations.iter().any(|(one, _)| one.of_fixed_length);
-        if leaves_array && let Ok((passes, _)) = make(Some([1; 3]), variant) {
+        let beyond = examined.violations.iter().filter(|(one, _)| one.of_fixed_length);
+        let beyond: BTreeSet<String> =
+            beyond.map(|(one, at)| variable_of(&place_of(one, at).1).to_owned()).collect();
+        if !beyond.is_empty()
+            && let Ok((passes, _)) = make(Some([1; 3]), variant)
+        {
             let all = examine_made_up(&passes).violations.into_iter();
             of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
         }
@@ -165,7 +169,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 _ => variant < Extents::LIKELY,
             };
             // What lies beyond it isn't written either.
-            let is_unwritten = leaves_array && hazard.kind == Kind::Unwritten;
+            let is_unwritten =
+                hazard.kind == Kind::Unwritten && beyond.contains(variable_of(&hazard.text));
             let is_beyond = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length);
             let by_dispatch =
                 (is_beyond || is_unwritten) && !of_one_workgroup.contains(&hazard.location);
@@ -209,6 +214,11 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     seen.hazards = found.into_values().collect();
     seen.rare = rare.into_values().collect();
     Ok(seen)
+}
+
+/// The name that an access begins with: `tile` of `tile[i].sum = 1.0`.
+fn variable_of(text: &str) -> &str {
+    text.split(|c: char| c != '_' && !c.is_alphanumeric()).next().unwrap_or_default()
 }
 
 fn kind_of(kind: ViolationKind) -> Kind {
