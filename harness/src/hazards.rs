@@ -90,8 +90,8 @@ pub struct Hazard {
     /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
     /// than a line holds.
     pub operands: Vec<String>,
-    /// Whether some argument, or a member of a buffer, is a number of which neither name nor type say what it is, so that
-    /// nobody knows whether these are numbers that it gets.
+    /// True if neither name nor type say what some argument, or some member of a buffer, is: a caller may never give these
+    /// numbers.
     pub guessed: bool,
     /// True if each case has a float beyond 10,000 among the arguments of which nothing is known, or one within
     /// 1e-10 of 0.

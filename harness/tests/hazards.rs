@@ -56,8 +56,7 @@ fn hazards_that_matter_less_are_lowered() {
         None
     );
 
-    // Nobody knows what divides; or its name says what it is.
-    let own = |text: &str, kind, part: &str| at(text, kind, part).lowered;
+    // The divisor is unknown, or its name says its range.
     for (text, kind, part, lowered) in [
         (
             "fn f(x: f32, p: vec3f) -> f32 { return (1.0 + x * x) / dot(p, p); }",
@@ -77,7 +76,7 @@ fn hazards_that_matter_less_are_lowered() {
             "x / (b - a)",
             Some(Lowered::Arithmetic),
         ),
-        // What it divides is 0 wherever its divisor is.
+        // The dividend is 0 wherever the divisor is.
         (
             "fn f(p: vec2f, q: vec2f) -> f32 { return dot(p, q) / dot(q, q); }",
             Kind::Nan,
@@ -90,7 +89,7 @@ fn hazards_that_matter_less_are_lowered() {
             "color.x / (color.x + color.y + color.z)",
             None,
         ),
-        // Whatever the number is.
+        // Each number has it.
         (
             "fn f(x: f32) -> f32 { return 1.0 / (floor(x) - floor(x)); }",
             Kind::Infinite,
@@ -104,13 +103,14 @@ fn hazards_that_matter_less_are_lowered() {
             None,
         ),
     ] {
-        assert_eq!(own(text, kind, part), lowered, "{text}");
+        assert_eq!(at(text, kind, part).lowered, lowered, "{text}");
     }
     let whole = "fn f(i: u32, columns: u32) -> u32 { return i / columns; }";
     assert_eq!(at(whole, Kind::ByZero, "i / columns").lowered, None);
     // A host gives no matrix without an inverse.
     let inverse_of = "fn f(m: mat2x2f) -> f32 { return 1.0 / determinant(m); }";
-    assert_eq!(own(inverse_of, Kind::Infinite, "1.0 / determinant(m)"), Some(Lowered::Extreme));
+    let infinite = at(inverse_of, Kind::Infinite, "1.0 / determinant(m)");
+    assert_eq!(infinite.lowered, Some(Lowered::Extreme));
     // The host counts what is in an array; a constant is the author's, and so is an index that is given.
     let counted = |end: &str| {
         format!(

@@ -213,7 +213,7 @@ impl Callers {
         let is_arithmetic =
             matches!(hazard.idiom, Some(Idiom::Quotient | Idiom::Product | Idiom::Power));
         let by_callers = self.by_callers(hazard, of_kind, now_and_then);
-        // What happens whatever the numbers are, no caller prevents.
+        // No caller prevents a hazard that each input has.
         let is_chosen = hazard.guessed && hazard.cases.0 < hazard.cases.1;
         by_callers.or((is_chosen && is_large && is_arithmetic).then_some(Lowered::Arithmetic))
     }

@@ -168,7 +168,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 }
                 _ => variant < Extents::LIKELY,
             };
-            // What lies beyond it isn't written either.
+            // A second workgroup's own elements lie beyond the array, and aren't written either.
             let is_unwritten =
                 hazard.kind == Kind::Unwritten && beyond.contains(variable_of(&hazard.text));
             let is_beyond = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length);
