@@ -2,7 +2,7 @@
 //! compile.
 
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
@@ -50,28 +50,31 @@ such as ray queries; the others don't run in Chrome, and nothing in them says th
 /// Asks both compilers about the shaders of a list.
 pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
     setup::install_tint()?;
-    let example = ["--example", "corpus_compilers", "--"];
-    table(list, &example, None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
+    table(list, "corpus_compilers", None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
 }
 
 /// Takes the shaders of a list through each translation.
 pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
-    let example = ["--features", "routes", "--example", "corpus_matrix", "--"];
-    table(list, &example, json, ("docs/corpus-translations.md", ROUTES_HEAD))
+    table(list, "corpus_matrix", json, ("docs/corpus-translations.md", ROUTES_HEAD))
 }
 
-/// Runs an example over the shaders of a list, and prints its table. The table of the usual list is a page of the
+/// One of the programs of `harness/corpus`.
+pub(crate) fn program(name: &str) -> Command {
+    command::cargo(&["run", "--locked", "--bin", name, "--"])
+}
+
+/// Runs a program over the shaders of a list, and prints its table. The table of the usual list is a page of the
 /// documentation.
 fn table(
     list: Option<PathBuf>,
-    example: &[&str],
+    name: &str,
     json: Option<PathBuf>,
     (page, head): (&str, &str),
 ) -> Result<()> {
     let documented = list.is_none();
     let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
-    let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);
-    corpus.args(example).arg(list).stderr(Stdio::inherit());
+    let mut corpus = program(name);
+    corpus.arg(list).stderr(Stdio::inherit());
     if let Some(folder) = json {
         corpus.arg("--json").arg(folder);
     }
@@ -89,34 +92,17 @@ fn table(
 
 /// Runs the checks that find faults of released shaders, and writes their pages.
 pub(crate) fn run_found() -> Result<()> {
-    let mut found =
-        command::cargo(&["run", "--locked", "--package", "karat", "--example", "found"]);
-    found.arg("--").arg(command::root().join("docs/found"));
+    let mut found = program("found");
+    found.arg(command::root().join("docs/found"));
     ensure!(found.status().context("cargo doesn't run")?.success(), "a finding isn't one");
-    let mut passes =
-        command::cargo(&["run", "--locked", "--package", "karat", "--example", "passes"]);
-    ensure!(passes.status().context("cargo doesn't run")?.success(), "a crate's passes fail");
+    ensure!(
+        program("passes").status().context("cargo doesn't run")?.success(),
+        "a crate's passes fail"
+    );
     Ok(())
 }
 
-/// Reads the shaders of a list. The table of the usual list is that of the documentation.
+/// Reads the shaders of a list.
 pub(crate) fn run(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
-    let documented = list.is_none();
-    let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
-    let mut corpus =
-        command::cargo(&["run", "--locked", "--package", "karat", "--example", "corpus", "--"]);
-    corpus.arg(list).stderr(Stdio::inherit());
-    if let Some(file) = json {
-        corpus.arg("--json").arg(file);
-    }
-    let output = corpus.output().context("cargo doesn't run")?;
-    let table = String::from_utf8(output.stdout).context("the table isn't text")?;
-    eprint!("{table}");
-    ensure!(output.status.success(), "the corpus has faults");
-    if documented {
-        let file = command::root().join("docs/corpus.md");
-        std::fs::write(&file, format!("{HEAD}{table}"))
-            .with_context(|| format!("can't write `{}`", file.display()))?;
-    }
-    Ok(())
+    table(list, "corpus", json, ("docs/corpus.md", HEAD))
 }

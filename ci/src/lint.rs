@@ -1,5 +1,6 @@
 //! `cargo ci lint`: formatting, Clippy, documentation, licences and what packages hold.
 
+use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result};
@@ -35,12 +36,28 @@ fn clippy() -> Result<()> {
     command::run(&mut command::cargo(&clippy))
 }
 
+/// Has Cargo take what Clippy has checked: documentation needs the same metadata of the workspace's libraries, which Cargo
+/// keeps by the program that made it and by that one's arguments, which `cargo clippy` hands over in these two variables.
+/// Where they are others, the libraries are checked once more, and nothing else changes.
+fn after_clippy(doc: &mut Command) {
+    let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
+    let sysroot = sysroot
+        .map_or(String::new(), |output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
+    let name = format!("clippy-driver{}", std::env::consts::EXE_SUFFIX);
+    let driver = Path::new(&sysroot).join("bin").join(name);
+    if driver.is_file() {
+        doc.env("RUSTC_WORKSPACE_WRAPPER", driver);
+        doc.env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__");
+    }
+}
+
 /// Programs first, and libraries behind them: the program `karat` and the library of that name
 /// have one folder, which `cargo` removes before it writes either. Side by side one of them fails
 /// now and then.
 fn documentation() -> Result<()> {
     for targets in ["--bins", "--lib"] {
         let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked", targets]);
+        after_clippy(&mut doc);
         command::run(doc.env("RUSTDOCFLAGS", "-Dwarnings"))?;
     }
     Ok(())

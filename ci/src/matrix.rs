@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{command, demo, setup, swiftshader};
+use crate::{command, corpus, demo, setup, swiftshader};
 
 /// Where the table goes.
 const PAGE: &str = "docs/translations.md";
@@ -23,10 +23,8 @@ pub(crate) fn divergences() -> Result<()> {
     setup::install_browser()?;
     setup::install_validators()?;
     let ask = |paths: &str| {
-        let example =
-            ["run", "--locked", "--package", "karat", "--features", "routes", "--example"];
-        let mut asked = command::cargo(&example);
-        asked.arg("divergences").arg("--").arg(command::root().join("docs/divergences"));
+        let mut asked = corpus::program("divergences");
+        asked.arg(command::root().join("docs/divergences"));
         asked.env("KARAT_PATHS", paths);
         asked
     };

@@ -1,28 +1,30 @@
-//! A check that code is compiled once: no dependency or library with two sets of features.
+//! A check that code is compiled once: no dependency or library lies in two files.
 //!
-//! Cargo compiles a crate again for each set of its features, and which it chooses depends on the packages
-//! and targets that a command names. The commands below are those that `cargo ci demo` and
-//! `cargo ci test` run, so that what one compiles the next ones find.
+//! Cargo compiles a crate again for each set of its features, and again where that is so of a crate below it, such as
+//! a macro. Which features it chooses depends on the packages and targets that a command names. The commands below
+//! are those that people, `cargo ci demo` and `cargo ci test` run, so that what one compiles the next ones find.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId, TargetKind};
+use cargo_metadata::camino::Utf8PathBuf;
+use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId};
 
 use crate::command;
 
 /// The commands that compile to code, as they are run; `--no-run` stands for running the tests.
-const COMMANDS: [&[&str]; 5] = [
-    // `cargo ci` itself, by its alias.
+const COMMANDS: [&[&str]; 6] = [
+    // `cargo ci` itself, and `cargo karat`, by their aliases.
     &["build", "--bin", "ci"],
+    &["build", "--bin", "karat"],
     crate::demo::BUILD,
     &["test", "--workspace", "--test", "library", "--test", "golden", "--no-run"],
     crate::suite::BUILD,
     &["test", "--workspace", "--locked", "--no-run"],
 ];
 
-/// A library as it was compiled: its package, and the features of each time.
-type Compiled = BTreeMap<String, BTreeSet<Vec<String>>>;
+/// Packages, and of each the files of its library with the features that it was compiled with.
+type Compiled = BTreeMap<String, BTreeMap<Utf8PathBuf, Vec<String>>>;
 
 /// Reads Cargo's build messages of each command, and names what was compiled to code more than once.
 pub(crate) fn check() -> Result<()> {
@@ -44,9 +46,9 @@ pub(crate) fn check() -> Result<()> {
     }
     let twice = twice(&compiled);
     if !twice.is_empty() {
-        bail!("compiled with two sets of features:\n{}", twice.join("\n"));
+        bail!("compiled twice:\n{}", twice.join("\n"));
     }
-    eprintln!("{} libraries, each compiled with one set of features", compiled.len());
+    eprintln!("{} libraries, each compiled once", compiled.len());
     Ok(())
 }
 
@@ -92,21 +94,18 @@ fn note(
         let Message::CompilerArtifact(artifact) = message.context("cargo's messages")? else {
             continue;
         };
-        if is_code(&artifact) && !is_for_host(&artifact, hosts) {
-            let mut features = artifact.features.clone();
+        if artifact.profile.test || is_for_host(&artifact, hosts) {
+            continue;
+        }
+        let library = artifact.filenames.into_iter().find(|name| name.extension() == Some("rlib"));
+        if let Some(library) = library {
+            let mut features = artifact.features;
             features.sort();
-            compiled.entry(artifact.package_id.to_string()).or_default().insert(features);
+            let files = compiled.entry(artifact.package_id.to_string()).or_default();
+            files.insert(library, features);
         }
     }
     Ok(())
-}
-
-/// True if it is a library that was compiled to code, and not a test harness of it.
-fn is_code(artifact: &Artifact) -> bool {
-    let library =
-        artifact.target.kind.iter().any(|kind| matches!(kind, TargetKind::Lib | TargetKind::RLib));
-    let code = artifact.filenames.iter().any(|name| name.extension() == Some("rlib"));
-    library && code && !artifact.profile.test
 }
 
 /// True if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
@@ -114,14 +113,17 @@ fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
 
-/// A line for each library with more than one set of features: what the sets differ in.
+/// A line for each library in more than one file: what its features differ in.
 fn twice(compiled: &Compiled) -> Vec<String> {
-    let several = compiled.iter().filter(|(_, sets)| sets.len() > 1);
-    let line = |(package, sets): (&String, &BTreeSet<Vec<String>>)| {
-        let all: BTreeSet<&String> = sets.iter().flatten().collect();
-        let differs = all.into_iter().filter(|one| !sets.iter().all(|set| set.contains(one)));
+    let several = compiled.iter().filter(|(_, files)| files.len() > 1);
+    let line = |(package, files): (&String, &BTreeMap<Utf8PathBuf, Vec<String>>)| {
+        let all: BTreeSet<&String> = files.values().flatten().collect();
+        let differs = all.into_iter().filter(|one| !files.values().all(|set| set.contains(one)));
         let differs: Vec<&str> = differs.map(String::as_str).collect();
-        format!("  {package}: not always with {}", differs.join(", "))
+        match differs.is_empty() {
+            true => format!("  {package}: with the same features, over another crate"),
+            false => format!("  {package}: not always with {}", differs.join(", ")),
+        }
     };
     several.map(line).collect()
 }
@@ -159,12 +161,15 @@ mod tests {
     }
 
     #[test]
-    fn a_library_with_two_sets_of_features_is_named() {
+    fn a_library_in_two_files_is_named() {
         let messages = [
             artifact("wgpu", "lib", "/t/libwgpu-1.rlib", &["vulkan"], "1", false),
             artifact("wgpu", "lib", "/t/libwgpu-2.rlib", &["vulkan", "gles"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
+            // Over two versions of `serde`, say.
+            artifact("toml", "lib", "/t/libtoml-1.rlib", &["parse"], "1", false),
+            artifact("toml", "lib", "/t/libtoml-2.rlib", &["parse"], "1", false),
             // Metadata alone, a test harness, and what runs on the host.
             artifact("naga", "lib", "/t/libnaga-3.rmeta", &[], "1", false),
             artifact("naga", "lib", "/t/naga-4.rlib", &[], "1", true),
@@ -174,7 +179,9 @@ mod tests {
         let hosts = BTreeSet::from([PackageId { repr: "syn".to_owned() }]);
         let mut compiled = Compiled::new();
         note(messages.join("\n").as_bytes(), &hosts, &mut compiled).expect("they are messages");
-        assert_eq!(twice(&compiled), ["  wgpu: not always with gles"]);
-        assert_eq!(compiled.len(), 3);
+        let told =
+            ["  toml: with the same features, over another crate", "  wgpu: not always with gles"];
+        assert_eq!(twice(&compiled), told);
+        assert_eq!(compiled.len(), 4);
     }
 }

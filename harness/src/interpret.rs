@@ -311,15 +311,17 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        self.run(cases, arguments, options, observer).map_err(|stop| {
-            match stopped(&self.program, &self.name, &stop) {
-                // A case is all pixels of its quad.
-                ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
-                    ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
-                }
-                error => error,
+        self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
+    }
+
+    fn error(&self, stop: &Stop) -> ProbeError {
+        match stopped(&self.program, &self.name, stop) {
+            // A case is all pixels of its quad.
+            ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
+                ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
             }
-        })
+            error => error,
+        }
     }
 
     fn run<A: Runs>(

@@ -5,12 +5,12 @@
 //! operands. What is wrong already in an operand isn't this operation's fault, so each hazard is told
 //! where it is born.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
     Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results,
-    Truth,
+    Stop, Truth,
 };
 use rayon::prelude::*;
 
@@ -199,6 +199,10 @@ const TOGETHER: usize = 256;
 /// Operations that are kept of a run. A loop repeats them, and what goes wrong in its thousandth
 /// round did so before, as a rule.
 const MOST_EVENTS: usize = 4096;
+
+/// Rounds of loops, of each case, that intervals are followed for where there are more operations: at sixteen in a round
+/// they see as many.
+const ROUNDS_SEEN: u64 = 256;
 
 /// The digits of a format of floats.
 struct Precision {
@@ -391,27 +395,33 @@ impl Observer<Intervals> for Anything {
 }
 
 impl<F> Recorder<F> {
+    /// True if there may have been more operations.
+    fn is_full(&self) -> bool {
+        self.events.lock().unwrap_or_else(PoisonError::into_inner).len() >= MOST_EVENTS
+    }
+
     fn events(self) -> Vec<Event<F>> {
         self.events.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// For each event of one run that of another: the same operation, as often as the lane has been there.
-struct Twins {
-    by_site: BTreeMap<usize, Vec<usize>>,
+/// For each event of a lane that of another run: the same operation, as often as the lane has been there.
+struct Twins<'e> {
+    by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
 
-impl Twins {
-    fn of(events: &[Event<f64>], lane: usize) -> Self {
-        let mut by_site: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-        for (index, event) in events.iter().enumerate().filter(|(_, event)| event.active[lane]) {
-            by_site.entry(event.site).or_default().push(index);
+impl<'e> Twins<'e> {
+    fn of(events: &'e [Event<f64>], lane: usize) -> Self {
+        let mut by_site: BTreeMap<usize, VecDeque<_>> = BTreeMap::new();
+        for event in events.iter().filter(|event| event.active[lane]) {
+            by_site.entry(event.site).or_default().push_back(event);
         }
         Self { by_site }
     }
 
-    fn get(&self, site: usize, count: usize) -> Option<usize> {
-        self.by_site.get(&site)?.get(count).copied()
+    /// That of the next event of an operation.
+    fn next(&mut self, site: usize) -> Option<&'e Event<f64>> {
+        self.by_site.get_mut(&site)?.pop_front()
     }
 }
 
@@ -432,15 +442,21 @@ impl Interpreted {
         let together = TOGETHER / self.lanes();
         let cases_of = Vec::with_capacity(cases);
         let mut found = Hazards { cases: cases_of, cut: false, fine: BTreeMap::new() };
-        // One function with long loops would keep one core busy while the others idle.
-        let firsts: Vec<usize> = (0..cases).step_by(together).collect();
-        let parts = firsts.into_par_iter().map(|first| {
+        let of_part = |first: usize| {
             let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
-        });
+        };
+        // A loop that doesn't end, or not here, is seen in the first part as a rule, and the others would only wait for it.
+        let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
+        let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
+        if parts.iter().all(Result::is_ok) {
+            // One function with long loops would keep one core busy while the others idle.
+            let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
+            parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
+        }
         // Parts end in any order, and the error is that of the first one.
-        for part in parts.collect::<Vec<_>>() {
+        for part in parts {
             let part = part?;
             for (place, ran) in part.fine {
                 found.fine.entry(place).or_default().add(ran);
@@ -456,7 +472,7 @@ impl Interpreted {
         let options = Options { fuel: LONG, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
             Ok(_) => false,
-            Err(karat_engine::Stop::Fuel { rounds, own, .. }) => !super::is_of_several(rounds, own),
+            Err(Stop::Fuel { rounds, own, .. }) => !super::is_of_several(rounds, own),
             Err(_) => true,
         }
     }
@@ -476,15 +492,22 @@ impl Interpreted {
         let options = Options { fuel, undecided: UNDECIDED, ..self.options() };
         let results = self.observed::<F32>(cases, rows, &options, &single)?;
         let shadows = self.observed::<F64>(cases, rows, &options, &double)?;
+        let cut = single.is_full();
         let anything = Anything::default();
-        self.observed::<Intervals>(cases, rows, &options, &anything)?;
+        let lanes = u64::try_from(cases * self.lanes()).expect("it fits");
+        let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
+        let seen = self.run::<Intervals>(cases, rows, &Options { work, ..options }, &anything);
+        match seen {
+            // It saw what the others keep.
+            Err(Stop::Work { .. }) => {}
+            seen => drop(seen.map_err(|stop| self.error(&stop))?),
+        }
         let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         let scales = scales(&shadows, cases * self.lanes());
         let halves = shadows.halves();
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let decided = single.decided.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
-        let cut = single.len() >= MOST_EVENTS;
         // Of a quad the pixel that the arguments are given for.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
@@ -573,13 +596,15 @@ impl Interpreted {
         dropped: bool,
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
-        let loses_own =
-            |event: &Event<f32>, twin: &Event<f64>| lost.is_some() && loses(event, twin, lane);
-        let found = self.born_of(single, double, lane, dropped, (&loses_own, left_out));
-        let is_told = |one: &Found| one.kind == Kind::LostDigits && !left_out(one);
-        let Some(size) = lost.filter(|_| !found.iter().any(is_told)) else {
-            return found;
+        let Some(size) = lost else {
+            // No operation is compared with its twin.
+            return self.born_of(single, &[], lane, dropped, (&|_, _| false, left_out));
         };
+        let loses_own = |event: &Event<f32>, twin: &Event<f64>| loses(event, twin, lane);
+        let found = self.born_of(single, double, lane, dropped, (&loses_own, left_out));
+        if found.iter().any(|one| one.kind == Kind::LostDigits && !left_out(one)) {
+            return found;
+        }
         // A difference that is nothing but rounding is at fault where the result is more than that.
         let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
         let more = self.born_of(single, double, lane, dropped, (&loses_some, left_out));
@@ -596,13 +621,10 @@ impl Interpreted {
         dropped: bool,
         (loses, left_out): (Loses<'_>, LeftOut<'_>),
     ) -> Vec<Found> {
-        let twins = Twins::of(double, lane);
-        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut twins = Twins::of(double, lane);
         let mut found: Vec<Found> = Vec::new();
         for event in single.iter().filter(|event| event.active[lane]) {
-            let count = counts.entry(event.site).or_default();
-            let twin = twins.get(event.site, *count).map(|index| &double[index]);
-            *count += 1;
+            let twin = twins.next(event.site);
             let value = event.values[lane];
             let operands = || event.operands.iter().map(|operand| operand[lane]);
             let kind = if !value.is_finite() {

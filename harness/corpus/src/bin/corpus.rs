@@ -1,6 +1,6 @@
 //! Shaders that others wrote: what opens, links, validates and can be called.
 //!
-//! `cargo run --example corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list,
+//! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list,
 //! which cargo fetches and doesn't compile. `cargo ci corpus` runs it over `ci/corpus.toml`.
 //!
 //! ```toml
@@ -33,9 +33,9 @@ use karat::value::Shape;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use serde::Serialize;
 
-#[path = "corpus/list.rs"]
+#[path = "../list.rs"]
 mod list;
-#[path = "corpus/reasons.rs"]
+#[path = "../reasons.rs"]
 mod reasons;
 
 use list::{List, Wanted};

@@ -1,6 +1,6 @@
 //! Shaders that others wrote, by both compilers of WGSL: what naga and Tint accept, and why not.
 //!
-//! `cargo run --example corpus_compilers -- LIST.toml` reads the modules of each crate and folder of a list
+//! `cargo run --bin corpus_compilers -- LIST.toml` reads the modules of each crate and folder of a list
 //! (see `corpus.rs`), and prints tables. `cargo ci corpus --compilers` runs it over `ci/corpus.toml`.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use karat::unstable::reflect::{Invalid, Opinion};
 use karat::unstable::tint::Tint;
 
-#[path = "corpus/list.rs"]
+#[path = "../list.rs"]
 mod list;
 
 use list::{List, Wanted};

@@ -1,6 +1,6 @@
 //! Shaders that others wrote, on each route: how far their functions and entry points get.
 //!
-//! `cargo run --features routes --example corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of
+//! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of
 //! each crate and folder of a list (see `corpus.rs`), and prints a table. `cargo ci corpus --routes`
 //! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row. Each crate is made
 //! by a process of its own, which begins again without a row that hangs or crashes a driver.
@@ -15,7 +15,7 @@ use std::time::Instant;
 use karat::unstable::matrix::{Column, Matrix, Status, Stop, restarted};
 use serde::{Deserialize, Serialize};
 
-#[path = "corpus/list.rs"]
+#[path = "../list.rs"]
 mod list;
 
 use list::{List, Wanted};

@@ -1,7 +1,7 @@
 //! Compute passes of a released crate, as they are, against a reference in Rust: the prefix sum over path tags of
 //! vello 0.11, in two passes over a scene of 4,096 words.
 //!
-//! `cargo run --example passes` fetches the crate through cargo, compares, and then sees that two faults that are
+//! `cargo run --bin passes` fetches the crate through cargo, compares, and then sees that two faults that are
 //! planted in the shader are found; `cargo ci found` does that.
 
 use std::io::Write as _;

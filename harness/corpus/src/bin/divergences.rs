@@ -1,6 +1,6 @@
 //! Lists the expressions that drivers, and naga's translations, compute otherwise than WGSL says.
 //!
-//! `cargo run --example divergences -- docs/divergences` asks each path of `KARAT_PATHS` for each operator and
+//! `cargo run --bin divergences -- docs/divergences` asks each path of `KARAT_PATHS` for each operator and
 //! builtin function, and writes a page a path and driver; `cargo ci divergences` does that. Pages of drivers
 //! that aren't here stay as they are. `vulkan:glsl` and its like are naga's translations on their way to a driver.
 

@@ -13,7 +13,7 @@ enum Whose {
 
 use Whose::{Karat, Nature};
 
-/// A reason of [`why`] or of a probe, whose limit it is, and why.
+/// A reason of the link or of a probe, whose limit it is, and why.
 const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",
