@@ -430,7 +430,7 @@ impl Assertion {
                     continue;
                 }
                 let fixture = fixture(&program, &binding, &self.declared.with[name], &self.folder)
-                    .map_err(Misdeclared::of("with"))?;
+                    .map_err(Misdeclared::of_resource(name))?;
                 compute = compute.with(name, fixture);
             }
         }
@@ -440,7 +440,7 @@ impl Assertion {
             && last.is_none()
         {
             let known = known.iter().map(String::as_str);
-            return Err(Misdeclared::of("with")(no_such("variable", idle, known)));
+            return Err(Misdeclared::of_resource(idle)(no_such("variable", idle, known)));
         }
         for (name, value) in &self.declared.overrides {
             compute = compute.with_override(name, value.number());

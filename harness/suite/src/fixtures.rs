@@ -527,7 +527,12 @@ fn spread(
     let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "range", "seed"];
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
-        return Err(no_such("key", unknown, known));
+        return Err(match unknown.as_str() {
+            "values" | "data" => {
+                format!("there is no key `{unknown}`; elements are a list: `{name} = [1, 2]`")
+            }
+            unknown => no_such("key", unknown, known),
+        });
     }
     let width = element.lanes().len().max(1);
     let whole = |key: &str| table.get(key).map(|value| (value, value.as_integer()));

@@ -41,6 +41,11 @@ impl Misdeclared {
         move |message| Self { key: Some(key.to_owned()), message, place: None }
     }
 
+    /// Of a resource in `with`.
+    pub(crate) fn of_resource(name: &str) -> impl Fn(String) -> Self {
+        move |message| Self { key: Some(format!("with.{name}")), message, place: None }
+    }
+
     /// The same of a table below a key.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));

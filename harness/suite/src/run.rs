@@ -361,8 +361,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     for (name, value) in overrides {
         probe = probe.with_override(&name, value);
     }
-    let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)
-        .map_err(Misdeclared::of("with"))?;
+    let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)?;
     // What isn't bound, or wrongly, is told by the check.
     let _ = probed.fit(&fixtures);
     for (name, fixture) in fixtures {
@@ -636,19 +635,22 @@ fn bound(
     bindings: &[Binding],
     with: &BTreeMap<String, Value>,
     folder: &Path,
-) -> Result<Vec<(String, karat::fixture::Fixture)>, String> {
+) -> Result<Vec<(String, karat::fixture::Fixture)>, Misdeclared> {
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
         // As its module names it, or as messages do.
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
-            return Err(match bindings {
+            let message = match bindings {
                 [] => format!("it reads no variable, so `{name}` binds nothing"),
                 _ => no_such("variable", name, known()),
-            });
+            };
+            return Err(Misdeclared::of_resource(name)(message));
         };
-        all.push((binding.name().to_owned(), fixture(program, binding, value, folder)?));
+        let fixture =
+            fixture(program, binding, value, folder).map_err(Misdeclared::of_resource(name))?;
+        all.push((binding.name().to_owned(), fixture));
     }
     Ok(all)
 }
@@ -719,7 +721,7 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
     if unknown.is_none() {
         let all = bound(&program, &bindings, &declared.with, &declared.folder);
-        for (name, fixture) in all.map_err(Misdeclared::of("with"))? {
+        for (name, fixture) in all? {
             frame = frame.with(&name, fixture);
         }
     }

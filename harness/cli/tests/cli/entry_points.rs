@@ -242,6 +242,12 @@ fn wrong_passes_fail_with_the_element() {
     for (entry, with, after, parts) in [
         ("reverse", input, "[compute.after.keys]\nsorted = true", ["first: [1]", "at least 8"]),
         (
+            "reverse",
+            "{ keys = { size = 8 }, input = { values = [1, 2] } }",
+            "[compute.after.keys]\nsorted = true",
+            ["elements are a list: `input = [1, 2]`", ".test.toml:4:31"],
+        ),
+        (
             "mirror",
             input,
             "[compute.after.keys]\nsorted = \"descending\"\nequals = 1",

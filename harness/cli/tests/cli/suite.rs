@@ -672,6 +672,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     ] {
         let ran = declared(with);
         assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
+        assert!(ran.out.contains("grad.test.toml:6:10"), "the resource's place: {ran:?}");
     }
     // Alone, and with the same result.
     let alone = format!(
