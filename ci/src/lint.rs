@@ -30,10 +30,13 @@ fn format() -> Result<()> {
         .context("run `cargo fmt --all` to format")
 }
 
+/// What Clippy is asked beyond the workspace's own lints: a warning is an error.
+const LINTS: [&str; 2] = ["-D", "warnings"];
+
 fn clippy() -> Result<()> {
     component("clippy", "clippy")?;
-    let clippy = ["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"];
-    command::run(&mut command::cargo(&clippy))
+    let clippy = ["clippy", "--workspace", "--all-targets", "--locked", "--"];
+    command::run(command::cargo(&clippy).args(LINTS))
 }
 
 /// Has Cargo take what Clippy has checked: documentation needs the same metadata of the workspace's libraries, which Cargo
@@ -47,7 +50,7 @@ fn after_clippy(doc: &mut Command) {
     let driver = Path::new(&sysroot).join("bin").join(name);
     if driver.is_file() {
         doc.env("RUSTC_WORKSPACE_WRAPPER", driver);
-        doc.env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__");
+        doc.env("CLIPPY_ARGS", LINTS.map(|lint| format!("{lint}__CLIPPY_HACKERY__")).concat());
     }
 }
 
