@@ -88,7 +88,7 @@ pub struct Compared {
     /// Invocations in each direction of a compute pass, whose cases are the words that it leaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
-    /// Violations that a compute pass has after the edit, and hadn't before it.
+    /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
 }
@@ -261,14 +261,24 @@ impl Request {
             return Compared { location, ..compared(Change::Signature { before, after }) };
         }
         let mut ran = Ran::default();
-        let change = self.run_both(&before, &after, &mut ran).unwrap_or_else(|reason| {
+        let unseen = |reason: String| {
             let reason = reason.lines().next().unwrap_or_default().to_owned();
             Change::Unjudged { reason }
-        });
+        };
+        let mut change = self.run_both(&before, &after, &mut ran).unwrap_or_else(unseen);
+        let mut violations = Vec::new();
+        if after.function.form.alone && stage == Some(Stage::Fragment) {
+            match self.brought_to_pixels(name) {
+                Ok(brought) => violations = brought,
+                // A change says more than that pixels can't be run beside each other.
+                Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
+                Err(_) => {}
+            }
+        }
         let Ran { drawn, cut } = ran;
         let interface =
             [interface_of_stage, interface(Side::of(&before), Side::of(&after))].concat();
-        Compared { location, interface, drawn, cut, ..compared(change) }
+        Compared { location, interface, drawn, cut, violations, ..compared(change) }
     }
 
     /// Runs both on each path, over each content of buffers.

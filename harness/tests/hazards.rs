@@ -970,7 +970,12 @@ fn pixels_that_write_storage_race() {
     }
     for (body, kind, text) in [
         ("out[u32(q.x)] = q;", Kind::Race, "out[u32(q.x)] = q"),
-        ("out[u32(uv.x * 8.0)] += q;", Kind::Race, "out[u32(uv.x * 8.0)] += q"),
+        ("out[u32(uv.x * 8.0)] += q;", Kind::Race, "out[u32(uv.x * 8.0)]"),
+        (
+            "let n = atomicLoad(&count); atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
+            Kind::Race,
+            "out[n] = q",
+        ),
         ("out[id] = vec4f(1.0);", Kind::EqualWrites, "out[id] = vec4f(1.0)"),
         (
             "textureStore(image, vec2u(q.xy), texel(q, 1u));",

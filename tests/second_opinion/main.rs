@@ -199,9 +199,7 @@ impl Exhibit {
 /// The golden, and the frame as each open path draws it: smaller, unless its size is that of what
 /// it shows.
 fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
-    let file = GOLDEN.folder().join(format!("{name}.exr"));
-    let (golden, _) = Image::read_exr(&file).expect("the golden is readable");
-    let mut exhibits = vec![Exhibit { path: None, image: golden }];
+    let mut exhibits = vec![golden(name)];
     for path in open_paths() {
         // As in `golden.rs`, maps come from the first path.
         let shot = Shot { size, ..Shot::golden(first_path()) };
@@ -210,6 +208,12 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
         exhibits.push(Exhibit { path: Some(path), image });
     }
     exhibits
+}
+
+fn golden(name: &str) -> Exhibit {
+    let file = GOLDEN.folder().join(format!("{name}.exr"));
+    let (image, _) = Image::read_exr(&file).expect("the golden is readable");
+    Exhibit { path: None, image }
 }
 
 /// Copies of the centred Hammersley set of `count` points, each moved by another vector of the
@@ -405,7 +409,7 @@ fn irradiance() {
 #[test]
 fn the_irradiance_map_holds_the_integral() {
     let studio = frames::studio();
-    let frame = exhibits("irradiance", None).swap_remove(0).image;
+    let frame = golden("irradiance").image;
     for face in 0..6 {
         let (column, row) = (face % maps::ACROSS, face / maps::ACROSS);
         let pixel = (column * frames::IRRADIANCE + 9, row * frames::IRRADIANCE + 21);
@@ -503,7 +507,7 @@ fn lambert_parallax() {
 
 /// A golden of a frame with something wrong in it.
 fn tampered(name: &str, change: impl Fn(&mut Image)) -> Vec<String> {
-    let mut exhibit = exhibits(name, Some((240, 135))).swap_remove(0);
+    let mut exhibit = golden(name);
     change(&mut exhibit.image);
     complaints(name, &exhibit, true)
 }

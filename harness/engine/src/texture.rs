@@ -4,6 +4,8 @@ mod cube;
 mod format;
 mod sample;
 
+use std::sync::OnceLock;
+
 use thiserror::Error;
 
 pub(crate) use format::stored;
@@ -71,6 +73,8 @@ pub struct Texture {
     size: [u32; 3],
     samples: u32,
     levels: Vec<Texels>,
+    /// Of a cube of floats, its levels once more with what lies beyond the edges of each face, once it is filtered.
+    framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
     /// True if channels are integers that read as numbers from -1 to 1.
@@ -102,8 +106,10 @@ impl Texture {
         if levels.len() > 32 {
             return Err(TextureError::Shape("a texture of more than 32 levels"));
         }
+        let hull = [(0.0, 0.0); 4];
+        let framed = OnceLock::new();
         let mut texture =
-            Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4], normalized: false };
+            Self { dimension, size, samples, levels, framed, hull, normalized: false };
         for (level, texels) in texture.levels.iter().enumerate() {
             let [w, h, d] = texture.level_size(level as u32).map(u64::from);
             let needed = w

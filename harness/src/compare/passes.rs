@@ -73,14 +73,8 @@ impl Request {
                 continue;
             }
             if variant < Extents::LIKELY {
-                for one in brought(&seen_old, &seen_new).filter(counts) {
-                    let known = |known: &Violation| {
-                        (known.kind, &known.variable) == (one.kind, &one.variable)
-                    };
-                    if !compared.violations.iter().any(known) {
-                        compared.violations.push(one.clone());
-                    }
-                }
+                let brought = brought(&seen_old, &seen_new).filter(counts);
+                add_kinds(&mut compared.violations, brought);
             }
             for path in &self.paths {
                 let run = |passes: &Passes| {
@@ -119,6 +113,32 @@ impl Request {
             true => Change::Same { cases: each },
             false => Change::Changed { paths },
         })
+    }
+}
+
+impl Request {
+    /// Violations between the pixels of a draw, of a fragment function that writes what others see, that an edit brings.
+    pub(super) fn brought_to_pixels(&self, name: &str) -> Result<Vec<Violation>, String> {
+        let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        let mut all = Vec::new();
+        for variant in 0..Extents::LIKELY {
+            let of = |package| Passes::of_pixels(package, name, false, &ranges, variant);
+            let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
+            add_kinds(&mut all, brought(&examine_made_up(&old), &examine_made_up(&new)));
+            if !made.varies {
+                break;
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// Adds the first of each kind about each variable.
+fn add_kinds<'v>(all: &mut Vec<Violation>, more: impl Iterator<Item = &'v Violation>) {
+    for one in more {
+        if all.iter().all(|known| (known.kind, &known.variable) != (one.kind, &one.variable)) {
+            all.push(one.clone());
+        }
     }
 }
 
@@ -267,6 +287,31 @@ mod tests {
             workgroupBarrier();
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
+
+    /// Each pixel alone does what it did; beside each other they take one place.
+    #[test]
+    fn what_an_edit_brings_between_pixels_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @fragment fn collect(@builtin(position) at: vec4f) -> @location(0) vec4f {
+                let place = atomicAdd(&count, 1u);
+                if place < arrayLength(&list) { list[place] = u32(at.x); }
+                return vec4f(1.0);
+            }";
+        let edited =
+            text.replace("atomicAdd(&count, 1u);", "atomicLoad(&count); atomicAdd(&count, 1u);");
+        let package = |text: &str| Package::from_source("collect", text.to_owned());
+        let compared = |before: &str, after: &str| {
+            let mut all =
+                Request::new(package(before), package(after)).run().expect("both are valid");
+            all.pop().expect("the fragment function")
+        };
+        let one = compared(text, &edited);
+        assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+        let [race] = &one.violations[..] else { panic!("{one:?}") };
+        assert_eq!(race.variable, "list");
+        assert!(compared(&edited, text).violations.is_empty(), "an edit may mend it");
+    }
 
     /// Atomics race with none, and statements side by side count right without a barrier.
     #[test]

@@ -6,10 +6,14 @@ use super::Passes;
 use crate::fixture::{self, Fixture, Storage, Uniform};
 use crate::made_up::{Arguments, Extents, Ranges, Resources};
 use crate::package::Package;
-use crate::probe::Probed;
+use crate::probe::{Probed, WORKGROUP};
 
 /// Pixels across and down: as many as a compute pass of 8 x 8 invocations usually has, and rows are no columns.
 const SIZE: [u32; 2] = [16, 24];
+
+/// Pixels that run in lockstep. All of them are as many times so many.
+const BESIDE: u32 = WORKGROUP;
+const _: () = assert!((SIZE[0] * SIZE[1]).is_multiple_of(BESIDE));
 
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
@@ -40,7 +44,11 @@ impl Passes {
         let words = arguments.of_pixels(function, row, [across, down]);
         // The kernel of one call writes its results behind each other, and takes its number from its invocation.
         let text = probed.kernel().strip_prefix(program.text()).expect("a kernel begins with it");
-        let kernel = program.followed_by(text).map_err(|error| error.to_string())?;
+        // Calls of functions that write storage come one after the other. Pixels run beside each other: what one of them
+        // reads may be older than what the one before it has written.
+        let beside = format!("@workgroup_size({})", if single { 1 } else { BESIDE });
+        let text = text.replacen("@workgroup_size(1)", &beside, 1);
+        let kernel = program.followed_by(&text).map_err(|error| error.to_string())?;
         let (bindings, _) =
             kernel.compute_entry_point(Probed::ENTRY_POINT).expect("it is a kernel");
         let pixels = across * down;
@@ -66,7 +74,9 @@ impl Passes {
             (one, fixture)
         });
         let bound: Vec<_> = bound.collect();
-        let mut passes = Self::over(Arc::new(kernel), Probed::ENTRY_POINT, [pixels, 1, 1], &bound);
+        let workgroups = if single { 1 } else { pixels / BESIDE };
+        let mut passes =
+            Self::over(Arc::new(kernel), Probed::ENTRY_POINT, [workgroups, 1, 1], &bound);
         let pass = &mut passes.passes[0];
         (pass.name, pass.pixels) = (name.to_owned(), Some(across));
         Ok((passes, made))

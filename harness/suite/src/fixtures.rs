@@ -2,7 +2,7 @@
 //!
 //! | for | is |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, and `value` |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, and `value`, or `range` and `seed` |
 //! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
@@ -51,10 +51,11 @@ pub fn fixture(
     let wrong = |reason: String| format!("`{name}`: {reason}");
     let made = match binding.kind {
         BindingKind::Sampler { comparison } => sampler(value, comparison).map(Fixture::from),
-        BindingKind::Texture(kind) => texture(kind, value, folder),
+        BindingKind::Texture(kind) => texture(name, kind, value, folder),
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let (texels, multisampled) = (format.texels(), false);
-            texture(TextureKind { dimension, arrayed, texels, multisampled }, value, folder)
+            let kind = TextureKind { dimension, arrayed, texels, multisampled };
+            texture(name, kind, value, folder)
         }
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             buffer(program, binding, value, folder)
@@ -215,11 +216,12 @@ impl Layer {
 /// Texels of a texture that a file declares without an image, at most: as many as 4096 x 4096 are.
 const MOST_TEXELS: u64 = 1 << 24;
 
-/// Layers of a size, `{ size = [50, 5] }`: of zeros, or of what `value` says all texels are.
-fn sized(kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
-    if let Some(other) = table.keys().find(|key| !["size", "value"].contains(&key.as_str())) {
+/// Layers of a size, `{ size = [50, 5] }`: of zeros, of what `value` says all texels are, or drawn from a `range`.
+fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
+    let known = ["size", "value", "range", "seed"];
+    if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(format!(
-            "`{other}` is nothing of a texture: it has a `size`, and a `value` of all texels"
+            "`{other}` is nothing of a texture: it has a `size`, and a `value` of all texels or a `range` and `seed` of each"
         ));
     }
     let count = match kind.dimension {
@@ -254,15 +256,38 @@ fn sized(kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
     }
     let value = match table.get("value") {
         None => [0.0; 4],
+        Some(_) if table.contains_key("range") => {
+            return Err(
+                "its texels are one `value`, or drawn from a `range`, and not both".to_owned()
+            );
+        }
         Some(value) => {
             texel(value).ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?
         }
     };
-    let texels = vec![value; (width * height) as usize];
-    Ok((0..layers).map(|_| Layer { width, height, texels: texels.clone() }).collect())
+    let scalar = match kind.texels {
+        Texels::Float | Texels::Depth => Scalar::F32,
+        Texels::Sint => Scalar::I32,
+        Texels::Uint => Scalar::U32,
+    };
+    let (element, channels) = match kind.texels {
+        Texels::Depth => (Shape::Scalar(scalar), 1),
+        _ => (Shape::Vector { size: 4, scalar }, 4),
+    };
+    let texels = match drawn(name, &element, all as usize, table)? {
+        None => vec![value; all as usize],
+        Some(words) => {
+            let texel = |words: &[u32]| {
+                std::array::from_fn(|k| words.get(k).map_or(0.0, |word| scalar.decode(*word)))
+            };
+            words.chunks_exact(channels).map(texel).collect()
+        }
+    };
+    let layers = texels.chunks_exact((width * height) as usize);
+    Ok(layers.map(|texels| Layer { width, height, texels: texels.to_vec() }).collect())
 }
 
-fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, String> {
+fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, String> {
     if let (BindingKind::TEXTURE_CUBE, Value::String(file)) = (BindingKind::Texture(kind), value) {
         let map = CubeMap::from_image(&image(file, folder, kind.texels)?, FACE);
         return map.map(Fixture::from).map_err(|error| error.to_string());
@@ -277,7 +302,7 @@ fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, S
             let layer = |_| Layer { width: SIDE, height, texels: texels.clone() };
             (0..count).map(layer).collect()
         }
-        (None, Value::Table(table)) => sized(kind, table)?,
+        (None, Value::Table(table)) => sized(name, kind, table)?,
         (None, Value::Array(list)) if several && !list.is_empty() => list
             .iter()
             .map(|value| Layer::of(value, folder, kind.texels))
@@ -553,7 +578,17 @@ fn spread(
             }
         },
     };
-    let seed = match whole("seed") {
+    Ok(drawn(name, element, size, table)?.unwrap_or_else(|| vec![0; size * width]))
+}
+
+/// The lanes of so many elements, drawn from the table's `range` by its `seed`. `None` without a range.
+fn drawn(
+    name: &str,
+    element: &Shape,
+    size: usize,
+    table: &toml::Table,
+) -> Result<Option<Vec<u32>>, String> {
+    let seed = match table.get("seed").map(|seed| (seed, seed.as_integer())) {
         Some((_, Some(seed))) => seed.cast_unsigned(),
         Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
         None => 0,
@@ -561,7 +596,7 @@ fn spread(
     let Some(range) = table.get("range") else {
         return match table.contains_key("seed") {
             true => Err("`seed` does nothing without a `range`: leave it out".to_owned()),
-            false => Ok(vec![0; size * width]),
+            false => Ok(None),
         };
     };
     let parameter = (name.to_owned(), element.clone());
@@ -574,7 +609,7 @@ fn spread(
     if count < size as u64 {
         return Err("nothing lies in that range".to_owned());
     }
-    Ok(rows)
+    Ok(Some(rows))
 }
 
 #[cfg(test)]
@@ -621,6 +656,9 @@ mod tests {
             ("texture_2d<f32>", "{ size = [50, 5] }"),
             ("texture_3d<f32>", "{ size = [4, 3, 2], value = [1, 0, 0] }"),
             ("texture_cube<f32>", "{ size = [8], value = 1 }"),
+            ("texture_2d<f32>", "{ size = [8, 4], range = \"0..1\", seed = 3 }"),
+            ("texture_2d<i32>", "{ size = [8, 4], range = \"-9..9\" }"),
+            ("texture_depth_2d", "{ size = [8, 4], range = \"0..1\" }"),
         ] {
             bound(declared, value).unwrap_or_else(|error| panic!("{declared}: {error}"));
         }
@@ -637,6 +675,9 @@ mod tests {
             ("texture_2d<f32>", "{ size = [50] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 0] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 5], value = true }", "its `value` is a number"),
+            ("texture_2d<f32>", "{ size = [8, 4], value = 1, range = \"0..1\" }", "and not both"),
+            ("texture_2d<f32>", "{ size = [8, 4], seed = 1 }", "does nothing without a `range`"),
+            ("texture_2d<u32>", "{ size = [8, 4], range = \"-1..1\" }", "-1"),
             ("texture_2d<f32>", "{ sise = [50, 5] }", "`sise` is nothing of a texture"),
             ("texture_2d<f32>", "{ size = [65536, 65536] }", "16777216 at most"),
         ] {
@@ -685,6 +726,32 @@ mod tests {
         assert!(falls > 64, "{words:?}");
         assert_ne!(words, of(8));
         assert!(words.iter().all(|word| *word <= 99));
+    }
+
+    /// Each texel has a draw of its own, of as many channels as there are.
+    #[test]
+    fn texels_are_drawn() {
+        let float = TextureKind {
+            dimension: Dimension::D2,
+            arrayed: true,
+            texels: Texels::Float,
+            multisampled: false,
+        };
+        let of = |kind, text: &str| {
+            let layers = sized("v", kind, &text.parse().expect("TOML")).expect("it fits");
+            layers.into_iter().flat_map(|layer| layer.texels).collect::<Vec<_>>()
+        };
+        let colours = of(float, "size = [8, 4, 2]\nrange = [\"0..1\", 5, \"2..3\", 1]");
+        assert_eq!(colours.len(), 64);
+        for [r, g, b, a] in &colours {
+            assert!((0.0..=1.0).contains(r) && (2.0..=3.0).contains(b), "{r} {b}");
+            assert_eq!((*g, *a), (5.0, 1.0));
+        }
+        assert!(colours.iter().any(|texel| texel[0] != colours[0][0]), "they are drawn one by one");
+        let depth = TextureKind { texels: Texels::Depth, ..float };
+        let depths = of(depth, "size = [8, 4, 2]\nrange = \"0.5..0.75\"");
+        assert!(depths.iter().all(|texel| (0.5..=0.75).contains(&texel[0])), "{depths:?}");
+        assert_eq!(depths.len(), 64);
     }
 
     /// An array whose length is fixed needs no list.

@@ -221,7 +221,7 @@ fn try_pass(
     if file.exists() {
         return Ok(Err(format!("`{}` is there", file.display())));
     }
-    let mut why = "it has other resources than buffers of numbers and storage textures, or writes none: `[[compute]]` in `*.test.toml` says \
+    let mut why = "it has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says \
                    what they hold"
         .to_owned();
     for text in pass::declarations(package, item) {

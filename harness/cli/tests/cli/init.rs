@@ -164,6 +164,34 @@ fn what_has_nothing_to_test_is_told() {
 }
 
 /// A pass over buffers gets a test beside that of a function, with the assertion that holds.
+/// Images are as large as what is dispatched, and differ from texel to texel.
+#[test]
+fn a_pass_over_images_gets_a_test() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let blur = "@group(0) @binding(0) var source: texture_2d<f32>;
+        @group(0) @binding(1) var smooth_: sampler;
+        @group(0) @binding(2) var target_: texture_storage_2d<rgba8unorm, write>;
+        @compute @workgroup_size(8, 8) fn blur(@builtin(global_invocation_id) id: vec3u) {
+            let size = vec2f(textureDimensions(source));
+            let at = (vec2f(id.xy) + 0.5) / size;
+            var sum = vec4f();
+            for (var k = -1; k <= 1; k++) {
+                sum += textureSampleLevel(source, smooth_, at + vec2f(f32(k), 0.0) / size, 0.0);
+            }
+            textureStore(target_, id.xy, sum / 3.0);
+        }\n";
+    write(folder.path(), "m.wgsl", blur);
+    let ran = karat(folder.path(), &["init"]).good();
+    assert!(ran.contains("a test of `m::blur`") && ran.contains("2 checks, 0 failed"), "{ran}");
+    let text = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("it is written");
+    for part in ["source = { size = [16, 16], range = \"0..1\" }", "smooth_ = \"linear\""] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
+    write(folder.path(), "m.wgsl", &blur.replace("id.xy, sum", "id.xx, sum"));
+    let ran = karat(folder.path(), &["test", "."]);
+    assert!(ran.code != Some(0) && ran.out.contains("target_"), "{ran:?}");
+}
+
 #[test]
 fn a_pass_gets_a_test_of_what_it_writes() {
     let folder = tempfile::tempdir().expect("a temporary folder");

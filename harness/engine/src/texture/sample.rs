@@ -126,18 +126,17 @@ impl Texture {
         [x, y, z]: &[Many; 3],
         wanted: &[bool; TOGETHER],
     ) -> ([[f64; 4]; TOGETHER], [bool; TOGETHER]) {
-        let [width, height, _] = self.size.map(f64::from);
         let is_cube = self.dimension == Dimension::Cube;
+        let (mut sums, mut left_out) = ([[0.0; 4]; TOGETHER], [false; TOGETHER]);
+        let Some(plane) = self.plane(0) else { return (sums, *wanted) };
         let mut corners = [Corner::default(); TOGETHER];
         for (k, corner) in corners.iter_mut().enumerate() {
             let (face, u, v) = cube::face([x[k], y[k], z[k]]);
             let (face, u, v) = if is_cube { (face, u, v) } else { (0.0, x[k], y[k]) };
-            *corner = Corner::of([u, v], [0.0; 2], face, [width, height]);
+            *corner = plane.corner([u, v], [0.0; 2], face);
         }
-        let (mut sums, mut left_out) = ([[0.0; 4]; TOGETHER], [false; TOGETHER]);
-        let [Texels::Float(texels)] = &*self.levels else { return (sums, *wanted) };
         for k in (0..TOGETHER).filter(|k| wanted[*k]) {
-            match corners[k].blend(texels, self.size[0]) {
+            match plane.blend(corners[k]) {
                 Some(sum) => sums[k] = sum,
                 None => left_out[k] = true,
             }
@@ -154,19 +153,68 @@ impl Texture {
         weight: f64,
         mean: &mut Mean,
     ) -> bool {
-        let Texels::Float(texels) = &self.levels[level as usize] else { return false };
-        let [width, height, _] = self.level_size(level);
+        let Some(plane) = self.plane(level) else { return false };
         let layer = match self.dimension {
             Dimension::Cube => f64::from(place.layer) * 6.0 + face as f64,
             _ => f64::from(place.layer),
         };
         let [u, v, _] = at;
         let [right, down, _] = place.offset.map(f64::from);
-        let corner = Corner::of([u, v], [right, down], layer, [width, height].map(f64::from));
-        let Some(sum) = corner.blend(texels, width) else { return false };
+        let Some(sum) = plane.blend(plane.corner([u, v], [right, down], layer)) else {
+            return false;
+        };
         mean.sum.iter_mut().zip(sum).for_each(|(to, sum)| *to += weight * sum);
         mean.count += 4;
         true
+    }
+
+    /// The texels of a level, of which samples take four; of a cube with those beyond the edges of its faces.
+    /// `None`: they aren't floats.
+    #[inline]
+    fn plane(&self, level: u32) -> Option<Plane<'_>> {
+        let Texels::Float(texels) = &self.levels[level as usize] else { return None };
+        let [width, height, _] = self.level_size(level);
+        let is_cube = self.dimension == Dimension::Cube;
+        let texels = if is_cube { &self.framed()[level as usize] } else { texels };
+        let row = if is_cube { width + 2 } else { width };
+        let frame = if is_cube { 1.0 } else { 0.0 };
+        Some(Plane { texels, size: [width, height].map(f64::from), frame, row })
+    }
+
+    /// The levels of a cube, each face in a frame of its neighbours' texels: so four neighbours lie together. Where three
+    /// faces meet is no texel, and nobody reads the 0 there.
+    fn framed(&self) -> &[Vec<[f32; 4]>] {
+        self.framed
+            .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())
+    }
+
+    fn framed_level(&self, level: u32) -> Vec<[f32; 4]> {
+        let Texels::Float(texels) = &self.levels[level as usize] else { return Vec::new() };
+        let size = self.level_size(level)[0];
+        let (row, last) = (size as usize, i64::from(size));
+        let faces = texels.chunks_exact(row * row);
+        let mut framed = Vec::with_capacity(faces.len() * (row + 2) * (row + 2));
+        for number in 0..faces.len() {
+            let (cube, face) = (number / 6 * 6, number % 6);
+            let beyond = |x: i64, y: i64| {
+                let (face, x, y) = cube::beyond(face, x, y, size);
+                texels[((cube + face) * row + y as usize) * row + x as usize]
+            };
+            let line = |y: i64| (0..last).map(move |x| beyond(x, y));
+            framed.push([0.0; 4]);
+            framed.extend(line(-1));
+            framed.push([0.0; 4]);
+            for y in 0..last {
+                let start = (number * row + y as usize) * row;
+                framed.push(beyond(-1, y));
+                framed.extend_from_slice(&texels[start..start + row]);
+                framed.push(beyond(last, y));
+            }
+            framed.push([0.0; 4]);
+            framed.extend(line(last));
+            framed.push([0.0; 4]);
+        }
+        framed
     }
 
     #[inline(never)]
@@ -288,8 +336,20 @@ impl Texture {
     }
 }
 
+/// Where four neighbours are found together: a level's layers, each perhaps in a frame of what lies beyond its edges.
+#[derive(Clone, Copy)]
+struct Plane<'a> {
+    texels: &'a [[f32; 4]],
+    /// Without the frame.
+    size: [f64; 2],
+    /// The frame's width in texels: 0 or 1.
+    frame: f64,
+    /// The texels of a row, with the frame.
+    row: u32,
+}
+
 /// The first of four texels, counted over all layers, and how far a place is from its centre; below 0 if not all four
-/// are inside, or not all four count. In floats alone, so that several places are looked at by one instruction.
+/// are there, or not all four count. In floats alone, so that several places are looked at by one instruction.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,
@@ -297,9 +357,9 @@ struct Corner {
     down: f64,
 }
 
-impl Corner {
+impl Plane<'_> {
     #[inline(always)]
-    fn of(at: [f64; 2], offset: [f64; 2], layer: f64, [width, height]: [f64; 2]) -> Self {
+    fn corner(&self, at: [f64; 2], offset: [f64; 2], layer: f64) -> Corner {
         // Numbers below 2^51 in size are rounded to whole ones by this sum, as floats have 53 bits. Larger ones are outside.
         const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
         let along = |at: f64, offset: f64, size: f64| {
@@ -308,29 +368,34 @@ impl Corner {
             let whole = whole - if whole > centre { 1.0 } else { 0.0 };
             (whole + offset, centre - whole)
         };
+        let ([width, height], frame) = (self.size, self.frame);
         let (left, right) = along(at[0], offset[0], width);
         let (up, down) = along(at[1], offset[1], height);
-        let is_inside = (left >= 0.0) & (up >= 0.0) & (left + 1.0 < width) & (up + 1.0 < height);
+        let there = |low: f64, size: f64| (low >= -frame) & (low + 1.0 < size + frame);
+        let within = |low: f64, size: f64| (low >= 0.0) & (low + 1.0 < size);
+        // A frame has no corners.
+        let is_there =
+            there(left, width) & there(up, height) & (within(left, width) | within(up, height));
         // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
-        let has_four = is_inside & (right > 0.0) & (down > 0.0);
-        let first = if has_four { (layer * height + up) * width + left } else { -1.0 };
-        Self { first, right, down }
+        let has_four = is_there & (right > 0.0) & (down > 0.0);
+        let line = layer * (height + 2.0 * frame) + up + frame;
+        let first = if has_four { line * (width + 2.0 * frame) + left + frame } else { -1.0 };
+        Corner { first, right, down }
     }
 
-    /// The mean of the four by their distances, channel by channel, where a row has so many texels.
+    /// The mean of the four by their distances, channel by channel.
     #[inline(always)]
-    fn blend(self, texels: &[[f32; 4]], row: u32) -> Option<[f64; 4]> {
-        if !(self.first >= 0.0) {
+    fn blend(&self, Corner { first, right, down }: Corner) -> Option<[f64; 4]> {
+        if !(first >= 0.0) {
             return None;
         }
-        let first = self.first as usize;
-        let above = texels.get(first..)?.first_chunk::<2>()?;
-        let below = texels.get(first + row as usize..)?.first_chunk::<2>()?;
-        let (left, up) = (1.0 - self.right, 1.0 - self.down);
-        let shares = [left * up, self.right * up, left * self.down, self.right * self.down];
+        let first = first as usize;
+        let above = self.texels.get(first..)?.first_chunk::<2>()?;
+        let below = self.texels.get(first + self.row as usize..)?.first_chunk::<2>()?;
+        let (left, up) = (1.0 - right, 1.0 - down);
+        let [p, q, r, s] = [left * up, right * up, left * down, right * down];
         let [a, b, c, d] =
             [above[0], above[1], below[0], below[1]].map(|texel| texel.map(f64::from));
-        let [p, q, r, s] = shares;
         Some(std::array::from_fn(|k| p * a[k] + q * b[k] + r * c[k] + s * d[k]))
     }
 }
@@ -393,4 +458,49 @@ fn addressed(index: i64, size: u32, mode: Address) -> u32 {
         }
     };
     found as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four texels at once are what each of them gives by its own way, at the edges and corners of cubes, too.
+    #[test]
+    fn four_together_are_four_apart() {
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 8) / f64::from(1u32 << 23) - 1.0
+        };
+        let mut together = 0;
+        for size in [1_u32, 2, 3, 8] {
+            let levels = (0..=size.ilog2()).map(|level| {
+                let texels = 12 * (size >> level).pow(2);
+                Texels::Float((0..texels).map(|_| [(); 4].map(|()| random() as f32)).collect())
+            });
+            let levels = levels.collect::<Vec<_>>();
+            let cubes =
+                Texture::new(Dimension::Cube, [size, size, 12], 1, levels).expect("it fits");
+            let sampler =
+                Sampler { mag: Filter::Linear, min: Filter::Linear, ..Sampler::default() };
+            for _ in 0..2_000 {
+                let at = [random(), random(), random()];
+                let (layer, level) = (u32::from(random() > 0.0), u32::from(random() > 0.0));
+                let level = level.min(cubes.levels() - 1);
+                let place = Place { at, layer, offset: [0; 3] };
+                let on_face = cubes.on_face(place);
+                let [mut four, mut one] = [(); 2].map(|()| Mean::of(&sampler, None));
+                if cubes.bilinear((place, on_face), level, 1.0, &mut four) {
+                    together += 1;
+                    cubes.level((&sampler, Filter::Linear), (place, on_face), level, 1.0, &mut one);
+                    for (four, one) in four.sum.iter().zip(one.sum) {
+                        // Sums of four in another order.
+                        assert!((four - one).abs() <= 1e-15, "{at:?}: {four} and {one} of {size}");
+                    }
+                }
+            }
+        }
+        // All but those with a corner where three faces meet: all of one texel, most of two.
+        assert!(together > 4_000, "{together} samples");
+    }
 }

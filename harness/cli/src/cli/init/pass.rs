@@ -2,7 +2,7 @@
 
 use karat::Package;
 use karat::unstable::package::FunctionItem;
-use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage};
+use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, TextureKind};
 use karat::value::{Scalar, Shape};
 
 /// Elements of arrays without a length, at least.
@@ -11,8 +11,8 @@ const LEAST: u32 = 64;
 /// Elements of an array with a length that a test spells out.
 const SPELLED: u32 = 16;
 
-/// The declarations that are tried, the most telling first. None if a resource is neither a buffer nor a storage texture, or
-/// nothing is written.
+/// The declarations that are tried, the most telling first. None if a resource has no size that follows, or nothing is
+/// written.
 pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
@@ -38,18 +38,26 @@ fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
     let elements = invocations.max(LEAST).checked_mul(each)?;
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
-        if let BindingKind::StorageTexture { dimension: Dimension::D2, arrayed: false, .. } =
-            binding.kind
-        {
-            let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
-            with.push(format!("{} = {{ size = [{width}, {height}] }}", binding.name()));
-            if program.writes(name, binding) {
-                written.push((binding.name().to_owned(), true));
+        let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
+        match binding.kind {
+            BindingKind::StorageTexture { dimension: Dimension::D2, arrayed: false, .. } => {
+                with.push(format!("{} = {{ size = [{width}, {height}] }}", binding.name()));
+                if program.writes(name, binding) {
+                    written.push((binding.name().to_owned(), true));
+                }
+                continue;
             }
-            continue;
-        }
-        if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
-            return None;
+            BindingKind::Texture(kind) => {
+                with.push(format!("{} = {}", binding.name(), drawn(kind, [width, height])?));
+                continue;
+            }
+            BindingKind::Sampler { comparison } => {
+                let sampler = if comparison { "linear less_equal" } else { "linear" };
+                with.push(format!("{} = \"{sampler}\"", binding.name()));
+                continue;
+            }
+            BindingKind::Uniform | BindingKind::Storage { .. } => {}
+            _ => return None,
         }
         let shape = program.buffer_of(binding, elements as usize)?;
         let grows = program.buffer_of(binding, elements as usize + 1)? != shape;
@@ -88,6 +96,25 @@ fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
         all.push(text);
     }
     Some(if written.is_empty() { Vec::new() } else { all })
+}
+
+/// A texture as large as what is dispatched, of which each texel is drawn.
+fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
+    if kind.multisampled {
+        return None;
+    }
+    let size = match (kind.dimension, kind.arrayed) {
+        (Dimension::D1, _) => format!("[{width}]"),
+        (Dimension::D2, false) => format!("[{width}, {height}]"),
+        (Dimension::D2, true) | (Dimension::D3, _) => format!("[{width}, {height}, 2]"),
+        (Dimension::Cube, false) => format!("[{width}]"),
+        (Dimension::Cube, true) => format!("[{width}, {width}, 1]"),
+    };
+    let range = match kind.texels {
+        Texels::Float | Texels::Depth => "0..1",
+        Texels::Sint | Texels::Uint => "0..99",
+    };
+    Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
 /// An array without a length.
