@@ -210,6 +210,12 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     exhibits
 }
 
+/// The size of the frames of spheres that are drawn here. What drawing costs is their pixels, and the same places are asked
+/// of each size.
+fn size() -> (u32, u32) {
+    if frames::are_suites_whole() { (240, 135) } else { (160, 90) }
+}
+
 fn golden(name: &str) -> Exhibit {
     let file = GOLDEN.folder().join(format!("{name}.exr"));
     let (image, _) = Image::read_exr(&file).expect("the golden is readable");
@@ -338,7 +344,7 @@ fn no_complaints(name: &str, exhibit: &Exhibit, found: &[String]) {
 
 #[track_caller]
 fn agree(name: &str) {
-    for exhibit in exhibits(name, Some((240, 135))) {
+    for exhibit in exhibits(name, Some(size())) {
         no_complaints(name, &exhibit, &complaints(name, &exhibit, frames::are_suites_whole()));
     }
 }
@@ -430,7 +436,7 @@ fn lambert_objects(name: &str, corrected: bool) {
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
     let shape = probe_room::room();
     let box_of = [shape.corner, shape.opposite].map(|corner| corner.as_dvec3());
-    for exhibit in exhibits(name, Some((240, 135))) {
+    for exhibit in exhibits(name, Some(size())) {
         let (width, height) = (exhibit.image.width(), exhibit.image.height());
         let camera = probe_room::camera_setup().camera(f64::from(width) / f64::from(height));
         let centres = (0..probe_room::SPHERES).map(probe_room::sphere_centre).collect();
@@ -538,7 +544,7 @@ fn faults_are_seen() {
 /// Outlines are looked at, where the mistakes at grazing act.
 #[test]
 fn some_pixels_graze() {
-    let spheres = Spheres::new("scene", (240, 135));
+    let spheres = Spheres::new("scene", size());
     let cosines: Vec<f64> = spheres.pixels().iter().map(|(_, s)| s.n_dot_v()).collect();
     let below = |bound: f64| cosines.iter().filter(|cosine| **cosine < bound).count();
     assert!(below(0.2) >= 10 && below(0.1) >= 2, "{} and {}", below(0.2), below(0.1));

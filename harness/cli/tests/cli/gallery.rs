@@ -42,6 +42,7 @@ fn main() -> std::process::ExitCode {
 const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
+    memchr = \"2\"\n\
     naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
     num-traits = \"0.2\"\n\
     rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"stdio\", \"termios\"] }\n\

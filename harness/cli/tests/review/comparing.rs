@@ -47,6 +47,7 @@ fn gain(browser: &mut Browser, tab: &Tab) -> Value {
 
 /// A gain that was chosen for one frame would make the next one black, or pale.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn each_frame_has_its_own_gain() {
     let project = Project::new();
     grey(&project, "faint", |_, _, pixel| pixel[1] *= 1.0 + 1.0 / 512.0);
@@ -73,6 +74,7 @@ fn each_frame_has_its_own_gain() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn differences_have_the_hues_of_their_channels() {
     let project = Project::new();
     grey(&project, "hues", |x, y, pixel| {
@@ -239,6 +241,7 @@ fn values_are_written_on_large_pixels() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn histograms_count_each_pixel_of_both_sides() {
     let project = Project::new();
     grey(&project, "grey", |x, y, pixel| {

@@ -101,6 +101,7 @@ fn all_cases_are_listed_and_keys_move_between_them() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn exposure_changes_the_canvas_as_computed() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
@@ -346,6 +347,7 @@ fn what_is_no_number_has_its_colour_at_any_zoom() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn facts_are_side_by_side_with_what_differs_first() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);
@@ -553,6 +555,7 @@ fn values_that_are_accepted_stand_among_the_goldens() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_of_values_are_compared_row_by_row() {
     let project = Project::new();
     project.put("Cargo.lock", "");

@@ -261,6 +261,7 @@ fn modules_that_changed_are_known_by_their_hashes() {
 
 /// What a golden was: a thumbnail in its history, and a part to compare with.
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn older_versions_of_a_golden_are_seen_and_compared() {
     let project = Project::new();
     let version = |red: f32, because: &str| {
@@ -399,6 +400,7 @@ fn declared_facts_that_changed_are_in_the_header() {
 }
 
 #[test]
+#[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn functions_that_fail_are_on_the_list() {
     let project = Project::with_tiny();
     put_record(&project, &[function_record()]);
