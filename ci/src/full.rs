@@ -1,8 +1,8 @@
 //! `cargo ci full`: the suites that are too long for each change.
 //!
 //! `cargo ci test` runs a sample of them: on SwiftShader, the tests of five of the shader library's modules; of the second
-//! opinion some pixels, of the translations some modules, and the quick tests of
-//! the review.
+//! opinion some pixels, of the translations some modules, of the faults in the shader library a quarter, and the quick
+//! tests of the review.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};

@@ -137,7 +137,8 @@ fn strangers() -> Command {
 /// The suites of which `cargo ci test` runs a sample, whole.
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
-    test.args(["--test", "second_opinion", "--test", "translations", "--test", "review"]);
+    test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
+    test.args(["--test", "review"]);
     // The review's pictures, and its long tests.
     test.args(["--", "--include-ignored"]);
     test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);

@@ -119,7 +119,7 @@ impl Library {
     }
 
     /// Runs all tests that should catch a fault with overlays that change nothing.
-    pub(crate) fn control(&self, faults: &[Fault]) -> Result<(), String> {
+    pub(crate) fn control(&self, faults: &[&Fault]) -> Result<(), String> {
         let modules: BTreeSet<&str> = faults.iter().map(|fault| fault.module).collect();
         let texts: Vec<_> = modules.into_iter().map(|module| (module, text(module))).collect();
         for target in targets() {
