@@ -147,6 +147,20 @@ pub struct PathChange {
     pub before: String,
     /// And after it.
     pub after: String,
+    /// Of a compute pass: the first word that changed of each resource, the one that `before` and `after` are about first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub words: Vec<WordChange>,
+}
+
+/// A word of a resource that a compute pass leaves in another way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WordChange {
+    /// The resource's name.
+    pub resource: String,
+    /// The word by its name, before the edit: `counts[3] = 1`.
+    pub before: String,
+    /// Its value after it.
+    pub after: String,
 }
 
 impl Compared {
@@ -448,10 +462,17 @@ impl PathChange {
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let larger = |ulp: Option<u64>| ulp.unwrap_or(u64::MAX);
-        if larger(other.ulp) > larger(self.ulp) {
-            *self = other;
-        }
+        let less = match larger(other.ulp) > larger(self.ulp) {
+            true => std::mem::replace(self, other),
+            false => other,
+        };
         self.cases.0 = cases;
+        // Other contents may show another resource.
+        for one in less.words {
+            if self.words.iter().all(|known| known.resource != one.resource) {
+                self.words.push(one);
+            }
+        }
     }
 }
 

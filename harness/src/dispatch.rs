@@ -13,7 +13,7 @@ mod violation;
 use std::sync::Arc;
 
 #[cfg(feature = "engine")]
-pub(crate) use arbitrary::Usual;
+pub use arbitrary::Usual;
 pub(crate) use violation::Examined;
 pub use violation::{Violation, ViolationAccess, ViolationKind, Watched};
 

@@ -61,8 +61,12 @@ pub enum PathError {
     },
     /// No route of this name.
     #[error(
-        "execution path `{name}` has no route `{via}`; the routes are wgsl, spirv, glsl, hlsl and \
-         hlsl-dxc{}",
+        "execution path `{name}` has no route `{via}`; {}{}",
+        if name.starts_with("cpu") {
+            "behind `cpu:` is fma or ftz"
+        } else {
+            "the routes are wgsl, spirv, glsl, hlsl and hlsl-dxc"
+        },
         guess(nearest.as_deref())
     )]
     UnknownVia {

@@ -70,7 +70,7 @@ pub use validation::{Invalid, Validated};
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 pub use crate::package::stage::Stage;
 use crate::package::workspace::{self, Kind};
-use crate::package::{Linked, LinkedModule, Package, PackageError};
+use crate::package::{Linked, LinkedModule, Package, PackageError, as_naga_takes};
 
 /// A linked and validated shader: text, IR, and the way back to the author's files.
 #[derive(Debug)]
@@ -219,7 +219,7 @@ impl Program {
 
     fn parsed(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
-        let module = wgsl::parse_str(linked.text()).map_err(|error| {
+        let module = wgsl::parse_str(&as_naga_takes(linked.text())).map_err(|error| {
             let labels = error.labels().map(|(span, text)| (span.to_range(), text.to_owned()));
             let notes = error.notes().map(str::to_owned).collect();
             invalid(to_author(&linked, error.message().to_owned(), labels, notes))

@@ -1,6 +1,8 @@
 //! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
-use super::{Change, Compared, PathChange, Request, Side, distance, interface, renamed};
+use super::{
+    Change, Compared, PathChange, Request, Side, WordChange, distance, interface, renamed,
+};
 use crate::dispatch::{Examined, Passes, Usual, Violation};
 use crate::executor;
 use crate::fixture::Fixtures;
@@ -187,8 +189,8 @@ struct Difference {
     changed: usize,
     ulp: Option<u64>,
     relative: Option<f64>,
-    /// The first element that changed, before and after.
-    first: Option<(String, String, String)>,
+    /// The first element of each resource that changed.
+    firsts: Vec<WordChange>,
 }
 
 impl Difference {
@@ -222,6 +224,7 @@ impl Difference {
                 return Err(format!("`{short}` is {shape}, and was {old_shape}"));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());
+            let known_firsts = all.firsts.len();
             for (lane, (was, is)) in before.expect(WRITTEN).iter().zip(&lanes).enumerate() {
                 all.words += 1;
                 let Some(far) = distance(scalars[lane], *was, *is) else { continue };
@@ -231,17 +234,22 @@ impl Difference {
                 let share = share.filter(|share| share.is_finite() && scalars[lane].is_float());
                 all.ulp = all.ulp.zip(far.ulp()).map(|(most, own)| most.max(own));
                 all.relative = all.relative.zip(share).map(|(most, own)| most.max(own));
-                all.first.get_or_insert_with(|| {
-                    let shown = |word: u32| format_lane(scalars[lane], word);
-                    let channels = match &shape {
-                        Shape::Array { element, .. } => element.lane_names(),
-                        _ => vec![String::new()],
-                    };
-                    let of_texel = |texel: String| texel + &channels[lane % channels.len()];
-                    let place = new
-                        .texel(*number, lane / channels.len())
-                        .map_or_else(|| names[lane].clone(), of_texel);
-                    (format!("{short}{place}"), shown(*was), shown(*is))
+                if all.firsts.len() > known_firsts {
+                    continue;
+                }
+                let shown = |word: u32| format_lane(scalars[lane], word);
+                let channels = match &shape {
+                    Shape::Array { element, .. } => element.lane_names(),
+                    _ => vec![String::new()],
+                };
+                let of_texel = |texel: String| texel + &channels[lane % channels.len()];
+                let place = new
+                    .texel(*number, lane / channels.len())
+                    .map_or_else(|| names[lane].clone(), of_texel);
+                all.firsts.push(WordChange {
+                    resource: short.to_owned(),
+                    before: format!("{short}{place} = {}", shown(*was)),
+                    after: shown(*is),
                 });
             }
         }
@@ -258,15 +266,16 @@ impl Difference {
 
     /// The change on a path, with the members of uniforms; `None` if nothing changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
-        let (element, was, is) = self.first?;
+        let first = self.firsts.first()?.clone();
         Some(PathChange {
             path,
             cases: (self.changed, self.words),
             ulp: self.ulp,
             relative: self.relative,
             arguments: members.to_vec(),
-            before: format!("{element} = {was}"),
-            after: is,
+            before: first.before,
+            after: first.after,
+            words: self.firsts,
         })
     }
 }
@@ -311,6 +320,22 @@ mod tests {
         let [race] = &one.violations[..] else { panic!("{one:?}") };
         assert_eq!(race.variable, "list");
         assert!(compared(&edited, text).violations.is_empty(), "an edit may mend it");
+    }
+
+    #[test]
+    fn each_resource_that_changes_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> b: array<vec2f>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                a[g.x] = g.x; b[g.x].y = 1.0;
+            }";
+        let edited = text.replace("= g.x;", "= g.x + 7u;").replace("1.0", "2.0");
+        let [before, after] = [text, &edited].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("both are valid");
+        let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
+        let words: Vec<&str> = paths[0].words.iter().map(|one| &*one.before).collect();
+        assert_eq!(words, ["a[0] = 0", "b[0].y = 1"], "{paths:?}");
+        assert_eq!(paths[0].before, words[0]);
     }
 
     /// Atomics race with none, and statements side by side count right without a barrier.

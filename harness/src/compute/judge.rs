@@ -410,19 +410,19 @@ impl After<'_> {
             });
         }
         let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
-        let (found, wanted) = match self.up_to_order {
+        // The lane of each of the words that are compared, one after the other.
+        let (places, wanted) = match self.up_to_order {
             true => {
                 let (before, scalars) = listed(element);
-                let (head, found) = found.split_at(before.min(found.len()));
+                let (head, items) = found.split_at(before.min(found.len()));
                 let (wanted_head, wanted) = expected.lanes.split_at(head.len());
-                let width = scalars.len().max(1);
-                (
-                    [head, &sorted(found, &scalars)].concat(),
-                    [wanted_head, &sorted_values(wanted, width)].concat(),
-                )
+                let (order, wanted) = matched((items, &scalars), wanted, tolerance);
+                let of_items = order.into_iter().map(|lane| head.len() + lane);
+                ((0..head.len()).chain(of_items).collect(), [wanted_head, &wanted].concat())
             }
-            false => (found.to_vec(), expected.lanes.clone()),
+            false => ((0..found.len()).collect::<Vec<_>>(), expected.lanes.clone()),
         };
+        let found: Vec<u32> = places.iter().map(|lane| found[*lane]).collect();
         let pairs = found.chunks_exact(width).zip(wanted.chunks_exact(width));
         for (index, (found, expected)) in pairs.enumerate() {
             let (lane, measure) = tolerance.measure_words(&scalars, found, expected);
@@ -443,8 +443,9 @@ impl After<'_> {
                     false => String::new(),
                 };
                 let actual = crate::value::format_lane(scalar, found[lane]);
+                let at = places[index * width + lane];
                 sum.shown.push(Element {
-                    place: Place::of_element(index, &names[lane]),
+                    place: Place::of_element(at / width, &names[at % width]),
                     actual: format!("{actual}{bits}"),
                     expected: expected[lane].to_string(),
                     error: measure.to_string(),
@@ -466,22 +467,42 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     (0, element.lanes())
 }
 
-/// Elements in the order of their values.
-fn sorted(words: &[u32], scalars: &[Scalar]) -> Vec<u32> {
+/// Elements and expected ones side by side, whatever their order is: the lanes of the elements, and the expected values. In the
+/// order of their values each finds the next that is near enough; those that find none come last.
+fn matched(
+    (found, scalars): (&[u32], &[Scalar]),
+    wanted: &[f64],
+    tolerance: &Tolerance,
+) -> (Vec<usize>, Vec<f64>) {
     let width = scalars.len().max(1);
-    let value = |one: &[u32]| -> Vec<f64> {
-        scalars.iter().zip(one).map(|(scalar, word)| scalar.decode(*word)).collect()
+    let values = |words: &[u32]| -> Vec<f64> {
+        words.iter().zip(scalars).map(|(word, scalar)| scalar.decode(*word)).collect()
     };
-    let mut elements: Vec<&[u32]> = words.chunks_exact(width).collect();
-    elements.sort_by(|a, b| by_value(&value(a), &value(b)));
-    elements.concat()
-}
-
-/// The same of a reference's elements.
-fn sorted_values(lanes: &[f64], width: usize) -> Vec<f64> {
-    let mut elements: Vec<&[f64]> = lanes.chunks_exact(width).collect();
-    elements.sort_by(|a, b| by_value(a, b));
-    elements.concat()
+    let mut items: Vec<(usize, Vec<f64>)> =
+        found.chunks_exact(width).map(values).enumerate().collect();
+    items.sort_by(|(_, a), (_, b)| by_value(a, b));
+    let mut expected: Vec<&[f64]> = wanted.chunks_exact(width).collect();
+    expected.sort_by(|a, b| by_value(a, b));
+    let (mut items, mut expected) = (items.into_iter().peekable(), expected.into_iter().peekable());
+    let (mut pairs, mut strange, mut missing) = (Vec::new(), Vec::new(), Vec::new());
+    while let (Some((at, item)), Some(one)) = (items.peek(), expected.peek()) {
+        let words = &found[at * width..][..width];
+        let near = tolerance.measure_words(scalars, words, one).1.passes();
+        let order = by_value(item, one);
+        if near {
+            pairs.extend(items.next().map(|(at, _)| at).zip(expected.next()));
+        } else if order.is_lt() {
+            strange.extend(items.next().map(|(at, _)| at));
+        } else {
+            missing.extend(expected.next());
+        }
+    }
+    strange.extend(items.map(|(at, _)| at));
+    missing.extend(expected);
+    pairs.extend(strange.into_iter().zip(missing));
+    let (order, expected): (Vec<usize>, Vec<&[f64]>) = pairs.into_iter().unzip();
+    let lanes = order.into_iter().flat_map(|at| at * width..(at + 1) * width);
+    (lanes.collect(), expected.concat())
 }
 
 fn by_value(a: &[f64], b: &[f64]) -> std::cmp::Ordering {

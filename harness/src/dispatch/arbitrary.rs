@@ -46,7 +46,7 @@ const INDICES: [&str; 2] = ["@builtin(global_invocation_index)", "@builtin(workg
 
 /// A compute entry point as it is usually dispatched.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Usual {
+pub struct Usual {
     size: [u32; 3],
     workgroups: [u32; 3],
 }
@@ -54,7 +54,7 @@ pub(crate) struct Usual {
 impl Usual {
     /// # Errors
     /// If the entry point isn't valid, or is none of compute passes.
-    pub(crate) fn of(package: &Package, name: &str) -> Result<Self, String> {
+    pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         let (program, _, size) = Program::of_pass(package, name, &Overrides::new())?;
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
@@ -63,6 +63,12 @@ impl Usual {
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Ok(Self { size, workgroups: usual_workgroups(size, apart, asks) })
+    }
+
+    /// How many workgroups there are in each direction: one of a pass that doesn't tell them apart, or else several.
+    #[must_use]
+    pub fn workgroups(&self) -> [u32; 3] {
+        self.workgroups
     }
 
     /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
@@ -94,7 +100,11 @@ impl Passes {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => Usual::of(package, name)?.workgroups,
         };
-        let extents = Extents::of(size, workgroups, variant);
+        let mut extents = Extents::of(size, workgroups, variant);
+        if invocations.is_none() && workgroups == [1; 3] {
+            // What is made for one workgroup has as many elements as that has invocations.
+            extents.elements = Extents::of(size, workgroups, 0).elements;
+        }
         extents.expect_few()?;
         // The same draws beside arrays of zeros.
         let draws = variant % Extents::ZEROS;

@@ -1,5 +1,6 @@
 //! What linking gives.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -43,6 +44,42 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
 
 /// How the names of generated kernels begin.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
+
+/// A text as naga takes it: it has operations of subgroups without `enable subgroups;`, and doesn't know that line, which
+/// WGSL asks for (4.1.1). Blanks stand in its place.
+pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
+    const KNOWN: &str = "subgroups";
+    if !text.contains(KNOWN) {
+        return text.into();
+    }
+    let tokens = lex(text);
+    let is =
+        |at: usize, word: &str| tokens.get(at).is_some_and(|token| &text[token.range()] == word);
+    let mut bytes = text.as_bytes().to_vec();
+    let mut blank = |at: usize| bytes[tokens[at].range()].fill(b' ');
+    // Directives stand before all else (WGSL, 4).
+    let mut start = 0;
+    while ["enable", "requires", "diagnostic"].iter().any(|word| is(start, word)) {
+        let Some(end) = (start..tokens.len()).find(|at| is(*at, ";")) else { break };
+        let others = (start + 1..end).filter(|at| !is(*at, ",") && !is(*at, KNOWN)).count();
+        if is(start, "enable") {
+            for at in (start + 1..end).filter(|at| is(*at, KNOWN)) {
+                blank(at);
+                // With one of the commas beside it.
+                [at + 1, at - 1]
+                    .into_iter()
+                    .find(|at| is(*at, ","))
+                    .into_iter()
+                    .for_each(&mut blank);
+            }
+            if others == 0 {
+                (start..=end).for_each(&mut blank);
+            }
+        }
+        start = end + 1;
+    }
+    String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
+}
 
 /// WGSL without imports, and the way back to the author's files.
 #[derive(Clone, Debug)]
@@ -127,4 +164,23 @@ pub(super) fn author_path(route: &str, module: &ModulePath, item: &str) -> Strin
         .chain([item.to_owned()])
         .collect();
     parts.join("::")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn naga_takes_subgroups_without_their_directive() {
+        for (text, taken) in [
+            ("enable subgroups;\nfn f() {}", "                 \nfn f() {}"),
+            ("enable f16, subgroups;fn f() {}", "enable f16           ;fn f() {}"),
+            ("enable subgroups, f16 ;", "enable            f16 ;"),
+            ("// enable subgroups;\nfn subgroups() {}", "// enable subgroups;\nfn subgroups() {}"),
+            ("requires a; enable subgroups ;", "requires a;                   "),
+            ("fn f() {} enable subgroups;", "fn f() {} enable subgroups;"),
+        ] {
+            assert_eq!(as_naga_takes(text), taken);
+        }
+    }
 }

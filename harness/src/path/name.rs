@@ -325,7 +325,9 @@ fn unknown(name: &str, api: &str) -> PathError {
 
 fn unknown_via(name: &str, via: &str) -> PathError {
     let (name, via) = (name.to_owned(), via.to_owned());
-    let nearest = nearest(&via, Via::ALL.map(Via::name)).map(str::to_owned);
+    let of_cpu = name.starts_with("cpu");
+    let known = Via::ALL.into_iter().filter(|known| matches!(known, Via::Fma | Via::Ftz) == of_cpu);
+    let nearest = nearest(&via.to_lowercase(), known.map(Via::name)).map(str::to_owned);
     PathError::UnknownVia { name, via, nearest }
 }
 
@@ -379,6 +381,10 @@ mod tests {
                 "vulkan:hlls",
                 "execution path `vulkan:hlls` has no route `hlls`; the routes are wgsl, spirv, glsl, \
                  hlsl and hlsl-dxc; did you mean `hlsl`?",
+            ),
+            (
+                "cpu:FMA",
+                "execution path `cpu:FMA` has no route `FMA`; behind `cpu:` is fma or ftz; did you mean `fma`?",
             ),
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (

@@ -5,6 +5,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{ImageClass, StorageFormat, TypeInner};
 
 use super::{Program, on_deep_stack};
+use crate::package::as_naga_takes;
 
 /// Capabilities that WebGPU has, too, by default or as a feature. naga's others are wgpu's alone.
 const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
@@ -42,7 +43,7 @@ impl Program {
         let capabilities = Capabilities::all().difference(capability);
         let mut options = Options::new();
         options.capabilities = capabilities;
-        if Frontend::new_with_options(options).parse(self.text()).is_err() {
+        if Frontend::new_with_options(options).parse(&as_naga_takes(self.text())).is_err() {
             return true;
         }
         // naga takes these texels without: wgpu asks for the feature when the module is made.

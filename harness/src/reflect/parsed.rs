@@ -6,6 +6,7 @@ use naga::Module;
 use naga::front::wgsl;
 
 use super::Overrides;
+use crate::package::as_naga_takes;
 use crate::package::workspace::{self, Kind};
 
 /// Kernels by their texts.
@@ -24,7 +25,7 @@ pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     if let Some(module) = workspace::get::<Kernels>(&key) {
         return Ok(module);
     }
-    let module = super::on_deep_stack(|| wgsl::parse_str(text));
+    let module = super::on_deep_stack(|| wgsl::parse_str(&as_naga_takes(text)));
     let module = Arc::new(module.map_err(|error| error.emit_to_string(text))?);
     workspace::keep::<Kernels>(key, Arc::clone(&module));
     Ok(module)

@@ -784,8 +784,10 @@ fn table(file: &Path, element: &Shape) -> Result<Vec<f64>, Misdeclared> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&*text);
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
     if head.iter().ne(wanted.iter().map(String::as_str)) {
-        let wanted = wanted.join(",");
-        return Err(Misdeclared::at_line(file, 1, format!("the columns of `{name}` are {wanted}")));
+        let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
+        let message =
+            format!("the first line of `{name}` has to be `{wanted}`, and it is `{there}`");
+        return Err(Misdeclared::at_line(file, 1, message));
     }
     let mut all = Vec::new();
     for (row, record) in reader.records().enumerate() {

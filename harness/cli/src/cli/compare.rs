@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
-use karat::unstable::compare::{Change, Compared, PathChange, Request};
+use karat::unstable::compare::{Change, Compared, PathChange, Request, WordChange};
 use karat::unstable::output::{counted, tell, visible};
 
 use super::project::Project;
@@ -88,7 +88,10 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
         let output = command.output().context("git doesn't run")?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
-            bail!("{}", visible(said.trim()));
+            match said.trim() {
+                "" => bail!("`git {}` fails", arguments[0]),
+                said => bail!("{}", visible(said)),
+            }
         }
         Ok(output.stdout)
     };
@@ -197,7 +200,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
 }
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let PathChange { path, cases, ulp, relative, arguments, before, after } = change;
+    let PathChange { path, cases, ulp, relative, arguments, before, after, words } = change;
     let by = match (ulp, relative) {
         (Some(ulp), Some(relative)) => format!("by up to {ulp} ulp (rel {relative:.2e})"),
         (Some(ulp), None) => format!("by up to {ulp} ulp"),
@@ -210,5 +213,8 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
     let what = if dispatched { "words" } else { "results" };
     writeln!(out, "    {path}: {} of {} {what} changed, {by}", cases.0, cases.1)?;
     writeln!(out, "    {at}{before} -> {after}")?;
+    for WordChange { before, after, .. } in words.iter().skip(1) {
+        writeln!(out, "    {before} -> {after}")?;
+    }
     Ok(())
 }

@@ -429,7 +429,8 @@ fn passes(
         .with_context(|| format!("`{}`", file.display()))?;
         let faults = record::read(record.path())?.into_iter().filter_map(|one| one.fault);
         let first = faults.map(|fault| fault.headline).next();
-        return Ok(Err(first.unwrap_or_else(|| "it can't be run by a test".to_owned())));
+        let where_ = |first| format!("{first} (`karat hazards {}` says where)", folder.display());
+        return Ok(Err(first.map_or_else(|| "it can't be run by a test".to_owned(), where_)));
     }
     Ok(Ok(()))
 }
@@ -516,7 +517,9 @@ fn tested(folder: &Path) -> anyhow::Result<Tested> {
     for around in folder.ancestors().take_while(|around| around.starts_with(project.root())) {
         read_rust(&around.join("tests"), &mut texts);
     }
-    Ok(Tested { ran: tested_functions(&project)?, texts })
+    // Without Cargo all tests stand beside the modules, and there are none: a record is of tests that are gone.
+    let ran = if project.is_cargo() { tested_functions(&project)? } else { BTreeSet::new() };
+    Ok(Tested { ran, texts })
 }
 
 /// The Rust files below a folder. What can't be read says nothing.

@@ -226,6 +226,50 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
+/// One element that is wrong moves no other one.
+#[test]
+fn a_wrong_element_is_told_whatever_the_order_is() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let declared = "[[compute]]\nentry = \"turn\"\nworkgroups = 1\nwith = { out = { size = 64 } }\n\
+                    [compute.after.out]\nup_to_order = true\ntable = \"out.csv\"\n";
+    write(folder.path(), "turn.test.toml", declared);
+    let rows: String = (0..64).map(|row| format!("{row}\n")).collect();
+    write(folder.path(), "out.csv", &format!("value\n{rows}"));
+    let turn = |value: &str| {
+        let text = format!(
+            "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
+             @compute @workgroup_size(64) fn turn(@builtin(local_invocation_index) i: u32) {{ out[63u - i] = {value}; }}\n"
+        );
+        write(folder.path(), "turn.wgsl", &text);
+        karat(folder.path(), &["test", ".", "--paths", "cpu"])
+    };
+    turn("i").good();
+    let wrong = turn("select(i, 99u, i == 5u)");
+    for part in ["1 of 64 elements differ", "[58]", "actual = 99, expected = 5"] {
+        assert!(wrong.code == Some(1) && wrong.out.contains(part), "no `{part}`: {wrong:?}");
+    }
+}
+
+/// WGSL asks for a line that naga doesn't know.
+#[test]
+fn subgroups_have_their_directive() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "enable subgroups;\n\
+                @group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
+                @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {\n    \
+                let sum = subgroupAdd(1u);\n    out[i] = select(0u, 1u, sum > 0u);\n}\n";
+    write(folder.path(), "s.wgsl", text);
+    let declared = "[[compute]]\nentry = \"sum\"\nworkgroups = 1\nwith = { out = { size = 64 } }\n\
+                    [compute.after.out]\nequals = [";
+    let declared = format!("{declared}{}]\n", ["1"; 64].join(", "));
+    write(folder.path(), "s.test.toml", &declared);
+    karat(folder.path(), &["test", ".", "--paths", "cpu,vulkan"]).good();
+    // Errors stand where their author wrote them.
+    write(folder.path(), "s.wgsl", &text.replace("out[i] =", "out[j] ="));
+    let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
+    assert!(ran.code == Some(1) && format!("{ran:?}").contains("s.wgsl:5:9"), "{ran:?}");
+}
+
 /// Each expectation fails where it is wrong, at the entry point, with the element.
 #[test]
 fn wrong_passes_fail_with_the_element() {

@@ -164,6 +164,46 @@ fn what_has_nothing_to_test_is_told() {
 }
 
 /// A pass over buffers gets a test beside that of a function, with the assertion that holds.
+/// A pass for one workgroup runs as one; and of a long array not each element is written.
+#[test]
+fn a_pass_for_one_workgroup_gets_a_test() {
+    let scan = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        var<workgroup> tile: array<u32, 64>;
+        @compute @workgroup_size(64) fn scan(@builtin(local_invocation_id) l: vec3u) {
+            tile[l.x] = data[l.x];
+            workgroupBarrier();
+            for (var by = 1u; by < 64u; by *= 2u) {
+                var sum = tile[l.x];
+                if l.x >= by { sum += tile[l.x - by]; }
+                workgroupBarrier();
+                tile[l.x] = sum;
+                workgroupBarrier();
+            }
+            data[l.x] = tile[l.x];
+        }\n";
+    let bins = "@group(0) @binding(0) var<storage, read> data: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> bins: array<atomic<u32>, 256>;
+        @compute @workgroup_size(64) fn count(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&data) { atomicAdd(&bins[data[id.x] % 256u], 1u); }
+        }\n";
+    for (text, name, part) in [
+        (scan, "scan", "workgroups = [1, 1, 1]"),
+        (bins, "count", "no_hazards = true\nworkgroups = [2, 1, 1]"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write(folder.path(), "m.wgsl", text);
+        let ran = karat(folder.path(), &["init"]).good();
+        assert!(ran.contains(&format!("a test of `m::{name}`")), "{ran}");
+        let file = folder.path().join("m.test.toml");
+        let declared = std::fs::read_to_string(&file).expect("it is written");
+        assert!(declared.contains(part), "no `{part}` in {declared}");
+        // A test that is deleted is no reason not to write one.
+        std::fs::remove_file(&file).expect("it is there");
+        let ran = karat(folder.path(), &["init"]).good();
+        assert!(ran.contains(&format!("a test of `m::{name}`")), "{ran}");
+    }
+}
+
 /// Images are as large as what is dispatched, and differ from texel to texel.
 #[test]
 fn a_pass_over_images_gets_a_test() {

@@ -1,6 +1,7 @@
 //! A first `[[compute]]` for a compute entry point: resources that follow from what is dispatched.
 
 use karat::Package;
+use karat::unstable::dispatch::Usual;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, TextureKind};
 use karat::value::{Scalar, Shape};
@@ -17,12 +18,13 @@ pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
     // Each invocation may have several elements.
-    let of_size = |each| declared(&program, name, each).unwrap_or_default();
+    let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
+    let of_size = |each| declared(&program, name, usual.workgroups(), each).unwrap_or_default();
     [1, 2, 4].into_iter().flat_map(of_size).collect()
 }
 
 /// Those whose arrays have so many elements an invocation.
-fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
+fn declared(program: &Program, name: &str, groups: [u32; 3], each: u32) -> Option<Vec<String>> {
     let bindings = program.entry_point_bindings(Stage::Compute, name)?;
     let entry = program
         .module()
@@ -33,7 +35,6 @@ fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
         return None;
     }
     let size = entry.workgroup_size;
-    let groups = size.map(|count| if count > 1 { 2 } else { 1 });
     let invocations: u32 = size.iter().chain(&groups).product();
     let elements = invocations.max(LEAST).checked_mul(each)?;
     let (mut with, mut written) = (Vec::new(), Vec::new());
@@ -65,6 +66,8 @@ fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
             Shape::Array { element, .. } if grows => sized(element, elements),
             // A structure that ends in an array has no value that a person writes.
             _ if grows => return None,
+            // Too long to be spelt out.
+            Shape::Array { element, length } if *length > SPELLED => fixed(element),
             _ => value(&shape, elements)?,
         };
         with.push(format!("{} = {value}", binding.name()));
@@ -95,6 +98,8 @@ fn declared(program: &Program, name: &str, each: u32) -> Option<Vec<String>> {
         }
         all.push(text);
     }
+    // Where some elements aren't written, or none are floats.
+    all.push(head.replacen("\nworkgroups", "\nno_hazards = true\nworkgroups", 1));
     Some(if written.is_empty() { Vec::new() } else { all })
 }
 
@@ -119,17 +124,24 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
 
 /// An array without a length.
 fn sized(element: &Shape, count: u32) -> String {
-    let lanes = element.lanes();
-    let range = match lanes.first() {
+    match range(element) {
+        Some(range) => format!("{{ size = {count}, range = \"{range}\" }}"),
+        None => format!("{{ size = {count} }}"),
+    }
+}
+
+/// An array with a length.
+fn fixed(element: &Shape) -> String {
+    range(element).map_or_else(|| "{}".to_owned(), |range| format!("{{ range = \"{range}\" }}"))
+}
+
+/// What elements are drawn from, if they are numbers or vectors.
+fn range(element: &Shape) -> Option<&'static str> {
+    let is_number = matches!(element, Shape::Scalar(_) | Shape::Vector { .. });
+    is_number.then(|| match element.lanes().first() {
         Some(Scalar::F32 | Scalar::F16) => "0..1",
         _ => "0..99",
-    };
-    match element {
-        Shape::Scalar(_) | Shape::Vector { .. } => {
-            format!("{{ size = {count}, range = \"{range}\" }}")
-        }
-        _ => format!("{{ size = {count} }}"),
-    }
+    })
 }
 
 /// A value of which a whole number is as large as what is dispatched.
