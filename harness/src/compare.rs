@@ -535,6 +535,7 @@ fn changed(
         arguments: arguments(function, &row),
         before: told(&function.result, &was, (&was, &is)),
         after: told(&function.result, &is, (&was, &is)),
+        words: Vec::new(),
     }))
 }
 

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::depth::deepest;
@@ -45,40 +46,46 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
 /// How the names of generated kernels begin.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
 
-/// A text as naga takes it: it has operations of subgroups without `enable subgroups;`, and doesn't know that line, which
-/// WGSL asks for (4.1.1). Blanks stand in its place.
+/// A text as naga takes it: with blanks in place of what it doesn't know.
 pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
-    const KNOWN: &str = "subgroups";
-    if !text.contains(KNOWN) {
+    let unknown = unknown_to_naga(text);
+    if unknown.is_empty() {
         return text.into();
+    }
+    let mut bytes = text.as_bytes().to_vec();
+    unknown.into_iter().for_each(|range| bytes[range].fill(b' '));
+    String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
+}
+
+/// Tokens that naga doesn't know. It has operations of subgroups without `enable subgroups;`, which WGSL asks for (4.1.1).
+pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
+    const KNOWN: &str = "subgroups";
+    let mut unknown = Vec::new();
+    if !text.contains(KNOWN) {
+        return unknown;
     }
     let tokens = lex(text);
     let is =
         |at: usize, word: &str| tokens.get(at).is_some_and(|token| &text[token.range()] == word);
-    let mut bytes = text.as_bytes().to_vec();
-    let mut blank = |at: usize| bytes[tokens[at].range()].fill(b' ');
+    let mut add = |at: usize| unknown.push(tokens[at].range());
     // Directives stand before all else (WGSL, 4).
     let mut start = 0;
     while ["enable", "requires", "diagnostic"].iter().any(|word| is(start, word)) {
         let Some(end) = (start..tokens.len()).find(|at| is(*at, ";")) else { break };
-        let others = (start + 1..end).filter(|at| !is(*at, ",") && !is(*at, KNOWN)).count();
-        if is(start, "enable") {
-            for at in (start + 1..end).filter(|at| is(*at, KNOWN)) {
-                blank(at);
+        let extensions: Vec<usize> = (start + 1..end).filter(|at| !is(*at, ",")).collect();
+        let is_known = |at: &usize| is(*at, KNOWN);
+        if is(start, "enable") && extensions.iter().all(is_known) {
+            (start..=end).for_each(&mut add);
+        } else if is(start, "enable") {
+            for at in extensions.into_iter().filter(is_known) {
+                add(at);
                 // With one of the commas beside it.
-                [at + 1, at - 1]
-                    .into_iter()
-                    .find(|at| is(*at, ","))
-                    .into_iter()
-                    .for_each(&mut blank);
-            }
-            if others == 0 {
-                (start..=end).for_each(&mut blank);
+                [at + 1, at - 1].into_iter().find(|at| is(*at, ",")).into_iter().for_each(&mut add);
             }
         }
         start = end + 1;
     }
-    String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
+    unknown
 }
 
 /// WGSL without imports, and the way back to the author's files.

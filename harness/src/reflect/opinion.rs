@@ -7,7 +7,7 @@ use super::message::to_author;
 use super::{Invalid, Program, ReflectError, native};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::output::counted;
-use crate::package::{Compilers, Package, PackageError};
+use crate::package::{Compilers, Package, PackageError, unknown_to_naga};
 use crate::tint::{Answer, Message, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
 /// The opinion of others than naga.
@@ -157,6 +157,17 @@ impl Opinion {
     }
 }
 
+/// What wgpu and Firefox, which hand naga the text as it is, don't take of a module.
+fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
+    let first = unknown_to_naga(program.text()).into_iter().next()?;
+    let message =
+        "naga doesn't know this line: wgpu and Firefox reject the text as it is".to_owned();
+    let note =
+        "Karat leaves the line out for naga, which has subgroups without it; browsers want it";
+    let label = std::iter::once((Some(first), String::new()));
+    Some(to_author(&program.linked, message, label, vec![note.to_owned()]))
+}
+
 /// A module that was linked: with what naga made of it, or why it rejects it.
 pub(super) enum Judged<'p> {
     Valid(&'p Program),
@@ -198,6 +209,7 @@ pub(super) fn of(
                 let beyond = program.beyond_default(compilers.limits.compatibility);
                 pipelines.retain(|pipeline| !beyond.contains(&pipeline.entry_point));
                 opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
+                opinion.warnings.extend(not_for_wgpu(program).map(|one| (module.clone(), one)));
                 if !compilers.native.is_empty() {
                     let used = program.native_features();
                     unused.retain(|name| !used.contains(name));

@@ -95,6 +95,12 @@ impl Test {
         test.into_iter().flat_map(|test| test.calls())
     }
 
+    /// The entry points that it dispatches, in their order, if it is an assertion of a `[[compute]]`. Records name the last.
+    pub fn dispatches(&self) -> impl Iterator<Item = &str> {
+        let passes = if let Kind::Compute(assertion) = &self.kind { Some(assertion) } else { None };
+        passes.into_iter().flat_map(|passes| passes.entries())
+    }
+
     /// Whether its name has this in it, or that of a function that it calls, or of its golden.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {

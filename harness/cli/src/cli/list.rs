@@ -194,12 +194,14 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// Functions that have tests, with those that tests in WGSL call.
+/// Functions that have tests, with those that tests in WGSL call, and entry points whose passes come before another one.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
-    let tests = suite.iter().flat_map(|suite| &suite.tests);
-    let tests = tests.filter(|test| ran.contains(&test.name));
-    tests.flat_map(Test::calls).map(str::to_owned).chain(ran.iter().cloned()).collect()
+    let tests = || suite.iter().flat_map(|suite| &suite.tests);
+    let called = tests().filter(|test| ran.contains(&test.name)).flat_map(Test::calls);
+    let of_ran = |test: &&Test| test.dispatches().last().is_some_and(|last| ran.contains(last));
+    let dispatched = tests().filter(of_ran).flat_map(Test::dispatches);
+    called.chain(dispatched).map(str::to_owned).chain(ran.iter().cloned()).collect()
 }
 
 /// The functions that the last run checked; none if there was no run.

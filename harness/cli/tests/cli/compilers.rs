@@ -432,13 +432,30 @@ fn files_that_are_shipped_stay_shippable() {
 /// An error of naga's says where Tint accepts the module.
 #[test]
 fn what_tint_alone_accepts_is_told() {
-    let folder = folder("enable subgroups;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
+    let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1), "{ran:?}");
     assert!(ran.out.contains("Tint accepts it: it runs in Chrome, and not in wgpu"), "{ran:?}");
     write(folder.path(), "shaders/m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * y; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
+}
+
+/// What browsers want and naga doesn't know is told, and tested all the same.
+#[test]
+fn a_line_that_browsers_want_is_left_out_for_naga() {
+    let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";
+    let folder = folder(text);
+    let out = with_tint(folder.path(), CHECK).good();
+    assert!(out.contains("warning: naga doesn't know this line"), "{out}");
+    assert!(out.contains("shaders/m.wgsl:1:1") && out.contains("Tint accepts 1 module"), "{out}");
+    write(
+        folder.path(),
+        "shaders/m.wgsl",
+        &text.replace("enable subgroups;", "// enable subgroups;"),
+    );
+    let ran = with_tint(folder.path(), CHECK);
+    assert!(!ran.out.contains("naga doesn't know this line"), "{ran:?}");
 }
 
 /// A browser has the same verdict.

@@ -245,9 +245,36 @@ fn a_wrong_element_is_told_whatever_the_order_is() {
     };
     turn("i").good();
     let wrong = turn("select(i, 99u, i == 5u)");
-    for part in ["1 of 64 elements differ", "[58]", "actual = 99, expected = 5"] {
+    for part in ["1 of 64 elements differ", "[58]", "actual = 99", "expected = 5"] {
         assert!(wrong.code == Some(1) && wrong.out.contains(part), "no `{part}`: {wrong:?}");
     }
+}
+
+/// A record names the last pass of a test.
+#[test]
+fn passes_before_the_last_one_are_tested_too() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let pass = |name: &str, value: &str| {
+        format!(
+            "@compute @workgroup_size(8) fn {name}(@builtin(local_invocation_index) i: u32) {{ out[i] = {value}; }}\n"
+        )
+    };
+    let text = format!(
+        "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n{}{}{}",
+        pass("clear", "0u"),
+        pass("count", "out[i] + 1u"),
+        pass("other", "7u")
+    );
+    write(folder.path(), "two.wgsl", &text);
+    let declared = "[[compute]]\nname = \"both\"\npasses = [{ entry = \"clear\", workgroups = 1 }, { entry = \"count\", \
+                    workgroups = 1 }]\nwith = { out = { size = 8, range = \"0..9\" } }\n\
+                    [compute.after.out]\nequals = [1, 1, 1, 1, 1, 1, 1, 1]\n";
+    write(folder.path(), "two.test.toml", declared);
+    karat(folder.path(), &["test", ".", "--paths", "cpu"]).good();
+    let list = karat(folder.path(), &["list"]).good();
+    let of = |name: &str| list.lines().find(|line| line.contains(name)).unwrap_or_default();
+    assert!(of("clear").contains("yes") && of("count").contains("yes"), "{list}");
+    assert!(of("other").contains("no"), "{list}");
 }
 
 /// WGSL asks for a line that naga doesn't know.

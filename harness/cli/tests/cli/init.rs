@@ -224,7 +224,7 @@ fn a_pass_over_images_gets_a_test() {
     let ran = karat(folder.path(), &["init"]).good();
     assert!(ran.contains("a test of `m::blur`") && ran.contains("2 checks, 0 failed"), "{ran}");
     let text = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("it is written");
-    for part in ["source = { size = [16, 16], range = \"0..1\" }", "smooth_ = \"linear\""] {
+    for part in ["source = { size = [16, 24], range = \"0..1\" }", "smooth_ = \"linear\""] {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
     write(folder.path(), "m.wgsl", &blur.replace("id.xy, sum", "id.xx, sum"));
