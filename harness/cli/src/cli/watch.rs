@@ -13,6 +13,7 @@ mod worker;
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -109,6 +110,8 @@ pub(super) enum Event {
     Resized,
     /// Nobody reads what is printed any more.
     Unread,
+    /// Ctrl-C, or the system, asks it to end.
+    Stopped,
 }
 
 /// What is being typed.
@@ -196,6 +199,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     tell_when_unread(sender.clone());
+    tell_when_stopped(sender.clone())?;
     let is_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
     let screen = match args.lines || args.once || !is_terminal {
         true => Screen::lines(),
@@ -266,7 +270,7 @@ impl Watch {
                     }
                 }
                 Event::Resized => {}
-                Event::Unread => return Ok(Ending::Good),
+                Event::Unread | Event::Stopped => return Ok(Ending::Good),
             }
             self.screen.draw(&self.view(), out)?;
             if once && self.lanes.iter().all(|lane| !lane.resident.busy) {
@@ -505,6 +509,18 @@ fn shown(file: &Path, folder: &Path) -> String {
         Ok(below) => below.display().to_string(),
         Err(_) => file.display().to_string(),
     }
+}
+
+/// Tells of signals, so that temporary folders are deleted before it ends. The second one waits for nothing.
+fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
+    const INTERRUPTED: i32 = 130; // 128 and the number of SIGINT, as shells have it
+    let told = AtomicBool::new(false);
+    let stop = move || {
+        if told.swap(true, Ordering::Relaxed) || sender.send(Event::Stopped).is_err() {
+            std::process::exit(INTERRUPTED);
+        }
+    };
+    ctrlc::set_handler(stop).context("can't wait for Ctrl-C")
 }
 
 /// Tells when whoever reads the output has gone: nothing may be written for hours, and no error would say so.

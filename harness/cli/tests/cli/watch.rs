@@ -504,3 +504,26 @@ fn what_cannot_be_watched_is_an_error() {
     assert!(ran.out.contains("there are no tests"), "{ran:?}");
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
+
+/// Ctrl-C ends it with nothing left among temporary files.
+#[cfg(unix)]
+#[test]
+fn nothing_is_left_when_it_is_stopped() {
+    let (shaders, own) = (tempfile::tempdir(), tempfile::tempdir());
+    let (shaders, own) = (shaders.expect("a folder"), own.expect("a folder"));
+    write(shaders.path(), "calc.wgsl", SHADER);
+    write(shaders.path(), "calc_test.wgsl", TESTS);
+    for signal in ["INT", "TERM"] {
+        let mut watching = Watching::of(shaders.path(), &["."], |command| {
+            command.env("TMPDIR", own.path());
+        });
+        watching.until("cpu: 2 tests pass");
+        let count = || std::fs::read_dir(own.path()).expect("it is there").count();
+        assert!(count() > 0, "records lie there");
+        let id = watching.child.id().to_string();
+        let told = Command::new("kill").args(["-s", signal, &id]).status();
+        assert!(told.is_ok_and(|status| status.success()));
+        assert!(watching.child.wait().is_ok_and(|status| status.success()), "{signal}");
+        assert_eq!(count(), 0, "{signal}");
+    }
+}
