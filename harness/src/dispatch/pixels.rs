@@ -46,8 +46,10 @@ impl Passes {
         let text = probed.kernel().strip_prefix(program.text()).expect("a kernel begins with it");
         // Calls of functions that write storage come one after the other. Pixels run beside each other: what one of them
         // reads may be older than what the one before it has written.
-        let beside = format!("@workgroup_size({})", if single { 1 } else { BESIDE });
-        let text = text.replacen("@workgroup_size(1)", &beside, 1);
+        let (head, body) =
+            text.split_once("@workgroup_size(1)").expect("such calls come one by one");
+        let size = if single { 1 } else { BESIDE };
+        let text = format!("{head}@workgroup_size({size}){body}");
         let kernel = program.followed_by(&text).map_err(|error| error.to_string())?;
         let (bindings, _) =
             kernel.compute_entry_point(Probed::ENTRY_POINT).expect("it is a kernel");
