@@ -64,7 +64,7 @@ fn the_table_is_well_formed() {
 /// The faults that are tried: in a sample the first of each module, and each fourth one.
 fn tried() -> Vec<&'static Fault> {
     const APART: usize = 4;
-    let whole = ::frames::are_suites_whole();
+    let whole = frames::are_suites_whole();
     let mut modules = BTreeSet::new();
     let is_tried = |(at, fault): &(usize, &Fault)| {
         // Of each fault the module is noted.
@@ -147,7 +147,7 @@ fn the_list_of_survivors_is_well_formed() {
 /// default a sample; `cargo ci mutants` takes all of them.
 #[test]
 fn mutants_made_by_a_program_are_killed() {
-    let sample = if ::frames::are_suites_whole() { 48 } else { 12 };
+    let sample = if frames::are_suites_whole() { 48 } else { 12 };
     let selection = Selection::from_environment("mutants_made_by_a_program_are_killed");
     let candidates = selection.of(program::candidates());
     let listed = program::listed();

@@ -210,8 +210,8 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     exhibits
 }
 
-/// The size of the frames of spheres that are drawn here. What drawing costs is their pixels, and the same places are asked
-/// of each size.
+/// The size of the frames of spheres that are drawn here. Drawing costs in proportion to their pixels, and the same
+/// places are asked of each size.
 fn size() -> (u32, u32) {
     if frames::are_suites_whole() { (240, 135) } else { (160, 90) }
 }

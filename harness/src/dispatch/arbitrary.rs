@@ -102,7 +102,7 @@ impl Passes {
         };
         let mut extents = Extents::of(size, workgroups, variant);
         if invocations.is_none() && workgroups == [1; 3] {
-            // What is made for one workgroup has as many elements as that has invocations.
+            // A pass for one workgroup has as many elements as that has invocations.
             extents.elements = Extents::of(size, workgroups, 0).elements;
         }
         extents.expect_few()?;

@@ -157,7 +157,7 @@ impl Opinion {
     }
 }
 
-/// What wgpu and Firefox, which hand naga the text as it is, don't take of a module.
+/// The line of a module that wgpu and Firefox reject, as they hand naga the text as it is.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =

@@ -265,14 +265,15 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
             texel(value).ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?
         }
     };
-    let scalar = match kind.texels {
-        Texels::Float | Texels::Depth => Scalar::F32,
-        Texels::Sint => Scalar::I32,
-        Texels::Uint => Scalar::U32,
+    let (scalar, channels) = match kind.texels {
+        Texels::Depth => (Scalar::F32, 1),
+        Texels::Float => (Scalar::F32, 4),
+        Texels::Sint => (Scalar::I32, 4),
+        Texels::Uint => (Scalar::U32, 4),
     };
-    let (element, channels) = match kind.texels {
-        Texels::Depth => (Shape::Scalar(scalar), 1),
-        _ => (Shape::Vector { size: 4, scalar }, 4),
+    let element = match channels {
+        1 => Shape::Scalar(scalar),
+        _ => Shape::Vector { size: 4, scalar },
     };
     let texels = match drawn(name, &element, all as usize, table)? {
         None => vec![value; all as usize],

@@ -441,7 +441,7 @@ fn what_tint_alone_accepts_is_told() {
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
 }
 
-/// What browsers want and naga doesn't know is told, and tested all the same.
+/// A module with a line that browsers want and naga doesn't know is valid, with a warning.
 #[test]
 fn a_line_that_browsers_want_is_left_out_for_naga() {
     let text = "enable subgroups;\n@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n";

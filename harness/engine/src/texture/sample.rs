@@ -182,7 +182,7 @@ impl Texture {
     }
 
     /// The levels of a cube, each face in a frame of its neighbours' texels: so four neighbours lie together. Where three
-    /// faces meet is no texel, and nobody reads the 0 there.
+    /// faces meet is no texel: no sample reads the 0 there.
     fn framed(&self) -> &[Vec<[f32; 4]>] {
         self.framed
             .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())

@@ -12,7 +12,7 @@ const LEAST: u32 = 64;
 /// Elements of an array with a length that a test spells out.
 const SPELLED: u32 = 16;
 
-/// What is asserted of a pass where nothing is asserted of its resources.
+/// The assertion about a pass itself, where none about its resources holds.
 const NO_HAZARDS: &str = "no_hazards = true";
 
 /// The declarations that are tried, the most telling first. None if a resource has no size that follows, or nothing is
@@ -20,11 +20,11 @@ const NO_HAZARDS: &str = "no_hazards = true";
 pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
-    // Each invocation may have several elements.
     let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
+    // Each invocation may have several elements.
     let of_size = |each| declared(&program, name, usual.workgroups(), each).unwrap_or_default();
     let mut all: Vec<String> = [1, 2, 4].into_iter().flat_map(of_size).collect();
-    // What it leaves says more than how it gets there.
+    // Assertions about resources say more.
     all.sort_by_key(|text| text.contains(NO_HAZARDS));
     all
 }
@@ -69,11 +69,11 @@ fn declared(program: &Program, name: &str, groups: [u32; 3], each: u32) -> Optio
         let shape = program.buffer_of(binding, elements as usize)?;
         let grows = program.buffer_of(binding, elements as usize + 1)? != shape;
         let value = match &shape {
-            Shape::Array { element, .. } if grows => sized(element, elements),
+            Shape::Array { element, .. } if grows => array(element, Some(elements)),
             // A structure that ends in an array has no value that a person writes.
             _ if grows => return None,
             // Too long to be spelt out.
-            Shape::Array { element, length } if *length > SPELLED => fixed(element),
+            Shape::Array { element, length } if *length > SPELLED => array(element, None),
             _ => value(&shape, elements)?,
         };
         with.push(format!("{} = {value}", binding.name()));
@@ -128,20 +128,17 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
-/// An array without a length.
-fn sized(element: &Shape, count: u32) -> String {
-    match range(element) {
-        Some(range) => format!("{{ size = {count}, range = \"{range}\" }}"),
-        None => format!("{{ size = {count} }}"),
+/// An array, with its size if the shader doesn't say its length.
+fn array(element: &Shape, size: Option<u32>) -> String {
+    let size = size.map(|size| format!("size = {size}"));
+    let range = range(element).map(|range| format!("range = \"{range}\""));
+    match [size, range].into_iter().flatten().collect::<Vec<_>>().join(", ") {
+        none if none.is_empty() => "{}".to_owned(),
+        keys => format!("{{ {keys} }}"),
     }
 }
 
-/// An array with a length.
-fn fixed(element: &Shape) -> String {
-    range(element).map_or_else(|| "{}".to_owned(), |range| format!("{{ range = \"{range}\" }}"))
-}
-
-/// What elements are drawn from, if they are numbers or vectors.
+/// The range of elements that are numbers or vectors.
 fn range(element: &Shape) -> Option<&'static str> {
     let is_number = matches!(element, Shape::Scalar(_) | Shape::Vector { .. });
     is_number.then(|| match element.lanes().first() {
