@@ -30,7 +30,7 @@ fn format() -> Result<()> {
         .context("run `cargo fmt --all` to format")
 }
 
-/// What Clippy is asked beyond the workspace's own lints: a warning is an error.
+/// Clippy's arguments beyond the lints of the workspace: a warning is an error.
 const LINTS: [&str; 2] = ["-D", "warnings"];
 
 fn clippy() -> Result<()> {

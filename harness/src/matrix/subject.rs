@@ -148,11 +148,8 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
 
 /// A text of a program with the values of its overrides.
 fn shader(text: &str, program: &Program) -> Result<Shader, String> {
-    let read = match program.overrides().is_empty() {
-        true => Shader::parse(text),
-        false => Shader::of(Arc::unwrap_or_clone(parsed_with(text, program.overrides())?)),
-    };
-    read.map_err(|error| error.to_string())
+    let module = Arc::unwrap_or_clone(parsed_with(text, program.overrides())?);
+    Shader::of(module).map_err(|error| error.to_string())
 }
 
 /// The text of a function and all that it uses, as its author wrote it.
