@@ -694,6 +694,13 @@ mod tests {
         let all = changes(before, &dead);
         let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
+        // What it has written before stays.
+        let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
+                      @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
+        let edited =
+            writes.replace("if x", "atomicAdd(&n, 1u); if x").replace("} atomicAdd(&n, 1u);", "}");
+        let [(_, Change::Changed { paths })] = &changes(writes, &edited)[..] else { panic!() };
+        assert!(paths[0].after.contains("discarded: true"), "{paths:?}");
     }
 
     #[test]

@@ -155,9 +155,8 @@ pub(crate) struct Pass {
     pub(crate) workgroups: [u32; 3],
     /// What it uses, with the number of the resource.
     pub(crate) bindings: Vec<(Binding, usize)>,
-    /// Its invocations are pixels of a fragment function, so many in a row; `None` of a compute pass.
-    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs pixels"))]
-    pub(crate) pixels: Option<u32>,
+    /// True of a draw, whose `workgroups` are pixels of a fragment function.
+    pub(crate) drawn: bool,
 }
 
 impl Pass {
@@ -173,6 +172,9 @@ impl Pass {
 
     /// Invocations of a workgroup in each direction.
     pub(crate) fn workgroup_size(&self) -> [u32; 3] {
+        if self.drawn {
+            return [1; 3];
+        }
         let entry_point = self.program.compute_entry_point(&self.entry_point);
         entry_point.expect("a pass has an entry point").1
     }
@@ -180,9 +182,9 @@ impl Pass {
     /// An invocation by its number, workgroup after workgroup of this size.
     #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
-        if let Some(across) = self.pixels {
-            let across = across as usize;
-            return format!("pixel ({}, {})", number % across, number / across);
+        if self.drawn {
+            let [x, y] = karat_engine::pixel_of(number, self.workgroups[0]);
+            return format!("pixel ({x}, {y})");
         }
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (self.workgroup(number / width), split(number % width, size));
@@ -286,8 +288,8 @@ impl Passes {
             }
             all.extend(bindings);
             let (name, bindings) = (name.clone(), bound);
-            let pixels = None;
-            passes.push(Pass { name, program, entry_point, workgroups, bindings, pixels });
+            let drawn = false;
+            passes.push(Pass { name, program, entry_point, workgroups, bindings, drawn });
         }
         if let Some(name) = unknown_overrides.first() {
             return Err(DispatchError::Override { name: (*name).clone() });
@@ -312,7 +314,7 @@ impl Passes {
         };
         let resources = resources.iter().map(held).collect();
         let (name, entry_point) = (entry_point.to_owned(), entry_point.to_owned());
-        let pass = Pass { name, program, entry_point, workgroups, bindings, pixels: None };
+        let pass = Pass { name, program, entry_point, workgroups, bindings, drawn: false };
         Self { passes: vec![pass], resources }
     }
 

@@ -45,6 +45,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(crate) use compilers::Compilers;
+pub(crate) use discard::Discards;
 pub use error::PackageError;
 pub use feature::Feature;
 pub(crate) use feature::Features;

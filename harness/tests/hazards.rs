@@ -960,6 +960,10 @@ fn pixels_that_write_storage_race() {
         "out[u32(uv.y * f32(p.height)) * p.width + u32(uv.x * f32(p.width))] = q;",
         "textureStore(image, vec2u(q.xy), texel(q, 0u));",
         "let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
+        // Pixels that are discarded write nothing, and nothing that they compute matters.
+        "if at(q) != 5u { discard; } out[0] = q;",
+        "let x = f32(uv.x > 0.5); if x == 0.0 { discard; } out[at(q)] = q * fwidth(uv.y) / x;",
+        "if uv.x < 0.5 { discard; } let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
     ] {
         let hazards = look(&fragment(body));
         let skipped = hazards.skipped.iter().find(|(name, _)| name == "main");
@@ -983,6 +987,10 @@ fn pixels_that_write_storage_race() {
             "textureLoad(image, vec2u(q.xy) + vec2u(dx, 0))",
         ),
         ("out[at(q) + 1u] = q;", Kind::OutOfRange, "out[at(q) + 1u] = q"),
+        ("if uv.x < 0.5 { discard; } out[u32(q.x)] = q;", Kind::Race, "out[u32(q.x)] = q"),
+        ("out[u32(q.x)] = dpdx(q * q.y);", Kind::Race, "out[u32(q.x)] = dpdx(q * q.y)"),
+        ("out[at(q)] = q / (dpdx(q.x) - 1.0);", Kind::Infinite, "q / (dpdx(q.x) - 1.0)"),
+        ("if q.x > 3.0 { out[at(q)] = fwidth(q * q); }", Kind::Barrier, "fwidth(q * q)"),
         ("out[at(q)] = normalize(q - q);", Kind::Nan, "normalize(q - q)"),
     ] {
         let hazard = at(&fragment(body), kind, text);

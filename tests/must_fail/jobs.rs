@@ -26,7 +26,9 @@ fn the_engine_behind_a_pipe_is_a_path() {
     assert!(lines[3].starts_with("frame: path `process@mine` draws no frames"), "{text}");
     assert_eq!(lines[4], "load: agrees", "{text}");
     assert!(
-        lines[5].contains("it takes derivatives, for which a quad of pixels has to be drawn"),
+        lines[5].contains(
+            "it takes derivatives, or discards and writes, for which pixels have to be drawn"
+        ),
         "{text}"
     );
 }

@@ -94,6 +94,43 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
 
+/// One invocation of each workgroup acts upon a counter that another one may have changed since.
+#[test]
+fn a_count_that_another_workgroup_changes_meanwhile() {
+    let package = |takes: &str, fills: &str| {
+        let text = format!(
+            "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+             @group(0) @binding(1) var<storage, read_write> list: array<u32, 16>;
+             @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,
+                 @builtin(workgroup_id) group: vec3u) {{
+                 if i == 0u {{
+                     let n = {takes};
+                     {fills}
+                 }}
+             }}"
+        );
+        Package::from_source("list", text)
+    };
+    let counted = |package: &Package, list: bool| {
+        let compute = package.compute().with("count", Storage::new([0_u32]));
+        let compute = if list { compute.with("list", Storage::new([9_u32; 16])) } else { compute };
+        let after = compute.dispatch("main", [6, 1, 1]).after("count").unrecorded();
+        after.try_agrees_with([6_u32], Abs(0.0))
+    };
+    let (stale, whole) = ("atomicLoad(&count)", "atomicAdd(&count, 1u)");
+    let fills = "list[n] = group.x;";
+    counted(&package(whole, fills), true).expect("each has a place of its own");
+    let error = counted(&package(stale, &format!("atomicStore(&count, n + 1u); {fills}")), true);
+    let Err(ComputeError::Violations(found)) = error else { panic!("{error:?}") };
+    let [race] = &found.all[..] else { panic!("{found}") };
+    assert_eq!((race.kind, &*race.element), (ViolationKind::WriteWrite, "list[0]"));
+    assert!(race.accesses[1].invocation.ends_with("of workgroup (1, 0, 0)"), "{found}");
+    // Without the list nothing races, and the count is too low.
+    let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
+    let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
+    assert_eq!(order.swap, "workgroups run beside each other, each to its next atomic");
+}
+
 #[test]
 fn two_writes_of_one_element() {
     let (kind, element, [one, other]) = first("data[i / 2u] = i;", 1);

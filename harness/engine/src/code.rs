@@ -123,6 +123,8 @@ pub(crate) enum Op {
     Mark(u32),
     /// Result; operands. Which are in [`Code::subgroups`].
     Subgroup(u32),
+    /// Active lanes become helpers.
+    Discard,
     /// The address spaces that it orders.
     Barrier(naga::Barrier),
     Halt,
@@ -487,6 +489,7 @@ impl Code {
             | Op::Break(_)
             | Op::Continue(_)
             | Op::Return(_)
+            | Op::Discard
             | Op::Barrier(_)
             | Op::Halt => Shape::default(),
         }

@@ -1,16 +1,17 @@
-//! Compute entry points: invocations of a workgroup are the lanes of one chunk.
+//! Compute entry points: invocations of a workgroup are the lanes of one chunk. And fragment entry points, whose workgroups
+//! are tiles of pixels.
 
 use std::time::Instant;
 
 use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::{Arithmetic, F32};
-use crate::code::Binding;
-use crate::machine::Machine;
+use crate::code::{Binding, BufferSlot, Code};
+use crate::machine::{Buffer, Machine, Memory};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::Program;
-use crate::races::{Detector, Observed};
+use crate::races::{Detector, Observed, OfGroup};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
@@ -22,6 +23,8 @@ const MOST_INVOCATIONS: u32 = 1024;
 #[derive(Debug)]
 pub(crate) struct Entry {
     size: [u32; 3],
+    /// True of a fragment entry point: workgroups are tiles, and invocations the pixels of their quads.
+    drawn: bool,
     /// For each scalar of the parameters, the builtin and its component.
     inputs: Vec<(BuiltIn, usize)>,
 }
@@ -33,6 +36,8 @@ impl Entry {
         size: [u32; 3],
     ) -> Result<Self, Refusal> {
         let refuse = |what: &str| Refusal::new(what, Span::UNDEFINED);
+        let drawn = point.stage == naga::ShaderStage::Fragment;
+        let size = if drawn { TILE } else { size };
         if size.contains(&0) {
             return Err(refuse("workgroups of no invocations"));
         }
@@ -70,12 +75,38 @@ impl Entry {
                     | BuiltIn::NumWorkGroups
                     | BuiltIn::WorkGroupSize
             );
+            let given = if drawn { matches!(builtin, BuiltIn::Position { .. }) } else { given };
             if !given && !is_of_subgroups(*builtin) {
                 return Err(refuse(&format!("the builtin input {builtin:?}")));
             }
         }
-        Ok(Self { size, inputs })
+        Ok(Self { size, drawn, inputs })
     }
+}
+
+/// Pixels of a tile, across and down. Four lanes in a row are a quad.
+const TILE: [u32; 3] = [8, 8, 1];
+
+/// The place of an invocation of a tile in it.
+fn place_in_tile(index: u32) -> [u32; 3] {
+    let (quad, pixel) = (index / 4, index % 4);
+    let across = TILE[0] / 2;
+    [quad % across * 2 + pixel % 2, quad / across * 2 + pixel / 2, 0]
+}
+
+/// The tiles of a draw over so many pixels across and down.
+fn tiles(pixels: [u32; 3]) -> [u32; 3] {
+    [pixels[0].div_ceil(TILE[0]), pixels[1].div_ceil(TILE[1]), 1]
+}
+
+/// The pixel of an invocation, by its number and the pixels of the draw across.
+#[must_use]
+pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
+    let of_tile = TILE[0] * TILE[1];
+    let (tile, index) = (invocation as u32 / of_tile, invocation as u32 % of_tile);
+    let columns = across.div_ceil(TILE[0]);
+    let [x, y, _] = place_in_tile(index);
+    [tile % columns * TILE[0] + x, tile / columns * TILE[1] + y]
 }
 
 /// True of a builtin value whose meaning depends on the size of subgroups.
@@ -89,9 +120,95 @@ fn is_of_subgroups(builtin: BuiltIn) -> bool {
     )
 }
 
+/// What the invocations of a workgroup are given alike.
+struct Given {
+    id: [u32; 3],
+    workgroups: [u32; 3],
+    subgroup: u32,
+}
+
+impl Entry {
+    /// The word of an input, for an invocation of a workgroup.
+    fn word(&self, (builtin, k): (BuiltIn, usize), index: usize, given: &Given) -> u32 {
+        let Given { id, workgroups, subgroup } = *given;
+        let [x, y, z] = self.size;
+        let index = index as u32;
+        let local = match self.drawn {
+            true => place_in_tile(index),
+            false => [index % x, index / x % y, index / (x * y)],
+        };
+        let global = |k: usize| id[k].wrapping_mul(self.size[k]).wrapping_add(local[k]);
+        match builtin {
+            BuiltIn::Position { .. } if k < 2 => (global(k) as f32 + 0.5).to_bits(),
+            // The depth of the near side, and 1/w.
+            BuiltIn::Position { .. } => [0.0_f32, 1.0][k - 2].to_bits(),
+            BuiltIn::GlobalInvocationId => global(k),
+            BuiltIn::LocalInvocationId => local[k],
+            BuiltIn::LocalInvocationIndex => index,
+            BuiltIn::WorkGroupId => id[k],
+            BuiltIn::NumWorkGroups => workgroups[k],
+            BuiltIn::SubgroupSize => subgroup,
+            BuiltIn::SubgroupInvocationId => index % subgroup,
+            BuiltIn::SubgroupId => index / subgroup,
+            BuiltIn::NumSubgroups => (x * y * z).div_ceil(subgroup),
+            _ => self.size[k],
+        }
+    }
+}
+
+/// A workgroup that runs.
+struct Running<'p, 'm, A: Arithmetic> {
+    machines: Vec<Machine<'p, A>>,
+    /// The machines that haven't ended, by their numbers.
+    waiting: Vec<usize>,
+    /// The number of its first invocation.
+    first: usize,
+    /// Where others run beside it: its workgroup memory, by its slots, and the detector's knowledge of it. They are at their
+    /// places while it runs.
+    own: Option<(Vec<(usize, Buffer<'m, A>)>, OfGroup)>,
+}
+
+impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
+    /// Room for a workgroup of so many, of which so many lanes share a machine.
+    fn new(
+        code: &'p Code,
+        options: &'p Options,
+        order: &[usize],
+        lanes: usize,
+        beside: usize,
+    ) -> Self {
+        let machine = |_| {
+            let mut machine = Machine::<A>::new(code, options, lanes);
+            machine.yields = beside > 1;
+            machine
+        };
+        let machines = order.chunks(lanes).map(machine).collect();
+        let own = code.buffers.iter().enumerate();
+        let own = own.filter(|(_, slot)| slot.binding == Binding::Workgroup);
+        let bytes = |slot: &BufferSlot| vec![0; slot.least as usize].into();
+        let own = own.map(|(number, slot)| (number, Buffer::new(bytes(slot), slot.written)));
+        let own = (beside > 1).then(|| (own.collect(), OfGroup::default()));
+        Self { machines, waiting: Vec::new(), first: 0, own }
+    }
+
+    /// What is its own comes to its place, or goes from there.
+    fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
+        let Some((buffers, of_group)) = &mut self.own else { return };
+        for (slot, buffer) in buffers {
+            std::mem::swap(&mut memory.buffers[*slot], buffer);
+        }
+        if let Some(detector) = detector {
+            detector.exchange(of_group);
+        }
+    }
+}
+
 impl Program {
     /// Runs a compute entry point, one workgroup after the other: that is one of the orders that
     /// the specification allows. Storage that it writes is changed in `resources`.
+    ///
+    /// Of a fragment entry point `workgroups` are the pixels of a draw across and down, and the case of an invocation is the
+    /// number that [`pixel_of`] takes. It is given its position and nothing else.
     ///
     /// In intervals nothing can be written; such a program is stopped.
     ///
@@ -130,10 +247,10 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// Invocations of a workgroup in each direction; `None` of a function.
+    /// Invocations of a workgroup in each direction; 1 of a draw, whose pixels are its workgroups. `None` of a function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
-        self.entry.as_ref().map(|entry| entry.size)
+        self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
     /// True of an entry point whose results may depend on the size of subgroups.
@@ -163,6 +280,8 @@ impl Program {
         if let (true, Some(slot)) = (A::UNDECIDED, code.textures.iter().find(|slot| slot.written)) {
             return Err(Stop::NoRule { what: "a texture that is written", span: slot.span });
         }
+        let pixels = workgroups;
+        let workgroups = if entry.drawn { tiles(pixels) } else { workgroups };
         let [x, y, z] = entry.size;
         let invocations = (x * y * z) as usize;
         let (mut observed, mut stopped) = (Observed::default(), None);
@@ -171,8 +290,12 @@ impl Program {
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
             let subgroup = options.subgroup();
-            // The invocations of a subgroup stay together, and the last one, which may not be whole, stays the last.
-            let of = if self.has_subgroups() { subgroup as usize } else { 1 };
+            // The invocations of a subgroup stay together, as do the pixels of a quad, and the last one, which may not be whole, stays the last.
+            let of = match (self.has_subgroups(), entry.drawn) {
+                (true, _) => subgroup as usize,
+                (_, true) => 4,
+                _ => 1,
+            };
             let (shuffled, order) = match options.schedule {
                 Some(schedule) => {
                     let (groups, order) = schedule.orders(all, invocations / of);
@@ -192,76 +315,88 @@ impl Program {
             // The invocations of one machine go from operation to operation side by side.
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
             let lanes = if serial { of } else { invocations };
-            let new = |_| Machine::<A>::new(code, options, lanes);
-            let mut machines: Vec<Machine<'_, A>> = order.chunks(lanes).map(new).collect();
-            machines[0].detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
-            'groups: for group in groups {
+            let beside = if serial { 1 } else { options.beside.clamp(1, all.max(1)) };
+            let new = |_| Running::<A>::new(code, options, &order, lanes, beside);
+            let mut running: Vec<Running<'_, '_, A>> = (0..beside).map(new).collect();
+            let mut detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
+            let mut groups = groups;
+            let mut work = options.work;
+            'groups: loop {
                 if options.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                     return Err(Stop::Misuse(
                         "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
                     ));
                 }
-                let id = [group % across, group / across % down, group / (across * down)];
-                let id = id.map(|index| index as u32);
-                for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
-                    if slot.binding == Binding::Workgroup {
-                        buffer.clear();
-                    }
-                }
-                let first = group * invocations;
-                if let Some(detector) = &mut machines[0].detector {
-                    detector.begin(first);
-                }
-                for (machine, own) in machines.iter_mut().zip(order.chunks(lanes)) {
-                    for (&(register, scalar), &(builtin, k)) in
-                        code.parameters.iter().zip(&entry.inputs)
-                    {
-                        let word = |index: &usize| {
-                            let index = *index as u32;
-                            let local = [index % x, index / x % y, index / (x * y)][k];
-                            match builtin {
-                                BuiltIn::GlobalInvocationId => {
-                                    id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
-                                }
-                                BuiltIn::LocalInvocationId => local,
-                                BuiltIn::LocalInvocationIndex => index,
-                                BuiltIn::WorkGroupId => id[k],
-                                BuiltIn::NumWorkGroups => workgroups[k],
-                                BuiltIn::SubgroupSize => subgroup,
-                                BuiltIn::SubgroupInvocationId => index % subgroup,
-                                BuiltIn::SubgroupId => index / subgroup,
-                                BuiltIn::NumSubgroups => (x * y * z).div_ceil(subgroup),
-                                _ => entry.size[k],
-                            }
-                        };
-                        machine.set(register.index, scalar, own.iter().map(word));
-                    }
-                    machine.start(own.len());
-                }
-                let mut waiting: Vec<usize> = (0..machines.len()).collect();
-                while !waiting.is_empty() {
-                    let mut next = Vec::new();
-                    for number in waiting {
-                        let case = first + order[number * lanes];
-                        let machine = &mut machines[number];
-                        match machine.resume::<SEEN>(case, &mut memory, observer) {
-                            Ok(waits) => next.extend(waits.then_some(number)),
-                            Err(spent) => {
-                                let own = order[number * lanes + spent.lane];
-                                let stop = spent.stop(first + own, options);
-                                if watch.is_none() {
-                                    return Err(stop);
-                                }
-                                stopped = Some(stop);
-                                break 'groups;
-                            }
+                let mut count = 0;
+                for (one, group) in running.iter_mut().zip(&mut groups) {
+                    count += 1;
+                    one.first = group * invocations;
+                    one.waiting = (0..one.machines.len()).collect();
+                    one.exchange(&mut memory, &mut detector);
+                    for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
+                        if slot.binding == Binding::Workgroup {
+                            buffer.clear();
                         }
                     }
-                    waiting = next;
+                    if let Some(detector) = &mut detector {
+                        detector.begin(one.first);
+                    }
+                    one.exchange(&mut memory, &mut detector);
+                    let id = [group % across, group / across % down, group / (across * down)];
+                    let given = Given { id: id.map(|index| index as u32), workgroups, subgroup };
+                    for (machine, own) in one.machines.iter_mut().zip(order.chunks(lanes)) {
+                        for (&(register, scalar), &input) in
+                            code.parameters.iter().zip(&entry.inputs)
+                        {
+                            let words = own.iter().map(|index| entry.word(input, *index, &given));
+                            machine.set(register.index, scalar, words);
+                        }
+                        machine.start(own.len());
+                        if entry.drawn {
+                            let is_beyond = |index: &usize| {
+                                let [x, y] = pixel_of(one.first + index, pixels[0]);
+                                x >= pixels[0] || y >= pixels[1]
+                            };
+                            machine.set_helpers(own.iter().map(is_beyond));
+                        }
+                    }
+                }
+                if count == 0 {
+                    break;
+                }
+                while running[..count].iter().any(|one| !one.waiting.is_empty()) {
+                    for one in running[..count].iter_mut().filter(|one| !one.waiting.is_empty()) {
+                        one.exchange(&mut memory, &mut detector);
+                        for number in std::mem::take(&mut one.waiting) {
+                            let case = one.first + order[number * lanes];
+                            let machine = &mut one.machines[number];
+                            (machine.work, machine.detector) = (work, detector.take());
+                            let paused = machine.resume::<SEEN>(case, &mut memory, observer);
+                            (work, detector) = (machine.work, machine.detector.take());
+                            match paused {
+                                Ok(waits) => one.waiting.extend(waits.then_some(number)),
+                                Err(spent) => {
+                                    let own = order[number * lanes + spent.lane];
+                                    let stop = spent.stop(one.first + own, options);
+                                    if watch.is_none() {
+                                        return Err(stop);
+                                    }
+                                    stopped = Some(stop);
+                                    break 'groups;
+                                }
+                            }
+                        }
+                        one.exchange(&mut memory, &mut detector);
+                    }
                 }
             }
-            if let Some(detector) = machines[0].detector.take() {
+            if let Some(detector) = detector {
                 observed = Observed { stopped, ..detector.end(code) };
+                if entry.drawn {
+                    // Of the last tiles some are helpers.
+                    let pixels = pixels.iter().map(|count| *count as usize).product();
+                    observed.invocations = observed.invocations.min(pixels);
+                }
             }
             let textures = code.textures.iter().zip(memory.textures);
             let textures = textures

@@ -1,6 +1,6 @@
 //! WGSL on the CPU, over many cases at once, in three arithmetics.
 //!
-//! A [`Program`] is a function or a compute entry point of a valid [`naga::Module`]. It is lowered
+//! A [`Program`] is a function, a compute or a fragment entry point of a valid [`naga::Module`]. It is lowered
 //! once and then runs as often as wanted, with no driver and no adapter: in [`F32`], as a
 //! conforming GPU computes; in [`F64`], the shadow, which shows what rounding costs; and in
 //! [`Intervals`], which hold every result that the WGSL specification allows.
@@ -105,6 +105,7 @@ mod texture;
 pub use accuracy::Accuracy;
 pub use arithmetic::{Arithmetic, F32, F64, Intervals};
 pub use code::Site;
+pub use dispatch::pixel_of;
 pub use interval::{Interval, Range, Truth};
 pub use lower::{Overrides, Settings};
 pub use observer::{Fault, Faulty, Lanes, Missing, Observer};

@@ -118,6 +118,8 @@ pub(crate) struct Lower<'m> {
     sizes: Option<[Option<Handle<Expression>>; 3]>,
     /// Whether the program is an entry point, whose invocations share memory.
     shared: bool,
+    /// Whether it is a fragment entry point, whose invocations are the pixels of quads.
+    drawn: bool,
     site: u32,
     span: Span,
 }
@@ -154,17 +156,19 @@ impl<'m> Lower<'m> {
             open: Vec::new(),
             sizes: None,
             shared,
+            drawn: false,
             site: 0,
             span: Span::UNDEFINED,
         }
     }
 
-    /// Lowers a compute entry point, as the whole program.
+    /// Lowers a compute or a fragment entry point, as the whole program.
     pub(crate) fn entry_point(
         mut self,
         point: &'m naga::EntryPoint,
         info: &'m FunctionInfo,
     ) -> Lowered<Code> {
+        self.drawn = point.stage == naga::ShaderStage::Fragment;
         self.code.workgroup = point.workgroup_size;
         self.sizes = point.workgroup_size_overrides;
         self.program(&point.function, info, &point.name)

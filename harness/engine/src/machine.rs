@@ -1,6 +1,7 @@
 //! Runs a program for one chunk of lanes, one operation after the other.
 
 mod control;
+mod helpers;
 mod images;
 mod lanes;
 mod masks;
@@ -67,7 +68,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// Loop rounds that each lane has left.
     fuel: Vec<u64>,
     /// Rounds that all of them have left.
-    work: u64,
+    pub(crate) work: u64,
     /// Rounds of loops, for looking at the clock.
     rounds: u64,
     /// Rounds for which each lane's exit has been undecided.
@@ -88,8 +89,12 @@ pub(crate) struct Machine<'p, A: Rules> {
     width: usize,
     /// For each lane, the site at which it became inactive last; kept for the detector, and for derivatives.
     parted: Vec<Option<u32>>,
+    /// Of a draw, the lanes whose effects nothing sees; empty otherwise.
+    helpers: Vec<bool>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,
+    /// Whether it waits behind each atomic, too.
+    pub(crate) yields: bool,
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
@@ -115,7 +120,9 @@ impl<'p, A: Rules> Machine<'p, A> {
             site: 0,
             width,
             parted: vec![None; width],
+            helpers: Vec::new(),
             detector: None,
+            yields: false,
         };
         for &(register, constant) in &code.constants {
             let index = register.index;
@@ -235,6 +242,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.at = 0;
         self.open.clear();
         self.parted.fill(None);
+        self.helpers.clear();
         if A::UNDECIDED {
             self.worlds.start(active);
         } else {
@@ -245,7 +253,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.lost.fill(None);
     }
 
-    /// Runs on to the next barrier, which is true, or to the end. The first lane is `case`.
+    /// Runs on to where it waits, a barrier or an atomic, which is true; or to the end. The first lane is `case`.
     pub(crate) fn resume<const SEEN: bool>(
         &mut self,
         case: usize,
@@ -381,6 +389,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
+                    if self.yields && !code.walks[walk as usize].plain {
+                        self.at = at;
+                        return Ok(true);
+                    }
                 }
                 Op::Write(scalar, walk) => {
                     self.write(scalar, walk, registers, memory);
@@ -390,6 +402,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Atomic(walk) => {
                     self.atomic(walk, registers, memory);
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
+                    if self.yields {
+                        self.at = at;
+                        return Ok(true);
+                    }
                 }
                 Op::Subgroup(operation) => {
                     self.subgroup(operation, registers);
@@ -472,10 +488,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                             operands: &[],
                             ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
                             bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
-                            active: self.active(),
+                            active: &self.acting(),
                         });
                     }
                 }
+                Op::Discard => self.discard(),
                 Op::Barrier(barrier) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));
@@ -575,7 +592,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             operands: &operands,
             ints: &[],
             bools: &[],
-            active: self.active(),
+            active: &self.acting(),
         });
     }
 
@@ -605,7 +622,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             operands: &operands,
             ints: ints.as_slice(),
             bools: bools.as_slice(),
-            active: self.active(),
+            active: &self.acting(),
         });
     }
 
@@ -719,8 +736,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         A: crate::arithmetic::Arithmetic,
     {
         let site = self.site(instruction);
-        let active = self.active().iter().enumerate();
-        let here = active.filter(|(_, active)| A::possible(**active)).map(|(lane, _)| lane);
+        let here = (0..self.active().len()).filter(|lane| self.acts(*lane));
         for lane in here.filter(|lane| wrong(*lane)) {
             observer.fault(&Faulty { fault, site, case: case + lane, missing: None });
         }
@@ -740,7 +756,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let comes = |lane: usize| A::possible(active[lane]);
         let parted = |lane| (lane, neighbour.of(lane));
         let lanes = (0..active.len()).map(parted);
-        for (lane, other) in lanes.filter(|(lane, other)| comes(*lane) && !comes(*other)) {
+        for (lane, other) in lanes.filter(|(lane, other)| self.acts(*lane) && !comes(*other)) {
             let parted = self.parted[other].map(|site| &self.code.sites[site as usize]);
             let missing = Some(Missing { case: case + other, parted });
             observer.fault(&Faulty { fault: Fault::Parted, site, case: case + lane, missing });

@@ -36,6 +36,9 @@ pub struct Options {
     pub outside_at: Option<u32>,
     /// The order in which workgroups and invocations of a dispatch run; `None`: by their numbers.
     pub schedule: Option<Schedule>,
+    /// Workgroups that run beside each other, each to its next atomic or barrier before the next one goes on: 1 by default.
+    /// So one of them may act upon what an atomic gave it after another one has changed that. In a serial schedule it is 1.
+    pub beside: usize,
 }
 
 impl Options {
@@ -58,6 +61,7 @@ impl Default for Options {
             outside: None,
             outside_at: None,
             schedule: None,
+            beside: 1,
         }
     }
 }

@@ -65,7 +65,7 @@ impl Program {
         Self::of(code, None)
     }
 
-    /// Lowers the compute entry point `name` of a valid module.
+    /// Lowers the compute or fragment entry point `name` of a valid module.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Program {
             let what = format!("`{name}`: there is no such entry point");
             return Err(Refusal::new(what, Span::UNDEFINED));
         };
-        if point.stage != ShaderStage::Compute {
+        if !matches!(point.stage, ShaderStage::Compute | ShaderStage::Fragment) {
             return Err(Refusal::new(
                 format!("entry points of stage {:?}", point.stage),
                 Span::UNDEFINED,

@@ -246,6 +246,15 @@ struct Shadow {
     touched: Touched,
 }
 
+/// What a detector knows of one workgroup alone.
+#[derive(Debug, Default)]
+pub(crate) struct OfGroup {
+    first: u32,
+    epochs: [u32; 3],
+    /// Variables in workgroup memory.
+    own: Vec<Shadow>,
+}
+
 /// A variable, whether its race is one of equal writes, both sites, and whether one workgroup has it.
 type Key = (u32, bool, (u32, u32), bool);
 
@@ -324,6 +333,20 @@ impl Detector {
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
             shadow.touched.0.fill(0);
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
+        }
+    }
+
+    /// Another workgroup goes on: its knowledge for that of the one that stops.
+    pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
+        std::mem::swap(&mut self.first, &mut of.first);
+        std::mem::swap(&mut self.epochs, &mut of.epochs);
+        let own = self.buffers.iter_mut().filter(|shadow| shadow.own);
+        for (number, shadow) in own.enumerate() {
+            if of.own.len() == number {
+                let written = shadow.written;
+                of.own.push(Shadow { written, own: true, ..Shadow::default() });
+            }
+            std::mem::swap(shadow, &mut of.own[number]);
         }
     }
 

@@ -283,6 +283,7 @@ impl Difference {
 #[cfg(test)]
 mod tests {
     use super::super::{Change, Request};
+    use crate::dispatch::ViolationKind;
     use crate::package::Package;
 
     const COUNTS: &str = "@group(0) @binding(0) var<storage, read> data: array<u32>;
@@ -307,19 +308,22 @@ mod tests {
                 if place < arrayLength(&list) { list[place] = u32(at.x); }
                 return vec4f(1.0);
             }";
-        let edited =
-            text.replace("atomicAdd(&count, 1u);", "atomicLoad(&count); atomicAdd(&count, 1u);");
         let package = |text: &str| Package::from_source("collect", text.to_owned());
         let compared = |before: &str, after: &str| {
             let mut all =
                 Request::new(package(before), package(after)).run().expect("both are valid");
             all.pop().expect("the fragment function")
         };
-        let one = compared(text, &edited);
-        assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
-        let [race] = &one.violations[..] else { panic!("{one:?}") };
-        assert_eq!(race.variable, "list");
-        assert!(compared(&edited, text).violations.is_empty(), "an edit may mend it");
+        for first in ["", "if at.x < fwidth(at.x) { discard; }"] {
+            let text = text.replace("let place", &format!("{first} let place"));
+            let load = "atomicLoad(&count); atomicAdd(&count, 1u);";
+            let edited = text.replace("atomicAdd(&count, 1u);", load);
+            let one = compared(&text, &edited);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            let [race, ..] = &one.violations[..] else { panic!("{one:?}") };
+            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert!(compared(&edited, &text).violations.is_empty(), "an edit may mend it");
+        }
     }
 
     #[test]

@@ -6,14 +6,10 @@ use super::Passes;
 use crate::fixture::{self, Fixture, Storage, Uniform};
 use crate::made_up::{Arguments, Extents, Ranges, Resources};
 use crate::package::Package;
-use crate::probe::{Probed, WORKGROUP};
+use crate::probe::Probed;
 
 /// Pixels across and down: as many as a compute pass of 8 x 8 invocations usually has, and rows are no columns.
 const SIZE: [u32; 2] = [16, 24];
-
-/// Pixels that run in lockstep. All of them are as many times so many.
-const BESIDE: u32 = WORKGROUP;
-const _: () = assert!((SIZE[0] * SIZE[1]).is_multiple_of(BESIDE));
 
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
@@ -33,7 +29,8 @@ impl Passes {
     ) -> Result<(Self, Resources), String> {
         let probed = Probed::new(package, name).map_err(|error| error.to_string())?;
         let (program, function) = (&probed.program, probed.function());
-        let [across, down] = if single { [1; 2] } else { SIZE };
+        // A single pixel has the others of its quad for neighbours.
+        let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (SIZE, SIZE) };
         let extents = Extents::of([1; 3], [SIZE[0], SIZE[1], 1], variant);
         let draws = variant % Extents::ZEROS;
         let made = Resources::of_pass((program, &function.bindings), ranges, extents, draws)?;
@@ -42,26 +39,18 @@ impl Passes {
         let width = arguments.width();
         let row = rows.chunks_exact(width.max(1)).nth(draws % count.max(1)).unwrap_or_default();
         let words = arguments.of_pixels(function, row, [across, down]);
-        // The kernel of one call writes its results behind each other, and takes its number from its invocation.
-        let text = probed.kernel().strip_prefix(program.text()).expect("a kernel begins with it");
-        // Calls of functions that write storage come one after the other. Pixels run beside each other: what one of them
-        // reads may be older than what the one before it has written.
-        let (head, body) =
-            text.split_once("@workgroup_size(1)").expect("such calls come one by one");
-        let size = if single { 1 } else { BESIDE };
-        let text = format!("{head}@workgroup_size({size}){body}");
-        let kernel = program.followed_by(&text).map_err(|error| error.to_string())?;
-        let (bindings, _) =
-            kernel.compute_entry_point(Probed::ENTRY_POINT).expect("it is a kernel");
-        let pixels = across * down;
-        let (_, words_out) = probed.kernel.words();
-        let results = vec![0_u32; (words_out + 1) * pixels as usize];
+        let kernel = probed.kernel.of_pixels();
+        let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with it");
+        let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
+        let bindings = drawn.fragment_entry_point(Probed::ENTRY_POINT).expect("it is drawn");
+        let (_, words_out) = kernel.words();
+        let results = vec![0_u32; (words_out + 1) * (across * down) as usize];
         let own: [(u32, Fixture); 3] = [
             (0, Storage::new(words).into()),
             (1, Storage::new(results).into()),
-            (2, Uniform::new(glam::UVec4::new(pixels, 0, 0, 0)).into()),
+            (2, Uniform::new(glam::UVec4::new(1, 0, across, 0)).into()),
         ];
-        let first = probed.kernel.first_binding();
+        let first = kernel.first_binding();
         let given = fixture::resolve(&function.bindings, &made.fixtures);
         let given = given.map_err(|error| error.to_string())?;
         let fixture_of = |place: (u32, u32)| {
@@ -76,11 +65,10 @@ impl Passes {
             (one, fixture)
         });
         let bound: Vec<_> = bound.collect();
-        let workgroups = if single { 1 } else { pixels / BESIDE };
-        let mut passes =
-            Self::over(Arc::new(kernel), Probed::ENTRY_POINT, [workgroups, 1, 1], &bound);
+        let size = [size[0], size[1], 1];
+        let mut passes = Self::over(Arc::new(drawn), Probed::ENTRY_POINT, size, &bound);
         let pass = &mut passes.passes[0];
-        (pass.name, pass.pixels) = (name.to_owned(), Some(across));
+        (pass.name, pass.drawn) = (name.to_owned(), true);
         Ok((passes, made))
     }
 }

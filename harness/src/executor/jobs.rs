@@ -36,8 +36,8 @@ pub(super) fn prepare<'e>(
     let Call { probed, fixtures, cases } = *call;
     let form = &probed.function().form;
     if form.fragment {
-        let message = "it takes derivatives, for which a quad of pixels has to be drawn: only drivers of wgpu \
-                       and Karat's engine do that";
+        let message = "it takes derivatives, or discards and writes, for which pixels have to be drawn: only \
+                       drivers of wgpu and Karat's engine do that";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;

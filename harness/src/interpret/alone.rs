@@ -8,7 +8,7 @@ use super::trace::Traced;
 use super::{lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
-use crate::probe::{ProbeError, Probed};
+use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
 use crate::reflect::{Binding, BindingKind, Program};
 use crate::settings;
 
@@ -24,6 +24,8 @@ pub(crate) struct Alone {
     first: u32,
     words_in: usize,
     words_out: usize,
+    /// Bytes of the buffer of arguments, at least.
+    least: usize,
     /// Rounds of loops that a case may make.
     fuel: u64,
     /// True if subnormals are zero.
@@ -55,6 +57,7 @@ impl Alone {
         let first = probed.kernel.first_binding();
         let (program, name) = (Arc::clone(program), function.name.clone());
         let written = function.written().cloned().collect();
+        let least = if probed.kernel.inputs() == Inputs::Uniform { 4 * UNIFORM_WORDS } else { 0 };
         let fuel = settings::fuel();
         let flush = via == Via::Ftz;
         Ok(Self {
@@ -66,6 +69,7 @@ impl Alone {
             first,
             words_in,
             words_out,
+            least,
             fuel,
             flush,
         })
@@ -129,9 +133,11 @@ impl Alone {
     ) -> Result<Resources, ProbeError> {
         let mut resources = self.resources.clone();
         let bytes = |words: &[u32]| bytemuck::cast_slice::<u32, u8>(words).to_vec();
-        resources.set_buffer(0, self.first, bytes(arguments));
+        let mut given = bytes(arguments);
+        given.resize(given.len().max(self.least), 0);
+        resources.set_buffer(0, self.first, given);
         resources.set_buffer(0, self.first + 1, vec![0; 4 * (self.words_out + 1)]);
-        resources.set_buffer(0, self.first + 2, bytes(&[1, 0, 0, 0]));
+        resources.set_buffer(0, self.first + 2, bytes(&[0; 4]));
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
         let options = Options { fuel: self.fuel, deadline, flush: self.flush, ..options.clone() };
         self.lowered

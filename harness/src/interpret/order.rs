@@ -8,6 +8,9 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 /// Invocations of a subgroup where no order says another number.
 pub(crate) const SUBGROUP: u32 = Schedule::SUBGROUP;
 
+/// Workgroups that run beside each other: any two neighbours do, and a few more.
+pub(super) const BESIDE: usize = 4;
+
 /// Invocations of a subgroup, by the seed of an order: those that GPUs have, the least and the most first.
 const SUBGROUPS: [u32; 5] = [4, 64, 8, 32, 16];
 
@@ -22,7 +25,7 @@ pub(crate) struct OrderOf {
 impl OrderOf {
     /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
     /// their numbers and once backwards: any two of them meet in both orders, wherever their statements stand. The others
-    /// keep statements side by side.
+    /// keep statements side by side, and have workgroups run beside each other.
     pub(crate) fn whole(passes: &Passes, number: u64) -> Self {
         let subgroup = SUBGROUPS[number as usize % SUBGROUPS.len()];
         // The reverse order is that of the seed 0.
@@ -80,8 +83,14 @@ impl OrderOf {
                 "invocations run to the next barrier, or to their ends, one after the other";
             let of_one = self.only.and_then(|number| passes.passes.get(number));
             let of_one = of_one.map_or_else(String::new, |pass| format!(" in `{}`", pass.name));
-            let serial = self.schedule.serial.then(|| format!("{serial}{of_one}"));
-            let both: Vec<String> = sizes.into_iter().chain(serial).collect();
+            let how = match self.schedule.serial {
+                true => Some(format!("{serial}{of_one}")),
+                false if passes.passes.iter().any(|pass| counts(pass, 1).0 > 1) => Some(format!(
+                    "workgroups run beside each other{of_one}, each to its next atomic"
+                )),
+                false => None,
+            };
+            let both: Vec<String> = sizes.into_iter().chain(how).collect();
             return both.join(", and ");
         }
         let of_pass = |pass: &Pass| {
@@ -123,7 +132,8 @@ pub(crate) fn in_order_of(
     dispatched(passes, &|pass| {
         let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
         let schedule = order.filter(has_it).map(|order| order.schedule);
-        karat_engine::Options { schedule, ..options() }
+        let beside = if schedule.is_some() { BESIDE } else { 1 };
+        karat_engine::Options { schedule, beside, ..options() }
     })
 }
 

@@ -9,6 +9,7 @@ use karat_engine::{
 
 use super::OrderOf;
 use super::dispatch::{in_order, options};
+use super::order::BESIDE;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
     DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
@@ -41,6 +42,7 @@ pub(crate) fn examine(passes: &Passes) -> Examined {
 
 fn examine_with(passes: &Passes, options: &Options) -> Examined {
     let of = passes.invocations();
+    let options = &Options { beside: BESIDE, ..options.clone() };
     let mut examined =
         Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
     if let Err(error) = run(passes, &mut examined, options) {
@@ -259,7 +261,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         (_, Place::Texel(_)) => "textureBarrier",
         _ => "storageBarrier",
     };
-    let note = if pass.pixels.is_some() {
+    let note = if pass.drawn {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
         format!("nothing orders two pixels of a draw: {atomic}let each write an element of its own")
     } else if !race.one_workgroup {
@@ -292,8 +294,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note.clone());
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
-    let by_size =
-        kind == ViolationKind::EqualWrites && !race.one_workgroup && pass.pixels.is_none();
+    let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup && !pass.drawn;
     let in_workgroup = race.binding.is_none();
     let violation =
         Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());

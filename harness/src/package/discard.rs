@@ -1,7 +1,8 @@
 //! Functions that may discard, so that they can be called: a pixel that is discarded is a result, too.
 //!
 //! After `discard` an invocation goes on as a helper, and its results are dropped (WGSL, *Discard Statement*). So the
-//! statement becomes an assignment, and a function beside the author's returns what was assigned.
+//! statement becomes an assignment, and a function beside the author's returns what was assigned. Helpers write nothing,
+//! either: a function that writes what others see keeps the statement, and is drawn.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};
@@ -13,6 +14,15 @@ const DISCARD: &str = "discard";
 /// The function that is called in place of the author's.
 const WRAPPER: &str = "karat_or_discarded";
 
+/// How a function that may discard goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Discards {
+    /// An assignment stands for the statement.
+    Assigned,
+    /// As a helper: the statement stays.
+    Kept,
+}
+
 /// The statements among tokens, as edits.
 pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
     let own = tokens.filter(|token| module.text(*token) == DISCARD);
@@ -20,9 +30,13 @@ pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<E
     own.map(edit).collect()
 }
 
-/// The name of the function that calls one, and the text that declares it. It returns the value, and `discarded`.
-/// `None` if the text hasn't the function.
-pub(super) fn wrapper(text: &str, function: &str) -> Option<(&'static str, String)> {
+/// The name of the function that calls one, and the text that declares it. It returns the value, and `discarded`: false
+/// where the statement is kept, as nobody sees what a helper returns. `None` if the text hasn't the function.
+pub(super) fn wrapper(
+    text: &str,
+    function: &str,
+    discards: Discards,
+) -> Option<(&'static str, String)> {
     let tokens = lex(text);
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let bytes =
@@ -57,13 +71,17 @@ pub(super) fn wrapper(text: &str, function: &str) -> Option<(&'static str, Strin
         ),
         None => (String::new(), format!("{call};"), String::new(), ""),
     };
+    let (variable, first, then) = match discards {
+        Discards::Kept => ("", "", String::new()),
+        Discards::Assigned => (
+            "var<private> karat_discarded: bool;\n",
+            "karat_discarded = false;\n    ",
+            format!("if karat_discarded {{ return karat_Pixel({dropped}true); }}\n    "),
+        ),
+    };
     let text = format!(
-        "\nvar<private> karat_discarded: bool;\n\
-         struct karat_Pixel {{ {member}discarded: bool }}\n\
-         fn {WRAPPER}({parameters}) -> karat_Pixel {{\n    \
-         karat_discarded = false;\n    \
-         {run}\n    \
-         if karat_discarded {{ return karat_Pixel({dropped}true); }}\n    \
+        "\n{variable}struct karat_Pixel {{ {member}discarded: bool }}\n\
+         fn {WRAPPER}({parameters}) -> karat_Pixel {{\n    {first}{run}\n    {then}\
          return karat_Pixel({value}false);\n}}\n"
     );
     Some((WRAPPER, text))
@@ -76,16 +94,20 @@ mod tests {
     #[test]
     fn a_wrapper_takes_what_the_function_takes() {
         let text = "fn f ( a: array<vec2<f32>, 4>,\n  b : ptr<function, f32>, ) -> vec4<f32> {\n  return vec4f(); }";
-        let (name, wrapped) = wrapper(text, "f").expect("it is there");
+        let assigned = |text, name| wrapper(text, name, Discards::Assigned);
+        let (name, wrapped) = assigned(text, "f").expect("it is there");
         assert!(wrapped.contains(&format!(
             "fn {name}(a: array<vec2<f32>, 4>,\n  b : ptr<function, f32>, ) ->"
         )));
         assert!(wrapped.contains("let karat_value = f(a, b);"), "{wrapped}");
         assert!(wrapped.contains("karat_Pixel(vec4<f32>(), true)"), "{wrapped}");
-        let (_, wrapped) = wrapper("fn h() -> f32 // half\n{ }", "h").expect("it is there");
+        let (_, wrapped) = assigned("fn h() -> f32 // half\n{ }", "h").expect("it is there");
         assert!(wrapped.contains("{ value: f32, discarded: bool }"), "{wrapped}");
-        let (_, wrapped) = wrapper("fn g() { }", "g").expect("it is there");
+        let (_, wrapped) = assigned("fn g() { }", "g").expect("it is there");
         assert!(wrapped.contains("    g();\n") && wrapped.contains("{ discarded: bool }"));
-        assert!(wrapper(text, "g").is_none());
+        assert!(assigned(text, "g").is_none());
+        let (_, wrapped) = wrapper(text, "f", Discards::Kept).expect("it is there");
+        assert!(wrapped.contains("return karat_Pixel(karat_value, false);"), "{wrapped}");
+        assert!(!wrapped.contains("karat_discarded"), "{wrapped}");
     }
 }

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::discard::Discards;
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
 use super::library::{Library, ModulePath};
@@ -44,10 +45,10 @@ impl Package {
     }
 
     /// Links the closure of one declaration: what it needs from any module, and nothing else. An entry point is a
-    /// function then.
-    pub(crate) fn link(&self, path: &str) -> Result<Linked, PackageError> {
+    /// function then, and goes on in this way where it discards.
+    pub(crate) fn link(&self, path: &str, discards: Discards) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));
-        self.link_closure(module, &[item], Some(item))
+        self.link_closure(module, &[item], Some((item, discards)))
     }
 
     /// Links the closure of several declarations of one module.
@@ -59,7 +60,7 @@ impl Package {
         &self,
         module: &str,
         items: &[&str],
-        called: Option<&str>,
+        called: Option<(&str, Discards)>,
     ) -> Result<Linked, PackageError> {
         let library = Library::open(self)?;
         let root = library.root(module);

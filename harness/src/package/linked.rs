@@ -15,7 +15,9 @@ use crate::diagnostic::{SourceFile, Span};
 /// WGSL's names that generated kernels use. A shader under test may declare them, too, and gets
 /// other names for its own then.
 pub(crate) const KERNEL_WORDS: &[&str] = &[
+    "all",
     "array",
+    "arrayLength",
     "bitcast",
     "bool",
     "f16",
@@ -31,6 +33,7 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
     "mat4x2",
     "mat4x3",
     "mat4x4",
+    "min",
     "private",
     "read",
     "read_write",

@@ -8,7 +8,7 @@ use blake3::{Hash, Hasher};
 
 use super::PackageError;
 use super::conditions::feature_of;
-use super::discard::{discards, wrapper};
+use super::discard::{Discards, discards, wrapper};
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
 use super::linked::{EntryPoint, Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, Unmet, author_path};
@@ -177,13 +177,14 @@ impl<'a> Linker<'a> {
     }
 
     /// Links what is wanted and what that needs; `whole` is the root with all that it holds. An entry point of the
-    /// root by the name `called` is a function afterwards, which can be called.
+    /// root by the name `called` is a function afterwards, which can be called, and discards in this way.
     pub(super) fn link(
         mut self,
         wanted: Vec<Item>,
         whole: bool,
-        called: Option<&str>,
+        called: Option<(&str, Discards)>,
     ) -> Result<Linked, PackageError> {
+        let (called, how) = called.unzip();
         let items = self.reach(wanted)?;
         let names = self.names(&items);
         let Module { file, declarations, directives, .. } = &*self.parts[&self.root].module;
@@ -239,7 +240,7 @@ impl<'a> Linker<'a> {
             if pixels {
                 let own = discards(module, tokens);
                 may_discard |= !own.is_empty();
-                edits.extend(own);
+                edits.extend(own.into_iter().filter(|_| how == Some(Discards::Assigned)));
             }
             if let Some(stage) = declaration.entry_point.filter(|stage| *stage != Stage::Other)
                 && *path == self.root
@@ -259,11 +260,11 @@ impl<'a> Linker<'a> {
             linked.names.insert(name.clone(), author);
         }
         linked.spliced.check().map_err(PackageError::Shader)?;
-        if let Some(called) = called.filter(|_| may_discard) {
+        if let Some((called, how)) = called.zip(how).filter(|_| may_discard) {
             let key = (self.root.clone(), called.to_owned());
             let function = names.get(&key).map_or(called, String::as_str).to_owned();
             linked.whole = false;
-            let (wrapper, text) = wrapper(linked.text(), &function).expect("it is linked");
+            let (wrapper, text) = wrapper(linked.text(), &function, how).expect("it is linked");
             linked.spliced.append(&text);
             linked.discards = Some((function, wrapper));
         }

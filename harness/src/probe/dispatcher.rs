@@ -118,7 +118,8 @@ impl<'d> Dispatcher<'d> {
             (arguments, results, poison, batch, staging)
         })?;
 
-        let target = kernel.is_drawn().then(|| Target::new(device, capacity)).transpose()?;
+        let drawn = if kernel.is_alone() { 1 } else { capacity };
+        let target = kernel.is_drawn().then(|| Target::new(device, drawn)).transpose()?;
         let mut alone = match kernel.is_alone() {
             true => {
                 let usage = Usage::COPY_SRC | Usage::COPY_DST;
@@ -240,7 +241,7 @@ impl<'d> Dispatcher<'d> {
             }
             self.device.queue.write_buffer(&self.batch, 0, bytemuck::cast_slice(&batch));
             if let Some((batches, _)) = &self.alone {
-                let each: Vec<[u32; 4]> = (0..count).map(|case| [count, canary, 0, case]).collect();
+                let each: Vec<[u32; 4]> = (0..count).map(|case| [0, canary, 0, case]).collect();
                 self.device.queue.write_buffer(batches, 0, bytemuck::cast_slice(&each));
             }
         })?;
@@ -265,8 +266,8 @@ impl<'d> Dispatcher<'d> {
             let size = self.bytes(dispatch.cases);
             poison.fill(&mut encoder, &self.results, size);
             match (&self.target, &self.alone) {
-                (Some(target), _) => bound.draw(&mut target.pass(&mut encoder), dispatch.cases),
-                (None, Some((batches, kept))) => {
+                (Some(target), None) => bound.draw(&mut target.pass(&mut encoder), dispatch.cases),
+                (target, Some((batches, kept))) => {
                     for case in 0..dispatch.cases {
                         kept.iter().for_each(|kept| kept.reset(&mut encoder));
                         encoder.copy_buffer_to_buffer(
@@ -276,7 +277,9 @@ impl<'d> Dispatcher<'d> {
                             0,
                             16,
                         );
-                        {
+                        if let Some(target) = target {
+                            bound.draw(&mut target.pass_of_one(&mut encoder), 1);
+                        } else {
                             let mut pass = encoder.begin_compute_pass(&Default::default());
                             bound.set(&mut pass);
                             pass.dispatch_workgroups(1, 1, 1);

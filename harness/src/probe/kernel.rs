@@ -63,6 +63,9 @@ impl Kernel {
     /// Writes the kernel with another source of its arguments.
     pub(crate) fn with_inputs(program: &Program, function: &Function, inputs: Inputs) -> Self {
         let lanes = |shape: &Shape| shape.lanes().len();
+        // A driver may read nothing from storage for the pixels of a quad that aren't drawn.
+        let form = &function.form;
+        let inputs = if form.fragment && form.alone { Inputs::Uniform } else { inputs };
         let words_in = function.parameters.iter().map(|(_, shape)| lanes(shape)).sum();
         let mut kernel = Self {
             text: String::new(),
@@ -70,8 +73,8 @@ impl Kernel {
             words_out: function.outputs().iter().map(|(_, shape)| lanes(shape)).sum(),
             first_binding: program.free_binding(),
             inputs,
-            apart: !function.form.fragment
-                && !function.form.alone
+            apart: !form.fragment
+                && !form.alone
                 && program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS),
             counted: None,
             linked: program.text().to_owned(),
@@ -91,6 +94,15 @@ impl Kernel {
             counted: Some(loops),
             ..self.clone()
         };
+        kernel.text = kernel.write(&[]).expect("writing to a String never fails");
+        kernel
+    }
+
+    /// The call of a function that runs alone, in each pixel of a draw: their rows are its cases, row after row.
+    #[cfg(feature = "engine")]
+    pub(crate) fn of_pixels(&self) -> Self {
+        let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
+        kernel.function.form.fragment = true;
         kernel.text = kernel.write(&[]).expect("writing to a String never fails");
         kernel
     }
@@ -179,19 +191,38 @@ impl Kernel {
         });
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
-            (true, _) => "quads in a row, rows of quads",
-            (_, true) => "nothing, the case",
-            _ => "invocations in a row of workgroups, invocations a case",
+            (true, true) => {
+                "Cases from a pixel to the one to its right, canary, cases to the one below, the first case"
+            }
+            (true, false) => "Number of cases, canary, quads in a row, rows of quads",
+            (false, true) => "Nothing, canary, nothing, the case",
+            (false, false) => {
+                "Number of cases, canary, invocations in a row of workgroups, invocations a case"
+            }
         };
         writeln!(
             text,
             "@group(0) @binding({results}) var<storage, read_write> karat_out: array<u32>;\n\
-             // Number of cases, canary, {what}.\n\
+             // {what}.\n\
              @group(0) @binding({batch}) var<uniform> karat_batch: vec4<u32>;\n\n\
              {counters}{}",
             self.pointed()
         )?;
-        if form.fragment {
+        if form.fragment && form.alone {
+            writeln!(
+                text,
+                "// A triangle over all pixels. Those of a quad that aren't drawn are helpers, which write nothing.\n\
+                 @vertex\n\
+                 fn {VERTEX}(@builtin(vertex_index) karat_index: u32) -> @builtin(position) vec4<f32> {{\n    \
+                 let karat_corner = vec2<f32>(vec2<u32>(karat_index % 2u, karat_index / 2u));\n    \
+                 return vec4<f32>(4.0 * karat_corner - 1.0, 0.0, 1.0);\n}}\n\n\
+                 @fragment\n\
+                 fn {ENTRY_POINT}(@builtin(position) karat_position: vec4<f32>) -> @location(0) vec4<f32> {{\n    \
+                 let karat_pixel = vec2<u32>(karat_position.xy);\n    \
+                 let karat_step = vec2<f32>(karat_pixel % vec2<u32>(2u));\n    \
+                 let karat_case = karat_batch.w + karat_pixel.x * karat_batch.x + karat_pixel.y * karat_batch.z;"
+            )?;
+        } else if form.fragment {
             writeln!(
                 text,
                 "// Each case is a quad of two by two pixels, for its own triangle, which covers all four: a\n\
@@ -221,7 +252,7 @@ impl Kernel {
                  fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{"
             )?;
         }
-        if form.alone {
+        if form.alone && !form.fragment {
             writeln!(text, "    let karat_case = karat_batch.w + karat_id.x;")?;
         } else if self.apart {
             writeln!(
@@ -241,6 +272,21 @@ impl Kernel {
             writeln!(text, "    let karat_from = karat_case * {words_in}u;")?;
         }
         writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
+        let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
+        if form.discards && form.alone {
+            // llvmpipe's GL drops what is stored again behind a `discard`, so that both places must look different to it.
+            writeln!(
+                text,
+                "    // The results of a pixel that is discarded, which writes no others.\n    \
+                 let karat_first = min(karat_to, arrayLength(&karat_out));"
+            )?;
+            let discarded = form.returns.iter().map(|shape| shape.lanes().len()).sum::<usize>() - 1;
+            for index in 0..*words_out {
+                let word = u32::from(index == discarded);
+                writeln!(text, "    karat_out[karat_first + {index}u] = {word}u;")?;
+            }
+            writeln!(text, "    {}", canary.replace("karat_to", "karat_first"))?;
+        }
         if *inputs == Inputs::Constant {
             writeln!(text, "    switch karat_case {{")?;
             let cases = constants.chunks_exact((*words_in).max(1));
@@ -259,11 +305,14 @@ impl Kernel {
                 _ => from_word(scalar, &format!("karat_in[karat_from + {lane}u]")),
             })?;
         }
-        let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
-        if form.fragment {
-            writeln!(text, "        {canary}\n    }}\n    return vec4<f32>();\n}}")?;
-        } else {
-            writeln!(text, "    {canary}\n}}")?;
+        match (form.fragment, form.alone) {
+            (true, true) => {
+                writeln!(text, "    {canary}\n    return vec4<f32>();\n}}")?;
+            }
+            (true, false) => {
+                writeln!(text, "        {canary}\n    }}\n    return vec4<f32>();\n}}")?;
+            }
+            _ => writeln!(text, "    {canary}\n}}")?,
         }
         Ok(text)
     }
@@ -341,7 +390,7 @@ impl Kernel {
             return Ok(());
         }
         let mut indent = "    ";
-        if form.fragment {
+        if form.fragment && !form.alone {
             indent = "        ";
             writeln!(text, "    if all(karat_pixel % vec2<u32>({CELL}u) == vec2<u32>(0u)) {{")?;
         }
@@ -442,11 +491,17 @@ mod tests {
             shapes.extend(["f32", "i32", "bool"].map(|scalar| format!("vec{columns}<{scalar}>")));
             shapes.extend((2..=4).map(|rows| format!("mat{columns}x{rows}<f32>")));
         }
-        for shape in shapes {
-            let source = format!(
+        let of_shape = |shape: String| {
+            format!(
                 "enable f16;\nfn same(x: {shape}, n: u32) -> {shape} {{ var y = x; \
                  for (var i = 0u; i < n; i++) {{ y = x; }} return y; }}"
-            );
+            )
+        };
+        // Kernels that are drawn, and those that run alone.
+        let writes = "@group(0) @binding(0) var<storage, read_write> d: f32;\n";
+        let drawn = ["d = x;", "_ = dpdx(x);", "d = dpdx(x);", "if x > 0.5 { discard; } d = x;"]
+            .map(|body| format!("{writes}fn same(x: f32, n: u32) -> f32 {{ {body} for (var i = 0u; i < n; i++) {{}} return x; }}"));
+        for source in shapes.into_iter().map(of_shape).chain(drawn) {
             let package = Package::from_source("s", source);
             let program = Program::of_function(&package, "same").expect("valid");
             let function = program.function("same").expect("it can be called");
@@ -466,19 +521,29 @@ mod tests {
                             "compute",
                             "const",
                             "default",
+                            "discarded",
                             "false",
                             "fn",
+                            "fragment",
                             "group",
                             "if",
+                            "instance_index",
                             "let",
+                            "location",
+                            "position",
                             "return",
                             "switch",
                             "true",
+                            "value",
                             "var",
+                            "vertex",
+                            "vertex_index",
                             "workgroup_size",
                             "x",
+                            "xy",
                             "y",
                             "z",
+                            "zw",
                             "w",
                         ];
                         assert!(

@@ -41,6 +41,16 @@ impl Target {
         Ok(Self { view, grid: [columns, rows] })
     }
 
+    /// A pass that draws its first pixel.
+    pub(super) fn pass_of_one<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+    ) -> wgpu::RenderPass<'e> {
+        let mut pass = self.pass(encoder);
+        pass.set_scissor_rect(0, 0, 1, 1);
+        pass
+    }
+
     /// A pass that draws into it.
     pub(super) fn pass<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

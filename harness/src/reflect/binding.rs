@@ -106,13 +106,23 @@ impl Program {
     /// The resources of a compute entry point, by its name in the text, and the invocations of its
     /// workgroup.
     pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
-        let mut entries = self.checked.module.entry_points.iter();
-        let index = entries
-            .position(|entry| entry.name == name && entry.stage == naga::ShaderStage::Compute)?;
-        let info = self.checked.info.get_entry_point(index);
+        let (bindings, index) = self.resources_of(name, naga::ShaderStage::Compute)?;
         let size = self.workgroup_size(&self.checked.module.entry_points[index]);
         let size = size.map(|count| u32::try_from(count).unwrap_or(u32::MAX));
-        Some((self.bindings(info), size))
+        Some((bindings, size))
+    }
+
+    /// The resources of a fragment entry point, by its name in the text.
+    #[cfg(feature = "engine")]
+    pub(crate) fn fragment_entry_point(&self, name: &str) -> Option<Vec<Binding>> {
+        self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
+    }
+
+    /// The resources of an entry point of a stage, and its number.
+    fn resources_of(&self, name: &str, stage: naga::ShaderStage) -> Option<(Vec<Binding>, usize)> {
+        let mut entries = self.checked.module.entry_points.iter();
+        let index = entries.position(|entry| entry.name == name && entry.stage == stage)?;
+        Some((self.bindings(self.checked.info.get_entry_point(index)), index))
     }
 
     /// Whether a variable's type has a matrix of two rows, whose columns GLSL's std140 spaces wider.

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Program, ReflectError};
-use crate::package::Package;
 use crate::package::workspace::{self, Kind};
+use crate::package::{Discards, Package};
 
 /// Programs by what they hold, each of several packages.
 struct Programs;
@@ -45,7 +45,7 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
         return Ok(program);
     }
     let linked = match wanted {
-        Wanted::Function(path) => package.link(path)?,
+        Wanted::Function(path) => package.link(path, Discards::Assigned)?,
         Wanted::Module(module) => package.link_module(module)?,
         Wanted::Items(module, items) => {
             let items: Vec<&str> = items.iter().map(String::as_str).collect();
@@ -53,10 +53,13 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
         }
     };
     let mut program = Program::from_linked(linked)?;
-    if let Wanted::Function(path) = wanted
-        && let Some(linked) = program.with_variables(path)
-    {
-        program = Program::from_linked(linked)?;
+    if let Wanted::Function(path) = wanted {
+        if program.discards_and_writes(path) {
+            program = Program::from_linked(package.link(path, Discards::Kept)?)?;
+        }
+        if let Some(linked) = program.with_variables(path) {
+            program = Program::from_linked(linked)?;
+        }
     }
     let program = Arc::new(program);
     workspace::with_room::<Programs, _>(|kept| {

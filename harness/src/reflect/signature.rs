@@ -48,7 +48,8 @@ pub(crate) struct Form {
     pub(crate) taken: Vec<(usize, String, String)>,
     /// Whether each case runs by itself, as what it writes would be seen by others.
     pub(crate) alone: bool,
-    /// Whether only fragment shaders may call it: each case is a quad of pixels.
+    /// Whether only fragment shaders may call it: each case is a quad of pixels, and one of them if it runs alone. Then
+    /// the others are helpers, and so is a pixel that is discarded.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which is called like any function.
     pub(crate) stage: Option<Stage>,
@@ -180,7 +181,7 @@ impl Program {
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
         // Of a program that isn't linked for it: there a wrapper returns whether it discards.
-        if fragment && info.may_kill {
+        if fragment && info.may_kill && !discards {
             return Err(refuse(
                 "it may discard, and then there is no result".to_owned(),
                 "return what decides whether to discard",
@@ -196,19 +197,6 @@ impl Program {
         if let Some(entry_point) = &self.linked.called {
             form.stage = Some(entry_point.stage);
             form.builtins.clone_from(&entry_point.builtins);
-        }
-        if discards && form.alone {
-            return Err(refuse(
-                "it may discard, and writes what other pixels see".to_owned(),
-                "a pixel that is discarded writes nothing: split it in two functions",
-            ));
-        }
-        if fragment && form.alone {
-            return Err(refuse(
-                "it uses operations of fragment shaders, and writes what other pixels see"
-                    .to_owned(),
-                "split it in two functions",
-            ));
         }
         if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
@@ -276,6 +264,14 @@ impl Program {
             Some((own, wrapper)) if own == name => wrapper,
             _ => name,
         }
+    }
+
+    /// True if a function may discard, and writes what others see.
+    pub(super) fn discards_and_writes(&self, path: &str) -> bool {
+        let name = self.name_of(path);
+        let called = self.called_name(name);
+        let info = self.declared(called).map(|(handle, _)| &self.checked.info[handle]);
+        called != name && info.is_some_and(|info| self.shared_state(info).is_some())
     }
 
     /// The type of a parameter's value, and how it is passed.

@@ -99,8 +99,6 @@ tolerance = \"1 ulp\"
     // Textures and samplers are parameters, too, and comments are no code.
     let sampled = "fn cut(t: texture_2d<f32>, s: sampler, uv: vec2f) -> vec4f // discard;
 { let c = textureSampleLevel(t, s, uv, 0.0); if c.a < uv.x { discard; } return c; }
-@group(0) @binding(0) var<storage, read_write> hits: array<u32>;
-fn count(a: f32) -> f32 { if a < 0.5 { discard; } hits[0] = 1u; return a; }
 ";
     write(folder.path(), "t.wgsl", sampled);
     let (white, point) = ("t=[1, 1, 1, 0.5]", ["[0.75, 0.5]", "[0.25, 0.5]"]);
@@ -109,14 +107,83 @@ fn count(a: f32) -> f32 { if a < 0.5 { discard; } hits[0] = 1u; return a; }
         let called = call(&called);
         assert!(called.contains(discarded), "{uv}: {called}");
     }
-    let refused = karat(folder.path(), &["call", "t::count", "0.25", "--bind", "hits=[0]"]);
-    assert!(
-        refused.code != Some(0) && refused.err.contains("it may discard, and writes"),
-        "{refused:?}"
-    );
     // Only pixels can be discarded.
     write(folder.path(), "m.wgsl", &shader.replace("@fragment fn late", "@vertex fn late"));
     assert_ne!(karat(folder.path(), &["call", "m::late", "0.5"]).code, Some(0));
+}
+
+/// A fragment function that counts its pixels, with the storage that it leaves: order-independent transparency in small.
+/// The pixel goes on as a helper where it is discarded, and the others of its quad are helpers from the start.
+#[test]
+fn pixels_that_write_storage_discard_and_have_derivatives() {
+    let folder = shaders("");
+    let shader = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+@group(0) @binding(1) var<storage, read_write> nodes: array<f32, 4>;
+@group(0) @binding(2) var t: texture_2d<f32>;
+@group(0) @binding(3) var s: sampler;
+fn cut(alpha: f32) { if alpha < 0.5 { discard; } }
+@fragment fn keep(@builtin(position) pixel: vec4f, @location(0) uv: vec2f) -> @location(0) vec4f {
+    nodes[3] = 7.0;
+    let color = textureSample(t, s, uv);
+    cut(color.a);
+    nodes[atomicAdd(&count, 1u)] = fwidth(pixel.x * pixel.x) + color.a;
+    return color;
+}
+@fragment fn last(@builtin(position) pixel: vec4f) {
+    nodes[0] = pixel.x;
+    discard;
+}
+fn slope(x: f32) -> f32 {
+    nodes[0] = dpdx(x);
+    if x < 0.5 { discard; }
+    nodes[1] = dpdy(x * x);
+    return x;
+}
+";
+    write(folder.path(), "o.wgsl", shader);
+    let list = karat(folder.path(), &["list"]).good();
+    assert!(list.contains("@fragment o::keep(") && list.contains(", or discards"), "{list}");
+    let called = |alpha: &str, nodes: &str| {
+        let texture = format!("t=[1, 1, 1, {alpha}]");
+        let bound = [&texture, "s=linear", "count=1", nodes];
+        let bound = bound.into_iter().flat_map(|one| ["--bind", one]);
+        let call = ["call", "o::keep", "[2.5, 1.5, 0, 1]", "[0.5, 0.25]"];
+        karat(folder.path(), &call.into_iter().chain(bound).collect::<Vec<_>>()).good()
+    };
+    let nodes = "nodes=[1, 2, 3, 4]";
+    for (alpha, parts) in [
+        // What is given is the same at all pixels of a quad.
+        ("0.75", ["discarded: false", "count: 2", "nodes: [1, 0.75, 3, 7]"]),
+        ("0.25", ["discarded: true", "count: 1", "nodes: [1, 2, 3, 7]"]),
+    ] {
+        let called = called(alpha, nodes);
+        for part in parts {
+            let count = called.lines().filter(|line| line.contains(part)).count();
+            assert!(count >= 2, "`{part}` on each path of:\n{called}");
+        }
+    }
+    // The steps of what is seen.
+    let traced = ["call", "o::last", "[2.5, 1.5, 0, 1]", "--bind", nodes, "--trace"];
+    karat(folder.path(), &traced).good();
+    // Neighbours that are discarded have values for derivatives on each path.
+    let table = "x.value,x.dx,x.dy\n0.75,0.5,-0.25\n0.625,0.5,-0.25\n0.375,0.5,-0.25\n";
+    write(folder.path(), "in.csv", table);
+    for path in ["cpu", "vulkan", "gl"] {
+        let table = ["call", "o::slope", "--table", "in.csv", "--bind", nodes, "--path", path];
+        let left = karat(folder.path(), &table).good();
+        for (line, row) in left.lines().skip(1).zip([
+            "0.75,0.5,-0.25,0.75,false,0.5,-0.3125,3,4",
+            "0.625,0.5,-0.25,0.625,false,0.5,-0.25,3,4",
+            "0.375,0.5,-0.25,0,true,0.5,2,3,4",
+        ]) {
+            assert_eq!(line, row, "{path}");
+        }
+        assert_eq!(left.lines().count(), 4, "{path}: {left}");
+    }
+    // Beside each other pixels race, and those that are discarded don't.
+    let hazards = karat(folder.path(), &["hazards"]);
+    assert!(hazards.out.contains("nodes[3]") && hazards.out.contains("pixel ("), "{hazards:?}");
+    assert!(!hazards.out.contains("didn't look"), "{hazards:?}");
 }
 
 #[test]

@@ -260,6 +260,10 @@ impl<'m> Lower<'m> {
                 self.emit(Op::Barrier(barrier), &[], &[])?;
             }
             Statement::ImageStore { .. } => self.image_store(scope, statement, span)?,
+            Statement::Kill if self.drawn => {
+                self.enter_statement(scope, span);
+                self.emit(Op::Discard, &[], &[])?;
+            }
             Statement::Kill => return Err(self.refuse("discard, which only fragments have")),
             Statement::ImageAtomic { .. } => return Err(self.refuse("atomics on textures")),
             Statement::RayQuery { .. } | Statement::RayPipelineFunction(_) => {

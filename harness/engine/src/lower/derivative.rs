@@ -22,7 +22,7 @@ impl Lower<'_> {
                 return self.basic(Basic::Add, &[x, y], half);
             }
         };
-        if !self.settings.quads {
+        if !self.settings.quads && !self.drawn {
             return Err(self.refuse("a derivative, which only fragments have"));
         }
         let mut values = [of; 2];

@@ -53,7 +53,7 @@ impl<A: Rules> Machine<'_, A> {
         let size = texture.level_size(0);
         let coordinates = op.coordinates as usize;
         for lane in 0..self.width {
-            if !A::possible(self.active()[lane]) {
+            if !self.acts(lane) {
                 continue;
             }
             let mut at = [0; 3];
@@ -193,7 +193,7 @@ impl<A: Rules> Machine<'_, A> {
                 self.leave(lane);
             }
             let words = texture.texel(level, at, sample);
-            if level == 0 && !clamped && A::possible(self.active()[lane]) {
+            if level == 0 && !clamped && self.acts(lane) {
                 self.note_texel(op.texture, (lane, at), size, words, false);
             }
             for (channel, &out) in operands.outs.iter().enumerate() {

@@ -171,6 +171,9 @@ impl<A: Rules> Machine<'_, A> {
     /// Notes that the index of a lane leaves its array. In intervals, what comes of that is anything: the
     /// specification lets an implementation read any element, or zero, and write any.
     pub(super) fn leave(&mut self, lane: usize) {
+        if self.is_helper(lane) {
+            return;
+        }
         self.strayed.push(lane);
         if A::UNDECIDED {
             self.lost[lane] = self.lost[lane].or(Some(self.site));
@@ -430,7 +433,7 @@ impl<A: Rules> Machine<'_, A> {
         }
         let Some(mut detector) = self.detector.take() else { return };
         for lane in 0..self.width {
-            if !A::possible(self.active()[lane]) {
+            if !self.acts(lane) {
                 continue;
             }
             let mut at = 0;
@@ -479,7 +482,7 @@ impl<A: Rules> Machine<'_, A> {
             self.note_accesses(walk, indices, length, WRITES, |lane, _| words[lane]);
         }
         for lane in 0..self.width {
-            if !A::possible(self.active()[lane]) {
+            if !self.acts(lane) {
                 continue;
             }
             let mut at = 0;
@@ -525,7 +528,19 @@ impl<A: Rules> Machine<'_, A> {
         let noted = if compared { READS } else { READS_AND_WRITES };
         self.note_accesses(walk, indices, length, noted, |_, _| 0);
         for lane in 0..self.width {
-            if !A::possible(self.active()[lane]) {
+            if self.is_helper(lane) && atomic.result {
+                // Any result will do, and one of success ends the loop that waits for it.
+                let seen = if compared {
+                    self.ints.get(registers[outs + 1])[lane]
+                } else {
+                    A::int(0, signed)
+                };
+                self.ints.get_mut(registers[0])[lane] = seen;
+                if compared {
+                    self.bools.get_mut(registers[1])[lane] = A::bool(true);
+                }
+            }
+            if !self.acts(lane) {
                 continue;
             }
             let mut at = 0;

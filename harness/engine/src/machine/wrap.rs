@@ -17,7 +17,7 @@ impl<A: Rules> Machine<'_, A> {
         let length = wrap.step.length(bytes);
         let mut stack: Vec<i128> = Vec::new();
         for lane in 0..self.width {
-            if !A::possible(self.active()[lane]) {
+            if !self.acts(lane) {
                 continue;
             }
             let value = |register: u32, signed: bool| {

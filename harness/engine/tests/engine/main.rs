@@ -8,6 +8,7 @@ mod hostile;
 mod intervals;
 mod memory;
 mod observed;
+mod pixels;
 mod races;
 mod random;
 mod reassociation;

@@ -364,3 +364,41 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     }
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
 }
+
+/// What one workgroup does with what an atomic gave it may be what another one does, too, if both run beside each other.
+#[test]
+fn workgroups_beside_each_other_act_upon_what_is_old() {
+    let source = |body: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\
+             @group(0) @binding(1) var<storage, read_write> count: atomic<u32>;\n\
+             var<workgroup> w: array<u32, 4>;\n\
+             @compute @workgroup_size(4) fn main(@builtin(local_invocation_index) i: u32,\n\
+                 @builtin(workgroup_id) group: vec3u) {{\n\
+                 w[i] = group.x;\n    workgroupBarrier();\n    var n = 0u;\n    if i == 0u {{ {body} }}\n    \
+                 workgroupBarrier();\n    d[8u + 4u * group.x + i] = w[3u - i] + 10u * n;\n}}"
+        )
+    };
+    let stale = source("n = atomicLoad(&count); atomicStore(&count, n + 1u); d[n] = 1u;");
+    let whole = source("n = atomicAdd(&count, 1u); d[n] = 1u;");
+    for (source, beside, races) in
+        [(&stale, 1, 0), (&stale, 2, 1), (&stale, 64, 1), (&whole, 1, 0), (&whole, 3, 0)]
+    {
+        let (module, info) = module(source);
+        let program = Program::entry_point(&module, &info, "main", &Settings::default());
+        let program = program.unwrap_or_else(|refusal| panic!("{refusal}\n{source}"));
+        let mut resources = Resources::new();
+        resources.set_buffer(0, 0, vec![0; 4 * 32]);
+        resources.set_buffer(0, 1, vec![0; 4]);
+        let options = Options { beside, ..Options::default() };
+        let seen = program.observe_races([5, 1, 1], &mut resources, &options, None);
+        let seen = seen.unwrap_or_else(|stop| panic!("{stop}\n{source}"));
+        assert_eq!(seen.races.len(), races, "{beside} of {source}: {:?}", seen.races);
+        assert!(seen.races.iter().all(|race| !race.one_workgroup && race.variable == "d"));
+        assert!(seen.divergences.is_empty() && seen.unwritten.is_empty() && seen.invocations == 20);
+        // Each workgroup has memory of its own.
+        let left = resources.buffer(0, 0).expect("it is bound").as_chunks::<4>().0;
+        let of_group = |at: usize| u32::from_le_bytes(left[8 + at]) % 10;
+        assert!((0..20).all(|at| of_group(at) == at as u32 / 4), "{beside} of {source}");
+    }
+}

@@ -1,0 +1,47 @@
+//! Helper invocations: pixels that a draw doesn't cover, and pixels that are discarded.
+//!
+//! They go on so that their neighbours have derivatives. "No write accesses" of theirs are performed, their atomics
+//! return anything, and what they return is dropped (WGSL, *Fragment Shaders and Helper Invocations*).
+
+use std::borrow::Cow;
+
+use super::Machine;
+use crate::arithmetic::sealed::Rules;
+
+impl<A: Rules> Machine<'_, A> {
+    /// Says for each lane of a draw whether it is a helper from the start.
+    pub(crate) fn set_helpers(&mut self, helpers: impl Iterator<Item = bool>) {
+        self.helpers.extend(helpers);
+    }
+
+    /// The active lanes become helpers.
+    pub(super) fn discard(&mut self) {
+        for lane in 0..self.helpers.len() {
+            self.helpers[lane] |= A::possible(self.active()[lane]);
+        }
+    }
+
+    /// True of a helper.
+    #[inline]
+    pub(super) fn is_helper(&self, lane: usize) -> bool {
+        self.helpers.get(lane).is_some_and(|helper| *helper)
+    }
+
+    /// True if a lane is active and others see what it does.
+    #[inline]
+    pub(super) fn acts(&self, lane: usize) -> bool {
+        A::possible(self.active()[lane]) && !self.is_helper(lane)
+    }
+
+    /// The mask of the lanes that act.
+    pub(super) fn acting(&self) -> Cow<'_, [A::Bool]> {
+        if self.helpers.is_empty() {
+            return Cow::Borrowed(self.active());
+        }
+        let active = self.active().iter().enumerate();
+        let of_lane = |(lane, mask): (usize, &A::Bool)| {
+            if self.is_helper(lane) { A::bool(false) } else { *mask }
+        };
+        Cow::Owned(active.map(of_lane).collect())
+    }
+}
