@@ -129,6 +129,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
     assert_eq!(order.swap, "workgroups run beside each other, each to its next atomic");
+    assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
 }
 
 #[test]
@@ -427,7 +428,10 @@ fn an_append_whose_order_matters() {
         "{}",
         seen.swap
     );
-    assert!(seen.location.starts_with("<append>:3:"), "{}", seen.location);
+    assert!(seen.location.starts_with("<append>:4:"), "{}", seen.location);
+    let operation = seen.operation.as_deref();
+    let expected = "`atomicAdd(&count, 1u)` gives local (3, 0, 0) of workgroup (0, 0, 0) 2 there, and 1 in the usual order";
+    assert_eq!(operation, Some(expected));
     let place = seen.element.as_ref().map(|element| element.place.to_string());
     assert_eq!(place.as_deref(), Some("[1]"), "{seen}");
     assert!(seen.swap.starts_with("local (3, 0, 0) and (6, 0, 0) change"), "no bystander: {seen}");

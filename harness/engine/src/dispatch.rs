@@ -177,9 +177,12 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         lanes: usize,
         beside: usize,
     ) -> Self {
-        let machine = |_| {
+        let machine = |own: &[usize]| {
             let mut machine = Machine::<A>::new(code, options, lanes);
             machine.yields = beside > 1;
+            if options.schedule.is_some() {
+                machine.order = own.to_vec();
+            }
             machine
         };
         let machines = order.chunks(lanes).map(machine).collect();

@@ -76,7 +76,8 @@
 //! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
 //!   computed from it. [`Program::cause`] says which operation made it so.
 //! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once. In a serial
-//!   [`Schedule`] each has a machine of its own, which stops at a barrier. Workgroups run one after the other.
+//!   [`Schedule`] each has a machine of its own, which stops at a barrier. Workgroups run one after the other, or some of
+//!   them beside each other ([`Options::beside`]).
 //! - Subgroups are lanes in a row, 32 of them unless a [`Schedule`] says otherwise.
 
 mod accuracy;

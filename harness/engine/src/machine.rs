@@ -16,7 +16,7 @@ use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Fault, Faulty, Lanes, Missing, Observer};
+use crate::observer::{Fault, Faulty, Lanes, Missing, Observer, case_of};
 use crate::options::Options;
 use crate::races::{Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
@@ -95,6 +95,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) detector: Option<Box<Detector>>,
     /// Whether it waits behind each atomic, too.
     pub(crate) yields: bool,
+    /// The invocations of its lanes, by their numbers in the workgroup; empty where they come by them.
+    pub(crate) order: Vec<usize>,
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
@@ -123,6 +125,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             helpers: Vec::new(),
             detector: None,
             yields: false,
+            order: Vec::new(),
         };
         for &(register, constant) in &code.constants {
             let index = register.index;
@@ -389,6 +392,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
+                    if !code.walks[walk as usize].plain {
+                        let shown = (scalar.file(), registers[0], &[][..]);
+                        self.show_other::<SEEN>(observer, instruction, case, shown);
+                    }
                     if self.yields && !code.walks[walk as usize].plain {
                         self.at = at;
                         return Ok(true);
@@ -401,6 +408,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
                     self.atomic(walk, registers, memory);
+                    if code.walks[walk as usize].atomic.is_some_and(|atomic| atomic.result) {
+                        let shown = (File::Int, registers[0], &[][..]);
+                        self.show_other::<SEEN>(observer, instruction, case, shown);
+                    }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     if self.yields {
                         self.at = at;
@@ -410,11 +421,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Subgroup(operation) => {
                     self.subgroup(operation, registers);
                     self.estrange(instruction, registers);
-                    if code.shape(instruction.op).outs[File::Float as usize] > 0 {
+                    let [floats, ints, _] = code.shape(instruction.op).outs;
+                    if floats > 0 {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                         if SEEN {
                             self.show(observer, at, case, (&registers[..1], &[]));
                         }
+                    } else {
+                        let file = if ints > 0 { File::Int } else { File::Bool };
+                        let shown = (file, registers[0], &[][..]);
+                        self.show_other::<SEEN>(observer, instruction, case, shown);
                     }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
@@ -489,6 +505,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                             ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
                             bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
                             active: &self.acting(),
+                            order: &self.order,
                         });
                     }
                 }
@@ -593,6 +610,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             ints: &[],
             bools: &[],
             active: &self.acting(),
+            order: &self.order,
         });
     }
 
@@ -623,6 +641,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             ints: ints.as_slice(),
             bools: bools.as_slice(),
             active: &self.acting(),
+            order: &self.order,
         });
     }
 
@@ -676,7 +695,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                 op => Fault::Index(self.bounds(op)),
             };
             for &lane in &self.strayed {
-                observer.fault(&Faulty { fault, site, case: case + lane, missing: None });
+                let case = case_of(case, &self.order, lane);
+                observer.fault(&Faulty { fault, site, case, missing: None });
             }
         }
         if self.detector.is_some() && !self.defines_outside(instruction.op) {
@@ -738,7 +758,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         let site = self.site(instruction);
         let here = (0..self.active().len()).filter(|lane| self.acts(*lane));
         for lane in here.filter(|lane| wrong(*lane)) {
-            observer.fault(&Faulty { fault, site, case: case + lane, missing: None });
+            let case = case_of(case, &self.order, lane);
+            observer.fault(&Faulty { fault, site, case, missing: None });
         }
     }
 
@@ -758,8 +779,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         let lanes = (0..active.len()).map(parted);
         for (lane, other) in lanes.filter(|(lane, other)| self.acts(*lane) && !comes(*other)) {
             let parted = self.parted[other].map(|site| &self.code.sites[site as usize]);
-            let missing = Some(Missing { case: case + other, parted });
-            observer.fault(&Faulty { fault: Fault::Parted, site, case: case + lane, missing });
+            let [case, other] = [lane, other].map(|lane| case_of(case, &self.order, lane));
+            let missing = Some(Missing { case: other, parted });
+            observer.fault(&Faulty { fault: Fault::Parted, site, case, missing });
         }
     }
 

@@ -8,7 +8,7 @@ use std::fmt;
 use super::judge::{Assertion, Element, Sum};
 use super::{After, ComputeError};
 use crate::dispatch::{DispatchError, Pass, Passes};
-use crate::interpret::{OrderOf, in_order_of};
+use crate::interpret::{OrderOf, in_order_of, parting};
 use crate::probe::ProbeError;
 use crate::record::{Fault, Replay};
 use crate::run::Report;
@@ -49,10 +49,13 @@ pub struct OrderDependence {
     pub variable: String,
     /// The assertion.
     pub assertion: String,
-    /// The entry point of the pass whose order matters, or the last one: `file:line:column`.
+    /// The first operation that gives an invocation something else, or if there is none the entry point of the pass whose
+    /// order matters, or the last one: `file:line:column`.
     pub location: String,
     /// The difference between the orders: `local (3, 0, 0) and (5, 0, 0) change places in each workgroup of .. `.
     pub swap: String,
+    /// The operation, the invocation and both results; `None` if writes alone come in another order.
+    pub operation: Option<String>,
     /// Invocations of a subgroup in that order; `None` if the passes don't depend on it.
     pub subgroup: Option<u32>,
     /// The first element that is wrong then.
@@ -81,6 +84,9 @@ impl fmt::Display for OrderDependence {
             writeln!(f, "  --> {}", self.location)?;
         }
         writeln!(f, "  in the usual order {}. Not where {}", self.assertion, self.swap)?;
+        if let Some(operation) = &self.operation {
+            writeln!(f, "  {operation}")?;
+        }
         if let Some(Element { place, actual, expected, .. }) = &self.element {
             writeln!(f, "  then: {place}")?;
             writeln!(f, "      actual = {actual}")?;
@@ -191,13 +197,15 @@ impl After<'_> {
                 }
             }
             let entry_points: Vec<&str> = passes.entry_points().collect();
-            let place = order.passes(passes).last().and_then(Pass::span);
+            let (place, operation) = parting(passes, order).unzip();
+            let place = place.or_else(|| order.passes(passes).last().and_then(Pass::span));
             return Err(ComputeError::Order(Box::new(OrderDependence {
                 entry_points: entry_points.join(", "),
                 variable: self.variable.clone(),
                 assertion: assertion.holds(),
                 location: place.map_or_else(String::new, |span| span.to_string()),
                 swap: order.last(passes),
+                operation,
                 subgroup: passes.has_subgroups().then_some(order.subgroup()),
                 element: judged(Some(order))?.shown.into_iter().next(),
                 replay: replay.clone(),

@@ -171,6 +171,11 @@ pub(crate) fn in_order_of(
 }
 
 /// Nothing runs passes.
+pub(crate) fn parting(_: &crate::dispatch::Passes, _: OrderOf) -> Option<(Span, String)> {
+    None
+}
+
+/// Nothing runs passes.
 #[cfg(feature = "routes")]
 pub(crate) fn dispatch_briefly(
     _: &crate::dispatch::Passes,

@@ -1,6 +1,6 @@
 //! Compute passes in other orders of their workgroups and invocations.
 
-use karat_engine::{Schedule, Swap};
+use karat_engine::{Options, Schedule, Swap};
 
 use super::dispatch::{dispatched, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
@@ -129,12 +129,15 @@ pub(crate) fn in_order_of(
     passes: &Passes,
     order: Option<OrderOf>,
 ) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, &|pass| {
-        let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
-        let schedule = order.filter(has_it).map(|order| order.schedule);
-        let beside = if schedule.is_some() { BESIDE } else { 1 };
-        karat_engine::Options { schedule, beside, ..options() }
-    })
+    dispatched(passes, &|pass| options_in(passes, pass, order))
+}
+
+/// How one of some passes runs in an order.
+pub(super) fn options_in(passes: &Passes, pass: &Pass, order: Option<OrderOf>) -> Options {
+    let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
+    let schedule = order.filter(has_it).map(|order| order.schedule);
+    let beside = if schedule.is_some() { BESIDE } else { 1 };
+    Options { schedule, beside, ..options() }
 }
 
 #[cfg(test)]

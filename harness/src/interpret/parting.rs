@@ -1,0 +1,129 @@
+//! The operation by which another order of invocations first makes a difference.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
+use karat_engine::{F32, Lanes, Observer};
+
+use super::dispatch::in_order;
+use super::order::{OrderOf, options_in};
+use crate::diagnostic::Span;
+use crate::dispatch::Passes;
+use crate::value::format_f32;
+
+/// Results that are kept of a pass: 16 MiB of them. The first difference comes early.
+const MOST: usize = 1 << 20;
+
+/// What an operation gave an invocation.
+#[derive(Clone, Copy)]
+struct Given {
+    /// The address of its site.
+    site: usize,
+    case: u32,
+    word: u32,
+    float: bool,
+}
+
+impl Given {
+    fn shown(self) -> String {
+        match self.float {
+            true => format_f32(f32::from_bits(self.word)),
+            false => self.word.cast_signed().to_string(),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Results(Mutex<Vec<Given>>);
+
+impl Results {
+    fn add(&self, lanes: &Lanes<'_, F32>, float: bool, word: impl Fn(usize) -> u32) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let site = std::ptr::from_ref(lanes.site).addr();
+        let room = MOST.saturating_sub(all.len());
+        let active = lanes.active.iter().enumerate().filter(|(_, active)| **active);
+        all.extend(active.take(room).map(|(lane, _)| {
+            let case = u32::try_from(lanes.case_of(lane)).unwrap_or(u32::MAX);
+            Given { site, case, word: word(lane), float }
+        }));
+    }
+}
+
+impl Observer<F32> for Results {
+    fn floats(&self, lanes: &Lanes<'_, F32>) {
+        for values in lanes.floats {
+            self.add(lanes, true, |lane| values[lane].to_bits());
+        }
+    }
+
+    fn others(&self, lanes: &Lanes<'_, F32>) {
+        self.floats(lanes);
+        for values in lanes.ints {
+            self.add(lanes, false, |lane| values[lane]);
+        }
+        for values in lanes.bools {
+            self.add(lanes, false, |lane| u32::from(values[lane]));
+        }
+    }
+}
+
+/// The first operation, in the usual order, that gives an invocation something else in another one: its place, and a clause
+/// with the invocation and both results. `None` if writes alone come in another order.
+pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)> {
+    let run = |order: Option<OrderOf>| {
+        let mut of_passes = Vec::new();
+        // A loop that doesn't end in this order has had its results before.
+        let ran = in_order(passes, &mut |pass, lowered, resources| {
+            let results = Results::default();
+            let options = options_in(passes, pass, order);
+            let ran = lowered.dispatch::<F32>(pass.workgroups, resources, &options, &results);
+            let size = lowered.workgroup_size().expect("a pass is an entry point");
+            let sites: HashMap<usize, usize> = lowered
+                .sites()
+                .iter()
+                .enumerate()
+                .map(|(number, site)| (std::ptr::from_ref(site).addr(), number))
+                .collect();
+            let mut all = results.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+            all.retain_mut(|one| match sites.get(&one.site) {
+                Some(number) => {
+                    one.site = *number;
+                    true
+                }
+                None => false,
+            });
+            let place = |number: usize| {
+                let site = &lowered.sites()[number];
+                super::author_of(&pass.program, site)
+            };
+            let places: Vec<Option<(Span, String)>> = (0..sites.len()).map(place).collect();
+            of_passes.push((all, size, places));
+            ran.map(|()| true)
+        });
+        drop(ran);
+        of_passes
+    };
+    let (usual, other) = (run(None), run(Some(order)));
+    for (number, ((usual, size, places), (other, ..))) in usual.iter().zip(&other).enumerate() {
+        let mut known: HashMap<(usize, u32), Vec<Given>> = HashMap::new();
+        for one in other {
+            known.entry((one.site, one.case)).or_default().push(*one);
+        }
+        let mut counts: HashMap<(usize, u32), usize> = HashMap::new();
+        for one in usual {
+            let key = (one.site, one.case);
+            let count = counts.entry(key).or_default();
+            let there = known.get(&key).and_then(|all| all.get(*count));
+            *count += 1;
+            let Some(there) = there.filter(|there| there.word != one.word) else { continue };
+            let Some((span, text)) = &places[one.site] else { continue };
+            let invocation = passes.passes[number].invocation(*size, one.case as usize);
+            let (usual, other) = (one.shown(), there.shown());
+            let says = format!(
+                "`{text}` gives {invocation} {other} there, and {usual} in the usual order"
+            );
+            return Some((span.first_line(), says));
+        }
+    }
+    None
+}
