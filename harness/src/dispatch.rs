@@ -79,6 +79,17 @@ pub enum DispatchError {
         /// Most invocations in all.
         limit: u32,
     },
+    /// No such invocation.
+    #[error("`{name}` has no invocation {invocation:?}: it is dispatched over {} x {} x {}, counted from 0",
+        counts[0], counts[1], counts[2])]
+    Invocation {
+        /// The entry point.
+        name: String,
+        /// The `global_invocation_id` that was asked for.
+        invocation: [u32; 3],
+        /// Invocations in each direction.
+        counts: [u32; 3],
+    },
     /// No pass writes a resource of that name.
     #[error("no pass writes `{name}`{}",
         nearest.as_ref().map_or_else(|| ": assert what passes write".to_owned(),

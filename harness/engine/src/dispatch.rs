@@ -163,9 +163,12 @@ struct Running<'p, 'm, A: Arithmetic> {
     waiting: Vec<usize>,
     /// The number of its first invocation.
     first: usize,
-    /// Where others run beside it: its workgroup memory, by its slots, and the detector's knowledge of it. They are at their
-    /// places while it runs.
-    own: Option<(Vec<(usize, Buffer<'m, A>)>, OfGroup)>,
+    /// True if others run beside it. Then what follows is at its place while it runs.
+    beside: bool,
+    /// Its workgroup memory, by its slots.
+    own: Vec<(usize, Buffer<'m, A>)>,
+    /// What the detector knows of it.
+    known: OfGroup,
 }
 
 impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
@@ -175,11 +178,11 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         options: &'p Options,
         order: &[usize],
         lanes: usize,
-        beside: usize,
+        beside: bool,
     ) -> Self {
         let machine = |own: &[usize]| {
             let mut machine = Machine::<A>::new(code, options, lanes);
-            machine.yields = beside > 1;
+            machine.yields = beside;
             if options.schedule.is_some() {
                 machine.order = own.to_vec();
             }
@@ -190,18 +193,21 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         let own = own.filter(|(_, slot)| slot.binding == Binding::Workgroup);
         let bytes = |slot: &BufferSlot| vec![0; slot.least as usize].into();
         let own = own.map(|(number, slot)| (number, Buffer::new(bytes(slot), slot.written)));
-        let own = (beside > 1).then(|| (own.collect(), OfGroup::default()));
-        Self { machines, waiting: Vec::new(), first: 0, own }
+        let own = if beside { own.collect() } else { Vec::new() };
+        let (waiting, known) = (Vec::new(), OfGroup::default());
+        Self { machines, waiting, first: 0, beside, own, known }
     }
 
     /// What is its own comes to its place, or goes from there.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
-        let Some((buffers, of_group)) = &mut self.own else { return };
-        for (slot, buffer) in buffers {
+        if !self.beside {
+            return;
+        }
+        for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
         }
         if let Some(detector) = detector {
-            detector.exchange(of_group);
+            detector.exchange(&mut self.known);
         }
     }
 }
@@ -319,7 +325,7 @@ impl Program {
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
             let lanes = if serial { of } else { invocations };
             let beside = if serial { 1 } else { options.beside.clamp(1, all.max(1)) };
-            let new = |_| Running::<A>::new(code, options, &order, lanes, beside);
+            let new = |_| Running::<A>::new(code, options, &order, lanes, beside > 1);
             let mut running: Vec<Running<'_, '_, A>> = (0..beside).map(new).collect();
             let mut detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
             let mut groups = groups;

@@ -125,6 +125,31 @@ pub fn violations(
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }
 
+/// Each intermediate of an invocation of the last pass, by its `global_invocation_id`.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
+///             @compute @workgroup_size(4) fn root(@builtin(global_invocation_id) id: vec3u) {
+///                 data[id.x] = sqrt(data[id.x]);
+///             }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0.0_f32, 1.0, 4.0, 9.0]));
+/// let steps = karat::unstable::compute::trace(&passes.dispatch("root", [1, 1, 1]), [2, 0, 0])?;
+/// assert!(steps.iter().any(|step| step.text == "sqrt(data[id.x])"));
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
+/// # Errors
+/// If the passes aren't valid, the engine doesn't execute them, or there is no such invocation.
+#[cfg(feature = "engine")]
+pub fn trace(
+    compute: &Compute<'_>,
+    invocation: [u32; 3],
+) -> Result<Vec<crate::interpret::trace::Step>, ComputeError> {
+    Ok(crate::interpret::trace::trace_pass(&compute.passes()?, invocation)?)
+}
+
 /// Faults inside of the passes: the place of each in the author's file, and what it is.
 ///
 /// ```

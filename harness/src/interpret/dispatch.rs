@@ -66,6 +66,14 @@ pub(super) fn options() -> Options {
     Options { fuel: settings::fuel(), deadline, ..Options::default() }
 }
 
+/// A pass as the engine executes it.
+pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, DispatchError> {
+    let program = &pass.program;
+    let lowered =
+        Lowered::entry_point(program.module(), program.info(), &pass.entry_point, settings);
+    Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
+}
+
 /// Runs a pass over its resources; `false`: none may follow.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
@@ -91,9 +99,7 @@ fn in_order_by(
     }
     for pass in &passes.passes {
         let program = &pass.program;
-        let lowered =
-            Lowered::entry_point(program.module(), program.info(), &pass.entry_point, settings);
-        let lowered = lowered.map_err(|refusal| refused(program, &refusal))?;
+        let lowered = lowered(pass, settings)?;
         let mut resources = Resources::new();
         for (binding, number) in &pass.bindings {
             let from = [0, *number as u32];

@@ -5,12 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Program as Lowered, Range, Runs,
-    Truth,
+    F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Program as Lowered, Range,
+    Resources, Runs, Truth,
 };
 
+use super::dispatch::{in_order, options};
 use super::{Alone, Interpreted};
 use crate::diagnostic::Span;
+use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::fixture::Fixtures;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
@@ -69,6 +71,8 @@ struct Values {
     all: Mutex<Vec<(usize, Seen)>>,
     /// Whether an index has left its array: WGSL allows anything from there on.
     lost: AtomicBool,
+    /// The case that it is about.
+    case: usize,
 }
 
 macro_rules! values {
@@ -80,12 +84,13 @@ macro_rules! values {
 
             fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
                 let mut values = self.all.lock().unwrap_or_else(PoisonError::into_inner);
-                if !lanes.active.first().is_some_and($active) || values.len() >= 16 * MOST {
+                let Some(at) = self.case.checked_sub(lanes.case) else { return };
+                if !lanes.active.get(at).is_some_and($active) || values.len() >= 16 * MOST {
                     return;
                 }
-                let floats = lanes.floats.iter().map(|lane| $float(lane[0]));
-                let ints = lanes.ints.iter().map(|lane| $int(lane[0]));
-                let seen = floats.chain(ints).chain(lanes.bools.iter().map(|lane| $bool(lane[0])));
+                let floats = lanes.floats.iter().map(|lane| $float(lane[at]));
+                let ints = lanes.ints.iter().map(|lane| $int(lane[at]));
+                let seen = floats.chain(ints).chain(lanes.bools.iter().map(|lane| $bool(lane[at])));
                 let lost = $lost && self.lost.load(Ordering::Relaxed);
                 let seen = seen.map(|seen| if lost { Seen::Anything } else { seen });
                 let site = std::ptr::from_ref(lanes.site).addr();
@@ -93,7 +98,9 @@ macro_rules! values {
             }
 
             fn fault(&self, one: &Faulty<'_>) {
-                if let Fault::Index(_) = one.fault {
+                if let Fault::Index(_) = one.fault
+                    && one.case == self.case
+                {
                     self.lost.store(true, Ordering::Relaxed);
                 }
             }
@@ -112,8 +119,8 @@ values!(
 );
 
 impl Values {
-    fn new() -> Self {
-        Self { all: Mutex::default(), lost: AtomicBool::new(false) }
+    fn of(case: usize) -> Self {
+        Self { all: Mutex::default(), lost: AtomicBool::new(false), case }
     }
 
     /// The components of each operation together: its site, how often that came before, and values.
@@ -187,8 +194,64 @@ pub fn trace(
     arguments: &[u32],
 ) -> Result<Vec<Step>, ProbeError> {
     match probed.function().form.alone {
-        true => steps(&Alone::new(probed, fixtures)?, arguments),
-        false => steps(&Interpreted::new(probed, fixtures)?, arguments),
+        true => steps(&Alone::new(probed, fixtures)?, arguments, 0),
+        false => steps(&Interpreted::new(probed, fixtures)?, arguments, 0),
+    }
+}
+
+/// The operations of one invocation of the last of some passes, by its `global_invocation_id`. Others see what it writes, so
+/// there are no bounds.
+pub(crate) fn trace_pass(
+    passes: &Passes,
+    invocation: [u32; 3],
+) -> Result<Vec<Step>, DispatchError> {
+    let last = passes.passes.last().expect("they have one");
+    let mut before = None;
+    let all = in_order(passes, &mut |pass, lowered, resources| {
+        let is_last = std::ptr::eq(pass, last);
+        let size = lowered.workgroup_size().expect("a pass is an entry point");
+        if is_last {
+            before = Some((resources.clone(), size));
+        } else {
+            lowered.dispatch::<F32>(pass.workgroups, resources, &options(), &())?;
+        }
+        Ok(!is_last)
+    });
+    all?;
+    let (resources, size) = before.expect("each pass before it goes on");
+    let counts: [u32; 3] = std::array::from_fn(|k| size[k].saturating_mul(last.workgroups[k]));
+    if invocation.iter().zip(&counts).any(|(index, count)| index >= count) {
+        let name = last.name.clone();
+        return Err(DispatchError::Invocation { name, invocation, counts });
+    }
+    let flat = |at: [u32; 3], counts: [u32; 3]| {
+        let [at, counts] = [at, counts].map(|all| all.map(|one| one as usize));
+        at[0] + counts[0] * (at[1] + counts[1] * at[2])
+    };
+    let group = flat(std::array::from_fn(|k| invocation[k] / size[k]), last.workgroups);
+    let local = flat(std::array::from_fn(|k| invocation[k] % size[k]), size);
+    let width: usize = size.iter().map(|count| *count as usize).product();
+    let lowered = super::dispatch::lowered(last, &karat_engine::Settings::default())?;
+    Ok(steps(&OfPass { pass: last, lowered, resources }, &[], group * width + local)?)
+}
+
+/// A pass over what those before it have left.
+struct OfPass<'p> {
+    pass: &'p Pass,
+    lowered: Lowered,
+    resources: Resources,
+}
+
+impl Traced for OfPass<'_> {
+    fn run<A: Runs>(&self, _: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError> {
+        let mut resources = self.resources.clone();
+        let ran =
+            self.lowered.dispatch::<A>(self.pass.workgroups, &mut resources, &options(), observer);
+        ran.map_err(|stop| super::stopped(&self.pass.program, &self.pass.name, &stop))
+    }
+
+    fn parts(&self) -> (&Lowered, &Program) {
+        (&self.lowered, &self.pass.program)
     }
 }
 
@@ -212,8 +275,8 @@ impl Traced for Interpreted {
 
 /// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are given
 /// for.
-fn steps(traced: &impl Traced, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
-    let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
+fn steps(traced: &impl Traced, row: &[u32], case: usize) -> Result<Vec<Step>, ProbeError> {
+    let [single, double, bounds] = [(); 3].map(|()| Values::of(case));
     traced.run::<F32>(row, &single)?;
     traced.run::<F64>(row, &double)?;
     // Some builtins of half precision have no bounds, and buffers that are written: then the column stays empty.

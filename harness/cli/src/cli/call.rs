@@ -47,8 +47,11 @@ pub(super) struct Args {
     /// Dispatch a compute entry point over so many workgroups, `4` or `4,2,1`, and show what it leaves; without it a
     /// single invocation is called, whose builtin values are arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
-        conflicts_with_all = ["arguments", "table", "plot", "trace", "html", "out"])]
+        conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
+    /// The invocation of that dispatch that --trace and --html show, by its `global_invocation_id` [default: 0,0,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::invocation, requires = "dispatch")]
+    invocation: Option<[u32; 3]>,
     /// The value of an `override`, by its name or its `@id`
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
@@ -133,7 +136,16 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             fixtures.into_iter().fold(package.compute(), |all, (name, one)| all.with(&name, one));
         let compute =
             overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
-        return dispatch::run(&compute.dispatch(&args.function, groups), &paths, out);
+        ensure!(
+            args.invocation.is_none() || args.trace || args.html.is_some(),
+            "--invocation says whose steps are shown: add --trace, or --html FILE"
+        );
+        let compute = compute.dispatch(&args.function, groups);
+        let ending = dispatch::run(&compute, &paths, out)?;
+        let invocation = args.invocation.unwrap_or_default();
+        let steps = || Ok(karat::unstable::compute::trace(&compute, invocation)?);
+        args.show_steps(&args.function, &steps, out)?;
+        return Ok(ending);
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
@@ -258,6 +270,24 @@ fn write_made_up(
 /// Numbers of a result that are shown in hexadecimal, too: those of a matrix. Of a buffer they would hide the rest.
 const MOST_HEXADECIMAL: usize = 16;
 
+impl Args {
+    /// Shows the steps of a call, if they are asked for.
+    fn show_steps(
+        &self,
+        name: &str,
+        steps: &dyn Fn() -> anyhow::Result<Vec<karat::unstable::trace::Step>>,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<()> {
+        if self.trace {
+            trace::write_text(&steps()?, out)?;
+        }
+        if let Some(file) = &self.html {
+            trace::write_html(name, &steps()?, file)?;
+        }
+        Ok(())
+    }
+}
+
 /// Prints a call's result on each path.
 fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write) -> Outcome {
     let Request { probed, fixtures, .. } = *request;
@@ -281,12 +311,11 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
         }
         writeln!(out)?;
     }
-    if args.trace {
-        trace::write_text(probed, fixtures, lanes, out)?;
-    }
-    if let Some(file) = &args.html {
-        trace::write_html(probed, fixtures, lanes, file)?;
-    }
+    args.show_steps(
+        &function.name,
+        &|| Ok(karat::unstable::trace::trace(probed, fixtures, lanes)?),
+        out,
+    )?;
     given.ending()
 }
 

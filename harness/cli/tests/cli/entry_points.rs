@@ -199,6 +199,20 @@ fn a_pass_is_dispatched_and_looked_through() {
     let sum =
         ["m::add", "--dispatch", "2,1", "--bind", "input=[1,2,3,4,5,6,7,8,9]", "--bind", "total=1"];
     assert!(call(&sum).good().contains("total = 46"));
+    // The steps of one invocation: it reads what those before it have left.
+    let pages = tempfile::tempdir().expect("a temporary folder");
+    let page = pages.path().join("t.html");
+    let to = ["--trace", "--html", page.to_str().expect("it is text")];
+    let traced = |more: &[&str]| call(&[&sum[..], &to, more].concat());
+    let [first, last] = ["0", "8,0,0"].map(|index| traced(&["--invocation", index]).good());
+    let step = |traced: &str, number: &str| {
+        let mut added = traced.lines().filter(|line| line.contains("atomicAdd(&total"));
+        added.next().is_some_and(|line| line.contains(&format!("  {number}  ")))
+    };
+    assert!(step(&first, "1") && step(&last, "37"), "{first}\n{last}");
+    assert_eq!(traced(&[]).good(), first);
+    let page = std::fs::read_to_string(&page).expect("it was written");
+    assert!(page.contains("m::add") && page.contains("atomicAdd"), "{page}");
     let raced = call(&["m::wait", "--dispatch", "1", "--arbitrary"]);
     assert_eq!(raced.code, Some(1), "{raced:?}");
     assert!(
@@ -211,6 +225,15 @@ fn a_pass_is_dispatched_and_looked_through() {
         (&["m::shade", "--dispatch", "1", "--arbitrary"][..], "no compute entry point"),
         (&["m::revers", "--dispatch", "1", "--arbitrary"][..], "did you mean `m::reverse`"),
         (&["m::reverse", "--dispatch", "1"][..], "add --bind"),
+        (
+            &["m::add", "--dispatch", "1", "--arbitrary", "--trace", "--invocation", "0,1"][..],
+            "has no invocation [0, 1, 0]",
+        ),
+        (
+            &["m::add", "--dispatch", "1", "--arbitrary", "--trace", "--invocation", "-1"][..],
+            "--invocation",
+        ),
+        (&["m::add", "--dispatch", "1", "--arbitrary", "--invocation", "1"][..], "add --trace"),
     ] {
         let ran = call(wrong);
         assert!(ran.code != Some(0) && ran.err.contains(part), "{wrong:?}: {ran:?}");

@@ -14,16 +14,27 @@ const SHOWN: usize = 16;
 
 /// `4`, `4,2` or `4,2,1`.
 pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
-    let counts: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let groups = match counts.as_deref() {
-        Ok(&[x]) => Some([x, 1, 1]),
-        Ok(&[x, y]) => Some([x, y, 1]),
-        Ok(&[x, y, z]) => Some([x, y, z]),
-        _ => None,
-    };
+    let groups = numbers(text, 1);
     // WebGPU, 3.6.2: maxComputeWorkgroupsPerDimension.
     let groups = groups.filter(|all| all.iter().all(|count| (1..=65_535).contains(count)));
     groups.ok_or_else(|| "write workgroups as 4, or as 4,2,1; each is from 1 to 65535".to_owned())
+}
+
+/// `3`, `3,0` or `3,0,0`.
+pub(super) fn invocation(text: &str) -> Result<[u32; 3], String> {
+    let wrong = "write an invocation as 3, or as 3,0,0: its `global_invocation_id`";
+    numbers(text, 0).ok_or_else(|| wrong.to_owned())
+}
+
+/// Up to three numbers; those that are missing are `others`.
+fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
+    let all: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match all.as_deref() {
+        Ok(&[x]) => Some([x, others, others]),
+        Ok(&[x, y]) => Some([x, y, others]),
+        Ok(&[x, y, z]) => Some([x, y, z]),
+        _ => None,
+    }
 }
 
 /// Looks through the passes, dispatches them on each path and prints what they leave.

@@ -5,10 +5,8 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
-use karat::fixture::Fixtures;
 use karat::unstable::image::write_whole;
-use karat::unstable::probe::Probed;
-use karat::unstable::trace::{Step, Value, trace};
+use karat::unstable::trace::{Step, Value};
 use karat::unstable::value::format_f32;
 
 use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
@@ -20,17 +18,11 @@ const LOST: f64 = 1.0 / 4096.0;
 const ELSEWHERE: &str = "another way";
 
 /// Prints the steps of a call.
-pub(super) fn write_text(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    arguments: &[u32],
-    out: &mut dyn Write,
-) -> anyhow::Result<()> {
-    let steps = trace(probed, fixtures, arguments)?;
-    let bounded = are_bounded(&steps);
+pub(super) fn write_text(steps: &[Step], out: &mut dyn Write) -> anyhow::Result<()> {
+    let bounded = are_bounded(steps);
     writeln!(out)?;
     let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
-    for step in &steps {
+    for step in steps {
         let style = match () {
             () if step.single.iter().any(|x| matches!(x, Value::Single(x) if !x.is_finite())) => {
                 BAD
@@ -49,19 +41,12 @@ pub(super) fn write_text(
 }
 
 /// Writes the steps as a page, each below its line of the source.
-pub(super) fn write_html(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    arguments: &[u32],
-    file: &Path,
-) -> anyhow::Result<()> {
-    let steps = trace(probed, fixtures, arguments)?;
-    let bounded = are_bounded(&steps);
-    let function = probed.function();
+pub(super) fn write_html(name: &str, steps: &[Step], file: &Path) -> anyhow::Result<()> {
+    let bounded = are_bounded(steps);
     let mut page = String::from(HEAD);
-    writeln!(page, "<title>{}</title><h1>{}</h1>", html(&function.name), html(&function.name))?;
+    writeln!(page, "<title>{}</title><h1>{}</h1>", html(name), html(name))?;
     let mut files: Vec<&karat::unstable::diagnostic::SourceFile> = Vec::new();
-    for step in &steps {
+    for step in steps {
         if files.iter().all(|file| file.name != step.span.file.name) {
             files.push(&step.span.file);
         }
