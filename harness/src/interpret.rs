@@ -175,21 +175,13 @@ impl Interpreted {
     /// on a derivative, or a texture that is sampled by one, whose errors have no bound (15.7.4).
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        /// Steeper and flatter by a third of a texture's level (the logarithm of 1.25 to the base 2): a level that a driver
-        /// takes instead is nearer.
-        const SLOPES: [f32; 2] = [0.8, 1.25];
         let words = |rows: &[u32], outside| {
             let options = Options { outside, ..self.options() };
             self.words_of(self.call_with::<F32>(cases, rows, &options)?)
         };
         let mut open = differing(|outside| words(arguments, outside))?;
         if let Some(quads) = &self.quads {
-            let usual = words(arguments, None)?;
-            for factor in SLOPES {
-                let other = words(&quads.steeper(arguments, factor), None)?;
-                let pairs = usual.iter().zip(&other);
-                open.iter_mut().zip(pairs).for_each(|(open, (a, b))| *open |= a != b);
-            }
+            quads.open(arguments, &mut open, &|rows| words(rows, None))?;
         }
         Ok(open)
     }

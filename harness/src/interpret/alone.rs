@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use karat_engine::{F32, Observer, Options, Program as Lowered, Resources, Runs};
 
+#[cfg(feature = "routes")]
+use super::Quads;
 use super::trace::Traced;
 use super::{lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
@@ -26,6 +28,9 @@ pub(crate) struct Alone {
     words_out: usize,
     /// Bytes of the buffer of arguments, at least.
     least: usize,
+    /// What its derivatives are of.
+    #[cfg(feature = "routes")]
+    quads: Option<Quads>,
     /// Rounds of loops that a case may make.
     fuel: u64,
     /// True if subnormals are zero.
@@ -70,6 +75,8 @@ impl Alone {
             words_in,
             words_out,
             least,
+            #[cfg(feature = "routes")]
+            quads: function.form.fragment.then(|| Quads::of(function)),
             fuel,
             flush,
         })
@@ -80,13 +87,18 @@ impl Alone {
         Self { fuel, ..self }
     }
 
-    /// Which of the words depend on what is read or written outside of an array: WGSL leaves open what
+    /// Which of the words depend on what is read or written outside of an array, or on a derivative: WGSL leaves open what
     /// that is.
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        super::differing(|outside| {
-            self.words_with(cases, arguments, &Options { outside, ..Options::default() })
-        })
+        let words = |rows: &[u32], outside| {
+            self.words_with(cases, rows, &Options { outside, ..Options::default() })
+        };
+        let mut open = super::differing(|outside| words(arguments, outside))?;
+        if let Some(quads) = &self.quads {
+            quads.open(arguments, &mut open, &|rows| words(rows, None))?;
+        }
+        Ok(open)
     }
 
     /// For each case the words of what the function returns, of what its pointers point to and of the

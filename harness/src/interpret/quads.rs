@@ -22,9 +22,29 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect() }
     }
 
+    /// Adds the lanes of the results that depend on how steep the slopes are.
+    #[cfg(feature = "routes")]
+    pub(super) fn open<E>(
+        &self,
+        rows: &[u32],
+        open: &mut [bool],
+        results: &dyn Fn(&[u32]) -> Result<Vec<u32>, E>,
+    ) -> Result<(), E> {
+        /// Steeper and flatter by a third of a texture's level (the logarithm of 1.25 to the base 2): a level that a driver
+        /// takes instead is nearer.
+        const SLOPES: [f32; 2] = [0.8, 1.25];
+        let usual = results(rows)?;
+        for factor in SLOPES {
+            let other = results(&self.steeper(rows, factor))?;
+            let pairs = usual.iter().zip(&other);
+            open.iter_mut().zip(pairs).for_each(|(open, (a, b))| *open |= a != b);
+        }
+        Ok(())
+    }
+
     /// The rows with slopes that are so many times as steep; values are as they were.
     #[cfg(feature = "routes")]
-    pub(super) fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
+    fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
         let of_argument = |(scalars, varies): &(Vec<Scalar>, bool)| {
             let slopes = if *varies { 2 } else { 0 };
             let own = scalars.iter().map(|_| false);
