@@ -66,17 +66,16 @@ pub(super) fn sanitizer() {
     );
     let (mut detector, mut order) = (Vec::new(), Vec::new());
     for _ in 0..STARTS {
-        let [looked, plain_and_looked, with_orders] =
-            ["looked", "pass", "pass_in_orders"].map(|task| {
-                let orders = if task == "pass_in_orders" { ORDERS } else { "0" };
-                let own = [("KARAT_PATHS", "cpu"), ("KARAT_SCHEDULES", orders)];
-                spawn(task, &own).1.parse::<f64>().expect("a child prints its seconds")
-            });
-        let plain = plain_and_looked - looked;
-        detector.push(looked / plain);
+        let [[looked, without], [_, with]] = ["0", ORDERS].map(|orders| {
+            let own = [("KARAT_PATHS", "cpu"), ("KARAT_SCHEDULES", orders)];
+            let text = spawn("passes", &own).1;
+            let mut all = text.split(' ').map(|one| one.parse::<f64>().expect("it prints ratios"));
+            [(); 2].map(|()| all.next().expect("it prints two"))
+        });
+        detector.push(looked);
         // The usual order runs once more, as the first that is compared.
         let orders = ORDERS.parse::<f64>().expect("a number") + 1.0;
-        order.push((with_orders - plain_and_looked) / orders / plain);
+        order.push((with - without) / orders);
     }
     println!("  with the detector          {}", Spread::of(detector));
     println!("  in another order, each     {}", Spread::of(order));
@@ -98,29 +97,36 @@ const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
         sums[id.x] = sum;
     }";
 
-/// Seconds that a pass takes, looked through alone or in a test.
-fn pass(is_test: bool) -> f64 {
+/// The times of a pass that is looked through, and of a test of it, as ratios to that of a plain run.
+fn passes() -> [f64; 2] {
     const WORDS: u32 = 1 << 16;
     let package = Package::from_source("tiles", TILES);
     let passes = || {
         let passes = package.compute().with("input", Storage::new(0..WORDS));
         passes.with("sums", Storage::new(vec![0_u32; WORDS as usize])).dispatch("sum", [1024, 1, 1])
     };
-    let once = || {
+    let plain = || {
+        let left = karat::unstable::compute::left(&passes(), karat::Path::CPU);
+        assert_eq!(left.expect("the pass is valid").len(), 1);
+    };
+    let looked = || {
+        let (found, watched) =
+            karat::unstable::compute::violations(&passes()).expect("the pass is valid");
+        assert!(found.is_empty() && watched.invocations == u64::from(WORDS), "{watched:?}");
+    };
+    let test = || {
+        drop(passes().after("sums").unrecorded().satisfies("is anything", |_: &[u32]| true));
+    };
+    let timed = |once: &dyn Fn()| {
         let start = Instant::now();
-        if is_test {
-            drop(passes().after("sums").unrecorded().satisfies("is anything", |_: &[u32]| true));
-        } else {
-            let (found, watched) =
-                karat::unstable::compute::violations(&passes()).expect("the pass is valid");
-            assert!(found.is_empty() && watched.invocations == u64::from(WORDS), "{watched:?}");
-        }
+        once();
         start.elapsed().as_secs_f64()
     };
-    once();
-    let mut times: Vec<f64> = (0..5).map(|_| once()).collect();
-    times.sort_by(f64::total_cmp);
-    times[2]
+    // By turns, so that what slows the machine slows each of them. The first turn warms up.
+    let turns: Vec<[f64; 3]> =
+        (0..6).map(|_| [timed(&plain), timed(&looked), timed(&test)]).collect();
+    let median = |at: usize| Spread::of(turns[1..].iter().map(|turn| turn[at]).collect()).0[0];
+    [1, 2].map(|at| median(at) / median(0))
 }
 
 /// What a child does; `false`: it is no task of this benchmark.
@@ -133,8 +139,10 @@ pub(super) fn child(task: &str) -> bool {
         "estimate_65536" => estimate(65_536),
         "ggx_steady" => print!("{}", steady(1_000_000, ggx)),
         "estimate_steady" => print!("{}", steady(100_000, estimate)),
-        "looked" => print!("{}", pass(false)),
-        "pass" | "pass_in_orders" => print!("{}", pass(true)),
+        "passes" => {
+            let [looked, test] = passes();
+            print!("{looked} {test}");
+        }
         _ => return false,
     }
     true
