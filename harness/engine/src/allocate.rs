@@ -117,7 +117,8 @@ impl Loops {
         let mut inner = self.of[used as usize];
         while let Some(index) = inner {
             let (start, end, outer) = self.loops[index as usize];
-            if start > defined {
+            // A parameter is defined before the first operation, which may be a loop; a loop itself defines nothing.
+            if start >= defined {
                 last = last.max(end);
             }
             inner = outer;

@@ -1,5 +1,7 @@
 //! Divergent control flow, against the same loops in Rust.
 
+use karat_engine::{F32, Options, Program, Resources, Settings};
+
 use crate::common::{floats, words};
 
 #[test]
@@ -200,4 +202,30 @@ fn pointers_to_variables_are_parameters() {
         floats(source, &[1.0, 2.0, 5.0, 3.0]),
         [2.0 * 1.0, 2.0, 0.0, 5.0 * 3.0, 6.0 * 3.0, 0.0]
     );
+}
+
+/// A program may begin with a loop: what it is given lives in each of its rounds.
+#[test]
+fn a_program_may_begin_with_a_loop() {
+    let source = "@group(0) @binding(0) var<storage, read_write> b: array<u32, 4>;\n\
+                  @compute @workgroup_size(4) fn main(@builtin(local_invocation_index) l: u32) {\n    \
+                  while b[l] < 80u { b[l] = 2u * b[l] + b[l] / 3u + l; }\n}";
+    let (module, info) = crate::common::module(source);
+    let program = Program::entry_point(&module, &info, "main", &Settings::default());
+    let mut resources = Resources::new();
+    let words = [1_u32, 2, 3, 4].map(u32::to_le_bytes).concat();
+    resources.set_buffer(0, 0, words);
+    let program = program.expect("it lowers");
+    program.dispatch::<F32>([1; 3], &mut resources, &Options::default(), &()).expect("it runs");
+    let left = resources.buffer(0, 0).expect("it is bound").as_chunks::<4>().0;
+    let expected = |l: u32| {
+        let mut x = l + 1;
+        while x < 80 {
+            x = 2 * x + x / 3 + l;
+        }
+        x
+    };
+    for l in 0..4_u32 {
+        assert_eq!(u32::from_le_bytes(left[l as usize]), expected(l), "{l}");
+    }
 }
