@@ -132,6 +132,58 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
 }
 
+/// What is told to be there is told before it is: another invocation may look between two atomics of one.
+#[test]
+fn a_word_that_is_published_before_it_is_written() {
+    let head = "@group(0) @binding(0) var<storage, read_write> flag: atomic<u32>;
+        @group(0) @binding(1) var<storage, read_write> value: atomic<u32>;
+        @group(0) @binding(2) var<storage, read_write> got: array<u32, 4>;\n";
+    let flagged = |writes: [&str; 2]| {
+        let [first, second] = writes;
+        format!("{first} {second}")
+    };
+    let (publish, write) = ("atomicStore(&flag, 1u);", "atomicStore(&value, 42u);");
+    // One workgroup publishes and another one reads, and so do two invocations of one.
+    let entries = |writes: &str| {
+        let reads = "got[0] = 42u; if atomicLoad(&flag) == 1u { got[0] = atomicLoad(&value); }";
+        format!(
+            "{head}@compute @workgroup_size(1) fn groups(@builtin(workgroup_id) w: vec3u) {{
+                if w.x == 0u {{ {writes} }} else if w.x == 1u {{ {reads} }}
+            }}
+            @compute @workgroup_size(2) fn own(@builtin(local_invocation_index) i: u32) {{
+                if i == 0u {{ {writes} }} else {{ {reads} }}
+            }}
+            @compute @workgroup_size(1) fn last(@builtin(workgroup_id) w: vec3u) {{
+                {last}
+            }}",
+            last = match writes.starts_with(publish) {
+                // Counts itself before its part is there.
+                true =>
+                    "let n = atomicAdd(&flag, 1u); atomicAdd(&value, w.x + 1u); if n == 3u { got[0] = 32u + atomicLoad(&value); }",
+                false =>
+                    "atomicAdd(&value, w.x + 1u); let n = atomicAdd(&flag, 1u); if n == 3u { got[0] = 32u + atomicLoad(&value); }",
+            }
+        )
+    };
+    let run = |text: String, entry: &str, groups: u32, value: u32| {
+        let package = Package::from_source("flag", text);
+        let passes = package.compute().with("flag", Storage::new([0_u32]));
+        let passes =
+            passes.with("value", Storage::new([value])).with("got", Storage::new([9_u32; 4]));
+        let after = passes.dispatch(entry, [groups, 1, 1]).after("got").unrecorded();
+        after.try_satisfies("is whole", |got: &[u32]| got[0] == 42)
+    };
+    for (entry, groups, value) in [("groups", 2, 7), ("own", 1, 7), ("last", 4, 0)] {
+        run(entries(&flagged([write, publish])), entry, groups, value)
+            .expect("it is there by then");
+        let wrong = run(entries(&flagged([publish, write])), entry, groups, value);
+        let Err(ComputeError::Order(order)) = wrong else { panic!("{entry}: {wrong:?}") };
+        let operation = order.operation.as_deref().expect("a load gives something else");
+        assert!(operation.starts_with("`atomic"), "{entry}: {operation}");
+        assert!(order.swap.contains("to its next atomic"), "{entry}: {}", order.swap);
+    }
+}
+
 #[test]
 fn two_writes_of_one_element() {
     let (kind, element, [one, other]) = first("data[i / 2u] = i;", 1);

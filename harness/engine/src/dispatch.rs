@@ -7,7 +7,7 @@ use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::{Arithmetic, F32};
 use crate::code::{Binding, BufferSlot, Code};
-use crate::machine::{Buffer, Machine, Memory};
+use crate::machine::{Buffer, Machine, Memory, Pause};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::Program;
@@ -15,6 +15,7 @@ use crate::races::{Detector, Observed, OfGroup};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
+use crate::schedule::Schedule;
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -156,11 +157,27 @@ impl Entry {
     }
 }
 
+/// Whose turn it is, where chance decides: a shuffled schedule's.
+struct Turns(Option<u64>);
+
+impl Turns {
+    fn of(schedule: Option<Schedule>) -> Self {
+        Self(schedule.map(|schedule| schedule.seed).filter(|seed| *seed != 0))
+    }
+
+    /// True if a machine goes on; otherwise others do first.
+    fn goes_on(&mut self) -> bool {
+        let Some(state) = &mut self.0 else { return true };
+        crate::schedule::next(state) & 1 == 1
+    }
+}
+
 /// A workgroup that runs.
 struct Running<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The machines that haven't ended, by their numbers.
-    waiting: Vec<usize>,
+    /// The machines that can go on, by their numbers, and those that wait at a barrier.
+    ready: Vec<usize>,
+    held: Vec<usize>,
     /// The number of its first invocation.
     first: usize,
     /// True if others run beside it. Then what follows is at its place while it runs.
@@ -178,11 +195,11 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         options: &'p Options,
         order: &[usize],
         lanes: usize,
-        beside: bool,
+        (beside, yields): (bool, bool),
     ) -> Self {
         let machine = |own: &[usize]| {
             let mut machine = Machine::<A>::new(code, options, lanes);
-            machine.yields = beside;
+            machine.yields = yields;
             if options.schedule.is_some() {
                 machine.order = own.to_vec();
             }
@@ -194,8 +211,13 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         let bytes = |slot: &BufferSlot| vec![0; slot.least as usize].into();
         let own = own.map(|(number, slot)| (number, Buffer::new(bytes(slot), slot.written)));
         let own = if beside { own.collect() } else { Vec::new() };
-        let (waiting, known) = (Vec::new(), OfGroup::default());
-        Self { machines, waiting, first: 0, beside, own, known }
+        let (ready, held, known) = (Vec::new(), Vec::new(), OfGroup::default());
+        Self { machines, ready, held, first: 0, beside, own, known }
+    }
+
+    /// True if a machine hasn't ended.
+    fn has_more(&self) -> bool {
+        !self.ready.is_empty() || !self.held.is_empty()
     }
 
     /// What is its own comes to its place, or goes from there.
@@ -324,8 +346,10 @@ impl Program {
             // The invocations of one machine go from operation to operation side by side.
             let serial = options.schedule.is_some_and(|schedule| schedule.serial);
             let lanes = if serial { of } else { invocations };
-            let beside = if serial { 1 } else { options.beside.clamp(1, all.max(1)) };
-            let new = |_| Running::<A>::new(code, options, &order, lanes, beside > 1);
+            let beside = options.beside.clamp(1, all.max(1));
+            let yields = options.beside > 1 && (serial || beside > 1);
+            let mut turns = Turns::of(options.schedule.filter(|_| yields));
+            let new = |_| Running::<A>::new(code, options, &order, lanes, (beside > 1, yields));
             let mut running: Vec<Running<'_, '_, A>> = (0..beside).map(new).collect();
             let mut detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
             let mut groups = groups;
@@ -340,7 +364,7 @@ impl Program {
                 for (one, group) in running.iter_mut().zip(&mut groups) {
                     count += 1;
                     one.first = group * invocations;
-                    one.waiting = (0..one.machines.len()).collect();
+                    one.ready = (0..one.machines.len()).collect();
                     one.exchange(&mut memory, &mut detector);
                     for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
                         if slot.binding == Binding::Workgroup {
@@ -373,17 +397,26 @@ impl Program {
                 if count == 0 {
                     break;
                 }
-                while running[..count].iter().any(|one| !one.waiting.is_empty()) {
-                    for one in running[..count].iter_mut().filter(|one| !one.waiting.is_empty()) {
+                while running[..count].iter().any(Running::has_more) {
+                    for one in running[..count].iter_mut().filter(|one| one.has_more()) {
+                        if one.ready.is_empty() {
+                            std::mem::swap(&mut one.ready, &mut one.held);
+                        }
                         one.exchange(&mut memory, &mut detector);
-                        for number in std::mem::take(&mut one.waiting) {
+                        for number in std::mem::take(&mut one.ready) {
+                            if !turns.goes_on() {
+                                one.ready.push(number);
+                                continue;
+                            }
                             let case = one.first + order[number * lanes];
                             let machine = &mut one.machines[number];
                             (machine.work, machine.detector) = (work, detector.take());
                             let paused = machine.resume::<SEEN>(case, &mut memory, observer);
                             (work, detector) = (machine.work, machine.detector.take());
                             match paused {
-                                Ok(waits) => one.waiting.extend(waits.then_some(number)),
+                                Ok(Pause::Atomic) => one.ready.push(number),
+                                Ok(Pause::Barrier) => one.held.push(number),
+                                Ok(Pause::End) => {}
                                 Err(spent) => {
                                     let own = order[number * lanes + spent.lane];
                                     let stop = spent.stop(one.first + own, options);

@@ -99,6 +99,15 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) order: Vec<usize>,
 }
 
+/// Where a machine stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pause {
+    /// Behind an atomic, if it waits there.
+    Atomic,
+    Barrier,
+    End,
+}
+
 impl<'p, A: Rules> Machine<'p, A> {
     pub(crate) fn new(code: &'p Code, options: &'p Options, width: usize) -> Self {
         let [floats, ints, bools] = code.registers.map(|count| count as usize);
@@ -236,7 +245,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         A: crate::arithmetic::Arithmetic,
     {
         self.start(active);
-        while self.resume::<SEEN>(case, memory, observer)? {}
+        while self.resume::<SEEN>(case, memory, observer)? != Pause::End {}
         Ok(())
     }
 
@@ -256,13 +265,13 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.lost.fill(None);
     }
 
-    /// Runs on to where it waits, a barrier or an atomic, which is true; or to the end. The first lane is `case`.
+    /// Runs on to where it waits, or to the end. The first lane is `case`.
     pub(crate) fn resume<const SEEN: bool>(
         &mut self,
         case: usize,
         memory: &mut Memory<'_, A>,
         observer: &dyn Observer<A>,
-    ) -> Result<bool, Spent>
+    ) -> Result<Pause, Spent>
     where
         A: crate::arithmetic::Arithmetic,
     {
@@ -398,12 +407,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                     if self.yields && !code.walks[walk as usize].plain {
                         self.at = at;
-                        return Ok(true);
+                        return Ok(Pause::Atomic);
                     }
                 }
                 Op::Write(scalar, walk) => {
                     self.write(scalar, walk, registers, memory);
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
+                    if self.yields && !code.walks[walk as usize].plain {
+                        self.at = at;
+                        return Ok(Pause::Atomic);
+                    }
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
@@ -415,7 +428,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     if self.yields {
                         self.at = at;
-                        return Ok(true);
+                        return Ok(Pause::Atomic);
                     }
                 }
                 Op::Subgroup(operation) => {
@@ -517,13 +530,13 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.detector = Some(detector);
                     }
                     self.at = at;
-                    return Ok(true);
+                    return Ok(Pause::Barrier);
                 }
                 Op::Halt => break,
             }
         }
         self.forget_lost();
-        Ok(false)
+        Ok(Pause::End)
     }
 
     /// Keeps where those lanes went that were active before and aren't any more.

@@ -37,7 +37,8 @@ pub struct Options {
     /// The order in which workgroups and invocations of a dispatch run; `None`: by their numbers.
     pub schedule: Option<Schedule>,
     /// Workgroups that run beside each other, each to its next atomic or barrier before the next one goes on: 1 by default.
-    /// So one of them may act upon what an atomic gave it after another one has changed that. In a serial schedule it is 1.
+    /// So one of them may act upon what an atomic gave it after another one has changed that. In a serial schedule each
+    /// invocation does so, and in a shuffled one chance decides whose turn it is.
     pub beside: usize,
 }
 

@@ -87,19 +87,24 @@ impl Schedule {
         }))
     }
 
-    /// Fisher and Yates' shuffle, by the numbers of `splitmix64`; or the reverse order.
+    /// Fisher and Yates' shuffle; or the reverse order.
     fn shuffle(&self, count: usize) -> Box<dyn Iterator<Item = (usize, usize)>> {
         if self.seed == 0 {
             return Box::new((0..count / 2).map(move |at| (at, count - 1 - at)));
         }
         let mut state = self.seed;
-        Box::new((1..count).rev().map(move |at| {
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            (at, ((z ^ (z >> 31)) % (at as u64 + 1)) as usize)
-        }))
+        Box::new(
+            (1..count).rev().map(move |at| (at, (next(&mut state) % (at as u64 + 1)) as usize)),
+        )
     }
+}
+
+/// The next number of `splitmix64`.
+pub(crate) fn next(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -197,6 +197,10 @@ impl After<'_> {
                 }
             }
             let entry_points: Vec<&str> = passes.entry_points().collect();
+            // And swaps alone are simpler than turns.
+            if judged(Some(order.apart()))?.failures > 0 {
+                order = order.apart();
+            }
             let (place, operation) = parting(passes, order).unzip();
             let place = place.or_else(|| order.passes(passes).last().and_then(Pass::span));
             return Err(ComputeError::Order(Box::new(OrderDependence {

@@ -146,6 +146,10 @@ impl OrderOf {
         self
     }
 
+    pub(crate) fn apart(self) -> Self {
+        self
+    }
+
     pub(crate) fn only(self, _: usize) -> Self {
         self
     }

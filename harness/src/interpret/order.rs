@@ -20,26 +20,29 @@ pub(crate) struct OrderOf {
     schedule: Schedule,
     /// The pass that has this order, by its number; the others have the usual one. `None`: all passes have it.
     only: Option<usize>,
+    /// Workgroups that run beside each other.
+    beside: usize,
 }
 
 impl OrderOf {
     /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
     /// their numbers and once backwards: any two of them meet in both orders, wherever their statements stand. The others
-    /// keep statements side by side, and have workgroups run beside each other.
+    /// have workgroups run beside each other. In the first of them, and in every other one, invocations keep their statements
+    /// side by side; in the rest each goes from atomic to atomic by itself, in a turn that chance decides.
     pub(crate) fn whole(passes: &Passes, number: u64) -> Self {
         let subgroup = SUBGROUPS[number as usize % SUBGROUPS.len()];
         // The reverse order is that of the seed 0.
         let (seed, serial) = match number {
             1 | 2 => (0, true),
-            3 => (number, true),
-            _ => (number, false),
+            _ => (number, number % 2 == 1),
         };
+        let beside = if (1..=3).contains(&number) { 1 } else { BESIDE };
         let of_pass = passes.passes.iter().map(|pass| {
             let (groups, together) = counts(pass, subgroup);
             Schedule::whole(seed, groups, together).swaps
         });
         let swaps = if number == 1 { 0 } else { of_pass.max().unwrap_or_default() };
-        Self { schedule: Schedule { seed, swaps, serial, subgroup }, only: None }
+        Self { schedule: Schedule { seed, swaps, serial, subgroup }, only: None, beside }
     }
 
     /// The swaps that it is made of.
@@ -62,6 +65,11 @@ impl OrderOf {
         Self { schedule: Schedule { swaps, ..self.schedule }, ..self }
     }
 
+    /// The same where no workgroup runs beside another one, and no invocation waits at an atomic.
+    pub(crate) fn apart(self) -> Self {
+        Self { beside: 1, ..self }
+    }
+
     /// The same in one pass alone.
     pub(crate) fn only(self, pass: usize) -> Self {
         Self { only: Some(pass), ..self }
@@ -78,21 +86,21 @@ impl OrderOf {
     pub(crate) fn last(self, passes: &Passes) -> String {
         let sizes = || format!("subgroups have {} invocations", self.schedule.subgroup);
         let sizes = passes.has_subgroups().then(sizes);
-        if self.schedule.swaps == 0 {
-            let serial =
-                "invocations run to the next barrier, or to their ends, one after the other";
-            let of_one = self.only.and_then(|number| passes.passes.get(number));
-            let of_one = of_one.map_or_else(String::new, |pass| format!(" in `{}`", pass.name));
-            let how = match self.schedule.serial {
-                true => Some(format!("{serial}{of_one}")),
-                false if passes.passes.iter().any(|pass| counts(pass, 1).0 > 1) => Some(format!(
-                    "workgroups run beside each other{of_one}, each to its next atomic"
-                )),
-                false => None,
-            };
-            let both: Vec<String> = sizes.into_iter().chain(how).collect();
-            return both.join(", and ");
-        }
+        let of_one = self.only.and_then(|number| passes.passes.get(number));
+        let of_one = of_one.map_or_else(String::new, |pass| format!(" in `{}`", pass.name));
+        let apart = passes.passes.iter().any(|pass| counts(pass, 1).0 > 1);
+        let how = match (self.schedule.serial, self.beside > 1) {
+            (true, true) => {
+                Some(format!("invocations take turns{of_one}, each to its next atomic"))
+            }
+            (false, true) if apart => {
+                Some(format!("workgroups run beside each other{of_one}, each to its next atomic"))
+            }
+            (true, false) if self.schedule.swaps == 0 => Some(format!(
+                "invocations run to the next barrier, or to their ends, one after the other{of_one}"
+            )),
+            _ => None,
+        };
         let of_pass = |pass: &Pass| {
             let (groups, together) = counts(pass, self.schedule.subgroup);
             Some(match self.schedule.last(groups, together)? {
@@ -111,7 +119,8 @@ impl OrderOf {
                 }
             })
         };
-        let all: Vec<String> = self.passes(passes).filter_map(of_pass).chain(sizes).collect();
+        let swaps = self.passes(passes).filter_map(of_pass);
+        let all: Vec<String> = swaps.chain(sizes).chain(how).collect();
         if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
     }
 }
@@ -135,9 +144,12 @@ pub(crate) fn in_order_of(
 /// How one of some passes runs in an order.
 pub(super) fn options_in(passes: &Passes, pass: &Pass, order: Option<OrderOf>) -> Options {
     let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
-    let schedule = order.filter(has_it).map(|order| order.schedule);
-    let beside = if schedule.is_some() { BESIDE } else { 1 };
-    Options { schedule, beside, ..options() }
+    match order.filter(has_it) {
+        Some(order) => {
+            Options { schedule: Some(order.schedule), beside: order.beside, ..options() }
+        }
+        None => options(),
+    }
 }
 
 #[cfg(test)]
@@ -202,7 +214,7 @@ mod tests {
             let sizes = SUBGROUPS.into_iter().filter(|size| (least..=most).contains(size));
             let left = sizes.map(|subgroup| {
                 let order = Schedule { seed: 0, swaps: 0, serial: false, subgroup };
-                in_order_of(&passes, Some(OrderOf { schedule: order, only: None }))
+                in_order_of(&passes, Some(OrderOf { schedule: order, only: None, beside: 1 }))
                     .expect("the engine runs it")
             });
             let left: Vec<_> = left.collect();
