@@ -23,7 +23,7 @@ use crate::package::{LinkedModule, Package};
 use crate::path::{Path, PathError};
 use crate::probe::{self, ProbeError};
 use crate::reflect::{Binding, BindingKind, Dimension, Overrides, Program, ReflectError, lanes_of};
-use crate::value::Shape;
+use crate::value::{Scalar, Shape};
 
 /// Why nothing was dispatched.
 #[derive(Debug, thiserror::Error)]
@@ -166,8 +166,8 @@ pub(crate) struct Pass {
     pub(crate) workgroups: [u32; 3],
     /// What it uses, with the number of the resource.
     pub(crate) bindings: Vec<(Binding, usize)>,
-    /// True of a draw, whose `workgroups` are pixels of a fragment function.
-    pub(crate) drawn: bool,
+    /// Of a draw, whose `workgroups` are pixels of a fragment function, the scalars of what that returns.
+    pub(crate) drawn: Option<Vec<Scalar>>,
 }
 
 impl Pass {
@@ -183,7 +183,7 @@ impl Pass {
 
     /// Invocations of a workgroup in each direction.
     pub(crate) fn workgroup_size(&self) -> [u32; 3] {
-        if self.drawn {
+        if self.drawn.is_some() {
             return [1; 3];
         }
         let entry_point = self.program.compute_entry_point(&self.entry_point);
@@ -193,7 +193,7 @@ impl Pass {
     /// An invocation by its number, workgroup after workgroup of this size.
     #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
-        if self.drawn {
+        if self.drawn.is_some() {
             let [x, y] = karat_engine::pixel_of(number, self.workgroups[0]);
             return format!("pixel ({x}, {y})");
         }
@@ -299,7 +299,7 @@ impl Passes {
             }
             all.extend(bindings);
             let (name, bindings) = (name.clone(), bound);
-            let drawn = false;
+            let drawn = None;
             passes.push(Pass { name, program, entry_point, workgroups, bindings, drawn });
         }
         if let Some(name) = unknown_overrides.first() {
@@ -325,7 +325,7 @@ impl Passes {
         };
         let resources = resources.iter().map(held).collect();
         let (name, entry_point) = (entry_point.to_owned(), entry_point.to_owned());
-        let pass = Pass { name, program, entry_point, workgroups, bindings, drawn: false };
+        let pass = Pass { name, program, entry_point, workgroups, bindings, drawn: None };
         Self { passes: vec![pass], resources }
     }
 

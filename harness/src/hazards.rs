@@ -602,7 +602,7 @@ impl Look<'_> {
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
-                            violation: violation(self.name, one),
+                            violation: parted(self.name, one),
                         };
                         Gathered { hazard, plain: false, mixed: false }
                     });
@@ -711,7 +711,7 @@ fn operands(found: &Found) -> Vec<String> {
 }
 
 /// The pixel that takes a derivative and the one that doesn't, with the condition where it parted.
-fn violation(function: &str, found: &Found) -> Option<Violation> {
+fn parted(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
         place: span.to_string(),

@@ -351,13 +351,14 @@ impl Arguments {
         })
     }
 
-    /// A row for each pixel of a draw, all else being that of one row: a position is the pixel's own, and the first two
-    /// numbers of a vector go from 0 to 1 across and down, as texture coordinates do.
+    /// A row for each pixel of a draw. A position is the pixel's own, the first two numbers of a vector go from 0 to 1 across
+    /// and down, as texture coordinates do, and another float goes from that of one row to that of another one. All else is
+    /// that of the first row.
     #[cfg(feature = "engine")]
     pub(crate) fn of_pixels(
         &self,
         function: &Function,
-        row: &[u32],
+        [row, other]: [&[u32]; 2],
         [across, down]: [u32; 2],
     ) -> Vec<u32> {
         let is_position = |one: &Described| {
@@ -365,13 +366,16 @@ impl Arguments {
             builtins.any(|(path, builtin)| *path == one.path && builtin == meaning::POSITION)
         };
         // The place in a row of the first two numbers of vectors, and whether it is a position.
-        let (mut at, mut vectors) = (0, Vec::new());
+        let (mut at, mut vectors, mut others) = (0, Vec::new(), Vec::new());
         for (index, one) in self.described.iter().enumerate() {
             let path = |other: usize| self.described.get(other).map(|other| &other.path);
             let begins = index.checked_sub(1).and_then(path) != Some(&one.path);
             let is_number = one.scalars == [Scalar::F32] && !one.declared;
             if begins && is_number && path(index + 1) == Some(&one.path) {
                 vectors.push((at, is_position(one)));
+            }
+            if one.scalars == [Scalar::F32] {
+                others.push(at);
             }
             at += one.scalars.len();
         }
@@ -380,6 +384,12 @@ impl Arguments {
         for pixel in pixels {
             let first = rows.len();
             rows.extend_from_slice(row);
+            // Along the diagonal, so that a float differs between neighbours in each direction.
+            let share = (pixel[0] + pixel[1]) as f32 / (across + down - 2).max(1) as f32;
+            for at in &others {
+                let [one, other] = [row, other].map(|row| f32::from_bits(row[*at]));
+                rows[first + at] = (one + (other - one) * share).to_bits();
+            }
             for (at, is_position) in &vectors {
                 for (lane, (index, count)) in pixel.into_iter().zip([across, down]).enumerate() {
                     let center = index as f32 + 0.5;

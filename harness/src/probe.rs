@@ -24,6 +24,8 @@ mod upload;
 
 pub use inputs::Inputs;
 pub(crate) use kept::{Kept, count};
+#[cfg(feature = "engine")]
+pub(crate) use kernel::RESULTS;
 pub(crate) use kernel::{CONSTANTS, Kernel, UNIFORM_WORDS, WORKGROUP};
 #[cfg(feature = "routes")]
 pub(crate) use lets::Let;

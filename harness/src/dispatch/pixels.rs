@@ -8,8 +8,9 @@ use crate::made_up::{Arguments, Extents, Ranges, Resources};
 use crate::package::Package;
 use crate::probe::Probed;
 
-/// Pixels across and down: as many as a compute pass of 8 x 8 invocations usually has, and rows are no columns.
-const SIZE: [u32; 2] = [16, 24];
+/// Pixels across and down, one after the other: as many as a compute pass of 8 x 8 invocations usually has, and rows are no
+/// columns. An edge at any tenth, quarter or third parts a quad in one of them.
+const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
@@ -30,15 +31,18 @@ impl Passes {
         let probed = Probed::new(package, name).map_err(|error| error.to_string())?;
         let (program, function) = (&probed.program, probed.function());
         // A single pixel has the others of its quad for neighbours.
-        let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (SIZE, SIZE) };
-        let extents = Extents::of([1; 3], [SIZE[0], SIZE[1], 1], variant);
+        let whole = SIZES[variant % SIZES.len()];
+        let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
+        let extents = Extents::of([1; 3], [whole[0], whole[1], 1], variant);
         let draws = variant % Extents::ZEROS;
         let made = Resources::of_pass((program, &function.bindings), ranges, extents, draws)?;
         let arguments = Arguments::of_draw(function, ranges, extents)?;
         let (count, rows) = arguments.rows(SEED, Extents::VARIANTS);
         let width = arguments.width();
-        let row = rows.chunks_exact(width.max(1)).nth(draws % count.max(1)).unwrap_or_default();
-        let words = arguments.of_pixels(function, row, [across, down]);
+        let row = |number: usize| {
+            rows.chunks_exact(width.max(1)).nth(number % count.max(1)).unwrap_or_default()
+        };
+        let words = arguments.of_pixels(function, [draws, draws + 1].map(row), [across, down]);
         let kernel = probed.kernel.of_pixels();
         let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with it");
         let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
@@ -68,7 +72,9 @@ impl Passes {
         let size = [size[0], size[1], 1];
         let mut passes = Self::over(Arc::new(drawn), Probed::ENTRY_POINT, size, &bound);
         let pass = &mut passes.passes[0];
-        (pass.name, pass.drawn) = (name.to_owned(), true);
+        let outputs = function.outputs();
+        let scalars = outputs.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        (pass.name, pass.drawn) = (name.to_owned(), Some(scalars));
         Ok((passes, made))
     }
 }

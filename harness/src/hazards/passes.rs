@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands};
+use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands, parted};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Passes, Violation, ViolationKind};
 use crate::interpret::examine_made_up;
@@ -45,6 +45,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
     let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
     // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
     let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
+    // A loop that ends over zeros may wait for what a host writes first, as for a lock that is free.
+    let mut surely_endless = false;
     // Contents that were tried, and those in which a float isn't finite, by its place.
     let (mut contents, mut wrong_in) = (0, BTreeMap::<(String, Kind), BTreeSet<usize>>::new());
     for variant in 0..Extents::VARIANTS {
@@ -60,11 +62,12 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
         };
         // A violation that zeros have, too, comes from no content that is made up.
         let mut surely = BTreeSet::new();
-        if !examined.violations.is_empty()
+        if (!examined.violations.is_empty() || examined.endless.is_some())
             && let Ok((passes, _)) = make(None, variant + Extents::ZEROS)
         {
-            let all = examine_made_up(&passes).violations.into_iter();
-            for (one, at) in all {
+            let zeros = examine_made_up(&passes);
+            surely_endless |= zeros.endless.is_some();
+            for (one, at) in zeros.violations {
                 let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
                 // Of zeros two writes are of the same value, and no less a race of others.
                 if kind == Kind::EqualWrites {
@@ -127,6 +130,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 hidden: found.hidden,
                 idiom: found.idiom,
                 operands: operands(found),
+                violation: parted(name, found),
                 ..of_pass(found.kind, found.span.to_string(), one_line(&found.text))
             });
         let endless = examined.endless.iter().map(|diagnostic| {
@@ -207,7 +211,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             2 * wrong.len() <= contents
                 || !wrong.contains(&0) && wrong.len() < contents && hazard.cases.0 == hazard.cases.1
         };
-        if wrong_in.is_some_and(by_contents) {
+        let waits = key.1 == Kind::Endless && !surely_endless;
+        if waits || wrong_in.is_some_and(by_contents) {
             hazard.by_contents.insert(hazard.function.clone());
         }
     }

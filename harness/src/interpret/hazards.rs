@@ -141,9 +141,9 @@ pub(crate) struct Found {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Missing {
     /// That one, as a person calls it.
-    pub(crate) reached: &'static str,
+    pub(crate) reached: String,
     /// One that doesn't.
-    pub(crate) missing: &'static str,
+    pub(crate) missing: String,
     /// The condition or the jump where that one went another way.
     pub(crate) parted: Option<Span>,
 }
@@ -675,7 +675,8 @@ impl Interpreted {
             "the pixel below it",
             "the pixel below to the right",
         ];
-        let [reached, missing] = pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()]);
+        let [reached, missing] =
+            pixels.map(|pixel| NAMES[(pixel - first) % NAMES.len()].to_owned());
         let site = by.and_then(|by| self.site(by));
         let parted = site.and_then(|site| super::statement_of(&self.program, site));
         Missing { reached, missing, parted }

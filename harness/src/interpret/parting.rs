@@ -9,7 +9,7 @@ use super::dispatch::in_order;
 use super::order::{OrderOf, options_in};
 use crate::diagnostic::Span;
 use crate::dispatch::Passes;
-use crate::value::format_f32;
+use crate::value::{Scalar, format_lane};
 
 /// Results that are kept of a pass: 16 MiB of them. The first difference comes early.
 const MOST: usize = 1 << 20;
@@ -21,30 +21,21 @@ struct Given {
     site: usize,
     case: u32,
     word: u32,
-    float: bool,
-}
-
-impl Given {
-    fn shown(self) -> String {
-        match self.float {
-            true => format_f32(f32::from_bits(self.word)),
-            false => self.word.cast_signed().to_string(),
-        }
-    }
+    scalar: Scalar,
 }
 
 #[derive(Default)]
 struct Results(Mutex<Vec<Given>>);
 
 impl Results {
-    fn add(&self, lanes: &Lanes<'_, F32>, float: bool, word: impl Fn(usize) -> u32) {
+    fn add(&self, lanes: &Lanes<'_, F32>, scalar: Scalar, word: impl Fn(usize) -> u32) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let site = std::ptr::from_ref(lanes.site).addr();
         let room = MOST.saturating_sub(all.len());
         let active = lanes.active.iter().enumerate().filter(|(_, active)| **active);
         all.extend(active.take(room).map(|(lane, _)| {
             let case = u32::try_from(lanes.case_of(lane)).unwrap_or(u32::MAX);
-            Given { site, case, word: word(lane), float }
+            Given { site, case, word: word(lane), scalar }
         }));
     }
 }
@@ -52,17 +43,17 @@ impl Results {
 impl Observer<F32> for Results {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
         for values in lanes.floats {
-            self.add(lanes, true, |lane| values[lane].to_bits());
+            self.add(lanes, Scalar::F32, |lane| values[lane].to_bits());
         }
     }
 
     fn others(&self, lanes: &Lanes<'_, F32>) {
         self.floats(lanes);
         for values in lanes.ints {
-            self.add(lanes, false, |lane| values[lane]);
+            self.add(lanes, Scalar::U32, |lane| values[lane]);
         }
         for values in lanes.bools {
-            self.add(lanes, false, |lane| u32::from(values[lane]));
+            self.add(lanes, Scalar::Bool, |lane| u32::from(values[lane]));
         }
     }
 }
@@ -94,9 +85,12 @@ pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)>
             });
             let place = |number: usize| {
                 let site = &lowered.sites()[number];
-                super::author_of(&pass.program, site)
+                let signed = site.expression.is_some_and(|expression| {
+                    pass.program.is_signed(&site.function, expression.index())
+                });
+                Some((super::author_of(&pass.program, site)?, signed))
             };
-            let places: Vec<Option<(Span, String)>> = (0..sites.len()).map(place).collect();
+            let places: Vec<Option<((Span, String), bool)>> = (0..sites.len()).map(place).collect();
             of_passes.push((all, size, places));
             ran.map(|()| true)
         });
@@ -116,9 +110,12 @@ pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)>
             let there = known.get(&key).and_then(|all| all.get(*count));
             *count += 1;
             let Some(there) = there.filter(|there| there.word != one.word) else { continue };
-            let Some((span, text)) = &places[one.site] else { continue };
+            let Some(((span, text), signed)) = &places[one.site] else { continue };
             let invocation = passes.passes[number].invocation(*size, one.case as usize);
-            let (usual, other) = (one.shown(), there.shown());
+            let [usual, other] = [one, there].map(|given| match given.scalar {
+                Scalar::U32 if *signed => format_lane(Scalar::I32, given.word),
+                scalar => format_lane(scalar, given.word),
+            });
             let says = format!(
                 "`{text}` gives {invocation} {other} there, and {usual} in the usual order"
             );

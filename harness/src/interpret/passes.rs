@@ -6,10 +6,11 @@ use std::sync::{Mutex, PoisonError};
 use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 
 use super::dispatch::{in_order, options};
-use super::hazards::{Found, Kind, kind_of};
+use super::hazards::{Found, Kind, Missing, kind_of};
 use super::sanitizer::made_up_options;
 use super::{author_of, dispatch, idiom_of};
 use crate::dispatch::{DispatchError, Pass, Passes};
+use crate::probe::RESULTS;
 use crate::value::Scalar;
 
 /// An operation at fault.
@@ -18,6 +19,8 @@ struct Fault {
     case: usize,
     count: usize,
     operands: Vec<f32>,
+    /// Of a derivative the pixel that isn't there, and the address of the site at which it parted.
+    missing: Option<(usize, Option<usize>)>,
 }
 
 /// Faults by the address of their site, and their kind.
@@ -25,10 +28,9 @@ struct Fault {
 struct Faults(Mutex<BTreeMap<(usize, Kind), Fault>>);
 
 impl Faults {
-    fn add(&self, site: usize, kind: Kind, case: usize, operands: impl FnOnce() -> Vec<f32>) {
+    fn add(&self, site: usize, kind: Kind, fault: impl FnOnce() -> Fault) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let add = || Fault { case, count: 0, operands: operands() };
-        all.entry((site, kind)).or_insert_with(add).count += 1;
+        all.entry((site, kind)).or_insert_with(fault).count += 1;
     }
 }
 
@@ -41,14 +43,21 @@ impl Observer<F32> for Faults {
                 // An operation that gets an infinity passes on what was wrong before.
                 if lanes.active[lane] && operands().all(f32::is_finite) {
                     let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
-                    self.add(site, kind, lanes.case + lane, || operands().collect());
+                    self.add(site, kind, || {
+                        let (case, operands) = (lanes.case_of(lane), operands().collect());
+                        Fault { case, count: 0, operands, missing: None }
+                    });
                 }
             }
         }
     }
 
     fn fault(&self, one: &Faulty<'_>) {
-        self.add(std::ptr::from_ref(one.site).addr(), kind_of(one.fault), one.case, Vec::new);
+        let address = |site: &karat_engine::Site| std::ptr::from_ref(site).addr();
+        self.add(address(one.site), kind_of(one.fault), || {
+            let missing = one.missing.map(|other| (other.case, other.parted.map(address)));
+            Fault { case: one.case, count: 0, operands: Vec::new(), missing }
+        });
     }
 }
 
@@ -79,8 +88,11 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let faults = faults.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         for ((address, kind), fault) in faults {
-            let mut sites = lowered.sites().iter();
-            let site = sites.find(|one| std::ptr::from_ref(*one).addr() == address);
+            let site_at = |address: usize| {
+                let mut sites = lowered.sites().iter();
+                sites.find(|one| std::ptr::from_ref(*one).addr() == address)
+            };
+            let site = site_at(address);
             let author = site.and_then(|site| author_of(&pass.program, site));
             let Some((span, text)) =
                 author.filter(|_| !matches!(kind, Kind::OutOfRange | Kind::Wrapped))
@@ -91,7 +103,13 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let hidden = finite && kind == Kind::Infinite;
             let idiom = site.and_then(|site| idiom_of(&pass.program, site));
             let (operands, values, of_given_size) = (fault.operands, None, false);
-            let missing = None;
+            let missing = fault.missing.map(|(other, parted)| Missing {
+                reached: pass.invocation(size, fault.case),
+                missing: pass.invocation(size, other),
+                parted: parted
+                    .and_then(site_at)
+                    .and_then(|site| super::statement_of(&pass.program, site)),
+            });
             let found =
                 Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing };
             let invocation = pass.invocation(size, fault.case);
@@ -108,7 +126,13 @@ fn leaves_finite(passes: &Passes) -> Result<bool, DispatchError> {
     for (number, words) in dispatch(passes)? {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).unwrap_or_default();
-        let scalars = shape.lanes();
+        let mut scalars = shape.lanes();
+        // The results of pixels are words, with a canary behind each pixel's.
+        let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());
+        if let Some(own) = drawn.filter(|_| passes.resources[number].name == RESULTS) {
+            let of_pixel = own.iter().copied().chain([Scalar::U32]);
+            scalars = of_pixel.cycle().take(lanes.len()).collect();
+        }
         let mut each = scalars.iter().zip(&lanes);
         let is_finite = |(scalar, word): (&Scalar, &u32)| {
             !scalar.is_float() || scalar.decode(*word).is_finite()

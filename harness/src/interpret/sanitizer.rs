@@ -261,7 +261,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         (_, Place::Texel(_)) => "textureBarrier",
         _ => "storageBarrier",
     };
-    let note = if pass.drawn {
+    let note = if pass.drawn.is_some() {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
         format!("nothing orders two pixels of a draw: {atomic}let each write an element of its own")
     } else if !race.one_workgroup {
@@ -294,7 +294,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note.clone());
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
-    let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup && !pass.drawn;
+    let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup && pass.drawn.is_none();
     let in_workgroup = race.binding.is_none();
     let violation =
         Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());

@@ -165,7 +165,7 @@ fn dispatched(
         let bindings = bindings.into_iter().map(numbered).collect::<Result<_, Unraised>>()?;
         let (name, entry_point) = (pass.entry_point.clone(), pass.entry_point.clone());
         let workgroups = pass.workgroups;
-        let drawn = false;
+        let drawn = None;
         all.passes.push(dispatch::Pass { name, program, entry_point, workgroups, bindings, drawn });
     }
     let most = 1..=dispatch::MOST_WORKGROUPS;

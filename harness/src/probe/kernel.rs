@@ -20,6 +20,9 @@ pub(crate) const CONSTANTS: usize = 64;
 /// and wgpu's GL panics where a thread waits longer than six seconds for another one's.
 const CALLS: usize = 16;
 
+/// The variable of results.
+pub(crate) const RESULTS: &str = "karat_out";
+
 /// Name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 

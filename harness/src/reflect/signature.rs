@@ -7,7 +7,7 @@ use naga::common::wgsl::TryToWgsl;
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
-use super::{BindingKind, NAMED, Program, ReflectError, Stage, Texels};
+use super::{BindingKind, Checked, NAMED, Program, ReflectError, Stage, Texels};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
@@ -385,36 +385,26 @@ impl Program {
     /// Whether an expression of a function, by its index, is `-x`.
     #[cfg(feature = "engine")]
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
-        let mut functions = self.checked.module.functions.iter().map(|(_, function)| function);
-        let function = functions.find(|known| known.name.as_deref() == Some(function));
-        let mut expressions = function.into_iter().flat_map(|f| f.expressions.iter());
-        matches!(
-            expressions.nth(expression),
-            Some((_, naga::Expression::Unary { op: naga::UnaryOperator::Negate, .. }))
-        )
+        let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
+        let negate = naga::UnaryOperator::Negate;
+        matches!(found, Some((_, naga::Expression::Unary { op, .. })) if *op == negate)
     }
 
     /// How many numbers an expression of a function is, by its index; 1 if that isn't known.
     #[cfg(feature = "engine")]
     pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
-        let mut functions = self.checked.module.functions.iter();
-        let found = functions.find(|(_, known)| known.name.as_deref() == Some(function));
-        let of = |(handle, function): (naga::Handle<naga::Function>, &naga::Function)| {
-            let (at, _) = function.expressions.iter().nth(expression)?;
-            Some(match self.checked.info[handle][at].ty.inner_with(&self.checked.module.types) {
-                naga::TypeInner::Vector { size, .. } => *size as usize,
-                naga::TypeInner::Matrix { columns, rows, .. } => *columns as usize * *rows as usize,
-                _ => 1,
-            })
+        let components = |inner: &naga::TypeInner| match inner {
+            naga::TypeInner::Vector { size, .. } => *size as usize,
+            naga::TypeInner::Matrix { columns, rows, .. } => *columns as usize * *rows as usize,
+            _ => 1,
         };
-        found.and_then(of).unwrap_or(1)
+        self.type_of(function, expression).map_or(1, components)
     }
 
     /// The name that a `let` of a function gives an expression, by its index.
     #[cfg(feature = "engine")]
     pub(crate) fn let_name(&self, function: &str, expression: usize) -> Option<&str> {
-        let mut functions = self.checked.module.functions.iter().map(|(_, function)| function);
-        let function = functions.find(|known| known.name.as_deref() == Some(function))?;
+        let (function, _) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
         function.named_expressions.get(&at).map(String::as_str)
     }
@@ -422,14 +412,29 @@ impl Program {
     /// Whether an expression of a function is an `i32`, or a vector of them.
     #[cfg(feature = "engine")]
     pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
-        let mut functions = self.checked.module.functions.iter();
-        let found = functions.find(|(_, known)| known.name.as_deref() == Some(function));
-        let of = |(handle, function): (naga::Handle<naga::Function>, &naga::Function)| {
-            let (at, _) = function.expressions.iter().nth(expression)?;
-            let inner = self.checked.info[handle][at].ty.inner_with(&self.checked.module.types);
-            Some(inner.scalar()?.kind == naga::ScalarKind::Sint)
-        };
-        found.and_then(of).unwrap_or(false)
+        let scalar = self.type_of(function, expression).and_then(naga::TypeInner::scalar);
+        scalar.is_some_and(|scalar| scalar.kind == naga::ScalarKind::Sint)
+    }
+
+    /// The type of an expression of a function, by its index.
+    #[cfg(feature = "engine")]
+    fn type_of(&self, function: &str, expression: usize) -> Option<&naga::TypeInner> {
+        let (function, info) = self.body(function)?;
+        let (at, _) = function.expressions.iter().nth(expression)?;
+        Some(info[at].ty.inner_with(&self.checked.module.types))
+    }
+
+    /// A function or an entry point by its name in the text, and what naga's validator knows of it.
+    #[cfg(feature = "engine")]
+    fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
+        let Checked { module, info, .. } = &*self.checked;
+        let mut functions = module.functions.iter();
+        let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
+        let function = found.map(|(handle, function)| (function, &info[handle]));
+        function.or_else(|| {
+            let entry = module.entry_points.iter().position(|entry| entry.name == name)?;
+            Some((&module.entry_points[entry].function, info.get_entry_point(entry)))
+        })
     }
 
     /// The signature of one of its functions, whose types have the names that their authors gave them.

@@ -120,6 +120,13 @@ impl<'m> Lower<'m> {
         self.site = self.code.sites.len() as u32 - 1;
     }
 
+    /// The statement that was entered gives an expression its value.
+    fn gives(&mut self, result: Option<Handle<Expression>>) {
+        if let Some(site) = self.code.sites.last_mut() {
+            site.expression = result;
+        }
+    }
+
     fn statement(
         &mut self,
         scope: &mut Scope<'m>,
@@ -242,6 +249,7 @@ impl<'m> Lower<'m> {
             }
             Statement::Atomic { pointer, fun, value, result } => {
                 self.enter_statement(scope, span);
+                self.gives(result);
                 self.atomic(scope, pointer, fun, value, result)?;
             }
             Statement::WorkGroupUniformLoad { pointer, result } => {
@@ -278,14 +286,17 @@ impl<'m> Lower<'m> {
             }
             Statement::SubgroupBallot { result, predicate } => {
                 self.enter_statement(scope, span);
+                self.gives(Some(result));
                 self.ballot(scope, predicate, result)?;
             }
             Statement::SubgroupGather { mode, argument, result } => {
                 self.enter_statement(scope, span);
+                self.gives(Some(result));
                 self.gather_of(scope, mode, argument, result)?;
             }
             Statement::SubgroupCollectiveOperation { op, collective_op, argument, result } => {
                 self.enter_statement(scope, span);
+                self.gives(Some(result));
                 self.collective(scope, (op, collective_op), argument, result)?;
             }
             Statement::CooperativeStore { .. } => return Err(self.refuse("cooperative matrices")),
