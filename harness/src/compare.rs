@@ -271,7 +271,14 @@ impl Request {
             (parameters.collect::<Vec<_>>(), function.result.clone(), function.form.taken.clone())
         };
         if shapes(&before.function) != shapes(&after.function) {
-            let (before, after) = (before.function.to_string(), after.function.to_string());
+            let mut shown = [&before, &after].map(|one| one.function.to_string());
+            // What it writes is no part of a signature.
+            if shown[0] == shown[1] {
+                let given =
+                    |one: &Probed| format!("{}, which gives {}", one.function, one.function.result);
+                shown = [&before, &after].map(given);
+            }
+            let [before, after] = shown;
             return Compared { location, ..compared(Change::Signature { before, after }) };
         }
         let mut ran = Ran::default();
@@ -701,6 +708,11 @@ mod tests {
             writes.replace("if x", "atomicAdd(&n, 1u); if x").replace("} atomicAdd(&n, 1u);", "}");
         let [(_, Change::Changed { paths })] = &changes(writes, &edited)[..] else { panic!() };
         assert!(paths[0].after.contains("discarded: true"), "{paths:?}");
+        let plain = writes.replace("atomic<u32>", "f32").replace("atomicAdd(&n, 1u)", "n = x");
+        let [(_, Change::Signature { before, after })] = &changes(writes, &plain)[..] else {
+            panic!()
+        };
+        assert!(before.ends_with("n: u32 }") && after.ends_with("n: f32 }"), "{before} {after}");
     }
 
     #[test]

@@ -98,7 +98,8 @@ impl Interpreted {
         if function.form.alone {
             let name = &function.name;
             let message = format!(
-                "`{name}` writes what is seen outside of it, which Karat's engine doesn't execute"
+                "`{name}` writes what is seen outside of it: of such a function Karat's engine has values, and neither \
+                 bounds nor hazards. `karat hazards` looks at the entry points that call it"
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
@@ -181,7 +182,7 @@ impl Interpreted {
         };
         let mut open = differing(|outside| words(arguments, outside))?;
         if let Some(quads) = &self.quads {
-            quads.open(arguments, &mut open, &|rows| words(rows, None))?;
+            quads.open(arguments, &mut open, |rows| words(rows, None))?;
         }
         Ok(open)
     }

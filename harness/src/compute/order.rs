@@ -100,7 +100,7 @@ impl fmt::Display for OrderDependence {
         }
         writeln!(
             f,
-            "  = WGSL promises no order, and each driver has its own. A barrier may be missing. If the order is meant not to matter, \
+            "  = WGSL promises no order, and each driver has its own. A barrier orders the invocations of a workgroup, and another pass orders workgroups. If the order is meant not to matter, \
              compare elements up to it (`up_to_order`), or allow for sums of floats with a tolerance"
         )?;
         writeln!(f, "  replay: {}", self.replay)

@@ -96,7 +96,7 @@ impl Alone {
         };
         let mut open = super::differing(|outside| words(arguments, outside))?;
         if let Some(quads) = &self.quads {
-            quads.open(arguments, &mut open, &|rows| words(rows, None))?;
+            quads.open(arguments, &mut open, |rows| words(rows, None))?;
         }
         Ok(open)
     }

@@ -28,7 +28,7 @@ impl Quads {
         &self,
         rows: &[u32],
         open: &mut [bool],
-        results: &dyn Fn(&[u32]) -> Result<Vec<u32>, E>,
+        results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
         /// Steeper and flatter by a third of a texture's level (the logarithm of 1.25 to the base 2): a level that a driver
         /// takes instead is nearer.
