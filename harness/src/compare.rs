@@ -274,8 +274,19 @@ impl Request {
             let mut shown = [&before, &after].map(|one| one.function.to_string());
             // What it writes is no part of a signature.
             if shown[0] == shown[1] {
-                let given =
-                    |one: &Probed| format!("{}, which gives {}", one.function, one.function.result);
+                let given = |one: &Probed| {
+                    let all = match &one.function.result {
+                        Shape::Struct { members, .. } => members.as_slice(),
+                        _ => &[],
+                    };
+                    let written = all.iter().skip(one.function.outputs().len());
+                    let written = written.map(|(name, shape)| format!("{name}: {shape}"));
+                    format!(
+                        "{}, and writes {}",
+                        one.function,
+                        written.collect::<Vec<_>>().join(", ")
+                    )
+                };
                 shown = [&before, &after].map(given);
             }
             let [before, after] = shown;
@@ -712,7 +723,10 @@ mod tests {
         let [(_, Change::Signature { before, after })] = &changes(writes, &plain)[..] else {
             panic!()
         };
-        assert!(before.ends_with("n: u32 }") && after.ends_with("n: f32 }"), "{before} {after}");
+        assert!(
+            before.ends_with("writes n: u32") && after.ends_with("writes n: f32"),
+            "{before} {after}"
+        );
     }
 
     #[test]
