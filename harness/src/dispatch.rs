@@ -193,10 +193,6 @@ impl Pass {
     /// An invocation by its number, workgroup after workgroup of this size.
     #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
-        if self.drawn.is_some() {
-            let [x, y] = karat_engine::pixel_of(number, self.workgroups[0]);
-            return format!("pixel ({x}, {y})");
-        }
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (self.workgroup(number / width), split(number % width, size));
         format!("local {local} of workgroup {group}")

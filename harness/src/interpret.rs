@@ -482,6 +482,15 @@ fn whole_call(text: &str, range: ops::Range<usize>) -> Option<&str> {
     text.get(range.start..end)
 }
 
+/// An invocation by its number: of a draw its pixel.
+fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
+    if pass.drawn.is_none() {
+        return pass.invocation(size, number);
+    }
+    let [x, y] = karat_engine::pixel_of(number, pass.workgroups[0]);
+    format!("pixel ({x}, {y})")
+}
+
 /// What the engine doesn't execute, with its place in the author's file.
 fn refused(program: &Program, refusal: &Refusal) -> PathError {
     let place = place(program, refusal.span.to_range());

@@ -448,7 +448,8 @@ impl Promise {
         for item in parsed("unstable.rs") {
             let syn::Item::Mod(module) = item else { continue };
             for path in public_uses(&module.content.expect("it is written here").1) {
-                if let [krate, room, file, _] = &*path
+                // Of all that a file has, `*` is no part of the path.
+                if let [krate, room, file, ..] = &*path
                     && krate == "crate"
                 {
                     without.insert(format!("{room}/{file}"));
@@ -504,7 +505,7 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
 }
 
 /// Names that the library keeps: types, functions, methods, traits and macros. Each one more is kept for good.
-const MOST_PROMISED: usize = 481;
+const MOST_PROMISED: usize = 472;
 
 /// Test authors see each item used that the library promises to keep.
 #[test]

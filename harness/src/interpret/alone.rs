@@ -11,7 +11,7 @@ use super::{lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
 use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
-use crate::reflect::{Binding, BindingKind, Program};
+use crate::reflect::{Binding, Program};
 use crate::settings;
 
 /// A kernel in the engine, with what it reads.
@@ -131,7 +131,7 @@ impl Alone {
         let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
         words.truncate(self.words_out);
         self.written.iter().for_each(|binding| {
-            words.extend(self.program.lanes_of_words(binding, &after(&resources, binding)));
+            words.extend(self.program.lanes_of_words(binding, &supply::after(&resources, binding)));
         });
         Ok(words)
     }
@@ -167,14 +167,4 @@ impl Traced for Alone {
     fn parts(&self) -> (&Lowered, &Program) {
         (&self.lowered, &self.program)
     }
-}
-
-/// The words of what a resource holds: of a texture four a texel.
-pub(super) fn after(resources: &Resources, binding: &Binding) -> Vec<u32> {
-    let (group, number) = (binding.group, binding.binding);
-    if let BindingKind::StorageTexture { .. } = binding.kind {
-        let texture = resources.texture(group, number);
-        return texture.and_then(|t| t.texels().first()).map_or_else(Vec::new, supply::words);
-    }
-    bytemuck::pod_collect_to_vec(resources.buffer(group, number).expect("each binding is bound"))
 }

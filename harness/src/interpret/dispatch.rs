@@ -2,8 +2,8 @@
 
 use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 
-use super::alone::after;
-use super::{lowering, refused, stopped, supply};
+use super::supply::{self, after};
+use super::{lowering, refused, stopped};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::path::{Path, Via};
 use crate::settings;

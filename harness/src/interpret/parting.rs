@@ -111,7 +111,7 @@ pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)>
             *count += 1;
             let Some(there) = there.filter(|there| there.word != one.word) else { continue };
             let Some(((span, text), signed)) = &places[one.site] else { continue };
-            let invocation = passes.passes[number].invocation(*size, one.case as usize);
+            let invocation = super::invocation(&passes.passes[number], *size, one.case as usize);
             let [usual, other] = [one, there].map(|given| match given.scalar {
                 Scalar::U32 if *signed => format_lane(Scalar::I32, given.word),
                 scalar => format_lane(scalar, given.word),

@@ -8,7 +8,7 @@ use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 use super::dispatch::{in_order, options};
 use super::hazards::{Found, Kind, Missing, kind_of};
 use super::sanitizer::made_up_options;
-use super::{author_of, dispatch, idiom_of};
+use super::{author_of, dispatch, idiom_of, invocation};
 use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
@@ -104,15 +104,15 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             let idiom = site.and_then(|site| idiom_of(&pass.program, site));
             let (operands, values, of_given_size) = (fault.operands, None, false);
             let missing = fault.missing.map(|(other, parted)| Missing {
-                reached: pass.invocation(size, fault.case),
-                missing: pass.invocation(size, other),
+                reached: invocation(pass, size, fault.case),
+                missing: invocation(pass, size, other),
                 parted: parted
                     .and_then(site_at)
                     .and_then(|site| super::statement_of(&pass.program, site)),
             });
             let found =
                 Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing };
-            let invocation = pass.invocation(size, fault.case);
+            let invocation = invocation(pass, size, fault.case);
             all.push(FoundInPass { found, invocation, count: fault.count });
         }
         Ok(true)

@@ -177,7 +177,7 @@ struct Examining<'p> {
 impl Examining<'_> {
     /// An invocation by its number.
     fn invocation(&self, number: usize) -> String {
-        self.pass.invocation(self.size, number)
+        super::invocation(self.pass, self.size, number)
     }
 
     /// The place of an access, as far as the author wrote it.

@@ -108,6 +108,16 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     Ok(if normalized { texture.normalized() } else { texture })
 }
 
+/// The words of what a resource holds: of a texture four a texel.
+pub(super) fn after(resources: &engine::Resources, binding: &Binding) -> Vec<u32> {
+    let (group, number) = (binding.group, binding.binding);
+    if let BindingKind::StorageTexture { .. } = binding.kind {
+        let texture = resources.texture(group, number);
+        return texture.and_then(|t| t.texels().first()).map_or_else(Vec::new, words);
+    }
+    bytemuck::pod_collect_to_vec(resources.buffer(group, number).expect("each binding is bound"))
+}
+
 /// The words of texels, four each.
 pub(super) fn words(texels: &engine::Texels) -> Vec<u32> {
     match texels {

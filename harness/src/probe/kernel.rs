@@ -21,6 +21,7 @@ pub(crate) const CONSTANTS: usize = 64;
 const CALLS: usize = 16;
 
 /// The variable of results.
+#[cfg(feature = "engine")]
 pub(crate) const RESULTS: &str = "karat_out";
 
 /// Name of the generated entry point.

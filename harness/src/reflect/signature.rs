@@ -7,7 +7,7 @@ use naga::common::wgsl::TryToWgsl;
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
-use super::{BindingKind, Checked, NAMED, Program, ReflectError, Stage, Texels};
+use super::{BindingKind, NAMED, Program, ReflectError, Stage, Texels};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
@@ -427,7 +427,7 @@ impl Program {
     /// A function or an entry point by its name in the text, and what naga's validator knows of it.
     #[cfg(feature = "engine")]
     fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
-        let Checked { module, info, .. } = &*self.checked;
+        let super::Checked { module, info, .. } = &*self.checked;
         let mut functions = module.functions.iter();
         let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
         let function = found.map(|(handle, function)| (function, &info[handle]));
