@@ -321,7 +321,8 @@ impl Program {
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
             let subgroup = options.subgroup();
-            // The invocations of a subgroup stay together, as do the pixels of a quad, and the last one, which may not be whole, stays the last.
+            // The invocations of a subgroup stay together, as do the pixels of a quad. The last one may not be whole, and stays
+            // the last.
             let of = match (self.has_subgroups(), entry.drawn) {
                 (true, _) => subgroup as usize,
                 (_, true) => 4,

@@ -17,7 +17,7 @@ const MOST: usize = 1 << 20;
 /// What an operation gave an invocation.
 #[derive(Clone, Copy)]
 struct Given {
-    /// The address of its site.
+    /// The address of its site, and once the run has ended its number: each run has sites of its own.
     site: usize,
     case: u32,
     word: u32,
