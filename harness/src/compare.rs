@@ -272,7 +272,7 @@ impl Request {
         };
         if shapes(&before.function) != shapes(&after.function) {
             let mut shown = [&before, &after].map(|one| one.function.to_string());
-            // What it writes is no part of a signature.
+            // A signature doesn't show the resources that a function writes.
             if shown[0] == shown[1] {
                 let given = |one: &Probed| {
                     let all = match &one.function.result {
@@ -712,7 +712,7 @@ mod tests {
         let all = changes(before, &dead);
         let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
-        // What it has written before stays.
+        // A write before the statement stays.
         let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
                       @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
         let edited =

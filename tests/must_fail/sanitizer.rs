@@ -132,7 +132,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
 }
 
-/// What is told to be there is told before it is: another invocation may look between two atomics of one.
+/// A flag is set before the word that it announces: another invocation may look between both atomics.
 #[test]
 fn a_word_that_is_published_before_it_is_written() {
     let head = "@group(0) @binding(0) var<storage, read_write> flag: atomic<u32>;

@@ -121,7 +121,7 @@ fn is_of_subgroups(builtin: BuiltIn) -> bool {
     )
 }
 
-/// What the invocations of a workgroup are given alike.
+/// The inputs that all invocations of a workgroup have alike.
 struct Given {
     id: [u32; 3],
     workgroups: [u32; 3],
@@ -157,7 +157,7 @@ impl Entry {
     }
 }
 
-/// Whose turn it is, where chance decides: a shuffled schedule's.
+/// The turns of machines in a shuffled schedule, which chance decides.
 struct Turns(Option<u64>);
 
 impl Turns {
@@ -180,11 +180,11 @@ struct Running<'p, 'm, A: Arithmetic> {
     held: Vec<usize>,
     /// The number of its first invocation.
     first: usize,
-    /// True if others run beside it. Then what follows is at its place while it runs.
+    /// True if others run beside it. Then the fields below are in use while it runs, and kept here otherwise.
     beside: bool,
     /// Its workgroup memory, by its slots.
     own: Vec<(usize, Buffer<'m, A>)>,
-    /// What the detector knows of it.
+    /// The detector's knowledge of it.
     known: OfGroup,
 }
 
@@ -220,7 +220,7 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         !self.ready.is_empty() || !self.held.is_empty()
     }
 
-    /// What is its own comes to its place, or goes from there.
+    /// Swaps its memory, and the detector's knowledge of it, with what is in use.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         if !self.beside {
             return;

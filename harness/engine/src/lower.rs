@@ -118,7 +118,7 @@ pub(crate) struct Lower<'m> {
     sizes: Option<[Option<Handle<Expression>>; 3]>,
     /// Whether the program is an entry point, whose invocations share memory.
     shared: bool,
-    /// Whether it is a fragment entry point, whose invocations are the pixels of quads.
+    /// True of a fragment entry point, whose invocations are the pixels of quads.
     drawn: bool,
     site: u32,
     span: Span,

@@ -93,7 +93,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,
-    /// Whether it waits behind each atomic, too.
+    /// True if it waits behind each atomic, too.
     pub(crate) yields: bool,
     /// The invocations of its lanes, by their numbers in the workgroup; empty where they come by them.
     pub(crate) order: Vec<usize>,

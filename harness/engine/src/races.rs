@@ -246,7 +246,7 @@ struct Shadow {
     touched: Touched,
 }
 
-/// What a detector knows of one workgroup alone.
+/// A detector's knowledge of one workgroup.
 #[derive(Debug, Default)]
 pub(crate) struct OfGroup {
     first: u32,

@@ -28,7 +28,7 @@ pub(crate) struct Alone {
     words_out: usize,
     /// Bytes of the buffer of arguments, at least.
     least: usize,
-    /// What its derivatives are of.
+    /// The arguments that its derivatives are of.
     #[cfg(feature = "routes")]
     quads: Option<Quads>,
     /// Rounds of loops that a case may make.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Lanes, Observer};
+use karat_engine::{F32, Lanes, Observer, Site};
 
 use super::dispatch::in_order;
 use super::order::{OrderOf, options_in};
@@ -14,7 +14,7 @@ use crate::value::{Scalar, format_lane};
 /// Results that are kept of a pass: 16 MiB of them. The first difference comes early.
 const MOST: usize = 1 << 20;
 
-/// What an operation gave an invocation.
+/// The result of an operation for an invocation.
 #[derive(Clone, Copy)]
 struct Given {
     /// The address of its site, and once the run has ended its number: each run has sites of its own.
@@ -69,28 +69,16 @@ pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)>
             let options = options_in(passes, pass, order);
             let ran = lowered.dispatch::<F32>(pass.workgroups, resources, &options, &results);
             let size = lowered.workgroup_size().expect("a pass is an entry point");
-            let sites: HashMap<usize, usize> = lowered
-                .sites()
-                .iter()
-                .enumerate()
-                .map(|(number, site)| (std::ptr::from_ref(site).addr(), number))
-                .collect();
             let mut all = results.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-            all.retain_mut(|one| match sites.get(&one.site) {
-                Some(number) => {
-                    one.site = *number;
-                    true
-                }
-                None => false,
-            });
-            let place = |number: usize| {
-                let site = &lowered.sites()[number];
+            let first = lowered.sites().as_ptr().addr();
+            all.iter_mut().for_each(|one| one.site = (one.site - first) / size_of::<Site>());
+            let place = |site: &Site| {
                 let signed = site.expression.is_some_and(|expression| {
                     pass.program.is_signed(&site.function, expression.index())
                 });
                 Some((super::author_of(&pass.program, site)?, signed))
             };
-            let places: Vec<Option<((Span, String), bool)>> = (0..sites.len()).map(place).collect();
+            let places: Vec<_> = lowered.sites().iter().map(place).collect();
             of_passes.push((all, size, places));
             ran.map(|()| true)
         });

@@ -31,7 +31,7 @@ pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<E
 }
 
 /// The name of the function that calls one, and the text that declares it. It returns the value, and `discarded`: false
-/// where the statement is kept, as nobody sees what a helper returns. `None` if the text hasn't the function.
+/// where the statement is kept, as the result of a helper is dropped. `None` if the text hasn't the function.
 pub(super) fn wrapper(
     text: &str,
     function: &str,

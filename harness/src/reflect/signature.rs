@@ -48,7 +48,7 @@ pub(crate) struct Form {
     pub(crate) taken: Vec<(usize, String, String)>,
     /// Whether each case runs by itself, as what it writes would be seen by others.
     pub(crate) alone: bool,
-    /// Whether only fragment shaders may call it: each case is a quad of pixels, and one of them if it runs alone. Then
+    /// True if only fragment shaders may call it: each case is a quad of pixels, and one of them if it runs alone. Then
     /// the others are helpers, and so is a pixel that is discarded.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which is called like any function.

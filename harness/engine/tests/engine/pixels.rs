@@ -48,7 +48,7 @@ fn a_draw_runs_each_of_its_pixels() {
     assert!((0..5).all(|y| (0..11).all(|x| numbers.clone().any(|pixel| pixel == [x, y]))));
 }
 
-/// What is discarded goes on: its neighbours have derivatives of it, and nothing else of it is seen.
+/// A discarded pixel goes on: its neighbours have derivatives of it, and it has no other effect.
 #[test]
 fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
     let body = "if at(p) % 2u == 0u { discard; }\n\

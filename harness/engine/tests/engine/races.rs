@@ -365,7 +365,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
 }
 
-/// What one workgroup does with what an atomic gave it may be what another one does, too, if both run beside each other.
+/// Two workgroups beside each other may act upon the same atomic load.
 #[test]
 fn workgroups_beside_each_other_act_upon_what_is_old() {
     let source = |body: &str| {
