@@ -131,6 +131,13 @@ const decide = (() => {
     return answer.error;
   };
 
+  // What has the focus within a dialog keeps it until the next frame is drawn, and would take a key that
+  // is pressed before.
+  const shut = (dialog) => {
+    dialog.close();
+    if (dialog.contains(document.activeElement)) document.activeElement.blur();
+  };
+
   // All of them, each for itself: what is refused stays, and the others are done.
   const send = async (kind, dialog, details) => {
     const problem = dialog.querySelector(".problem");
@@ -151,7 +158,7 @@ const decide = (() => {
       if (refused.length) {
         problem.textContent = refused.join("\n");
       } else {
-        dialog.close();
+        shut(dialog);
         announce(several ? `${kind}ed ${done} frames` : `${entries[0].status} ${entries[0].name}`);
       }
     } catch (error) {
@@ -185,7 +192,7 @@ const decide = (() => {
     }
   });
   for (const button of document.querySelectorAll("dialog .close")) {
-    button.addEventListener("click", () => button.closest("dialog").close());
+    button.addEventListener("click", () => shut(button.closest("dialog")));
   }
   for (const kind of ["accept", "reject"]) byId(kind).addEventListener("click", () => open(kind));
 
