@@ -364,8 +364,11 @@ fn read(
     let mut headed = false;
     let mut width = columns.len();
     let mut table = Table::default();
-    for (index, record) in reader.records().enumerate() {
-        let record = record.with_context(|| format!("in `{shown}`"))?;
+    let mut record = csv::StringRecord::new();
+    for index in 0.. {
+        if !reader.read_record(&mut record).with_context(|| format!("in `{shown}`"))? {
+            break;
+        }
         let start = above + record.position().map_or(0, |position| position.byte() as usize);
         let line = || line(&text, start);
         ensure!(
