@@ -42,7 +42,7 @@ pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub(crate) use sanitizer::{examine, examine_made_up};
+pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
 pub(crate) use written::written;
 
 /// A function that is lowered, with what it reads.

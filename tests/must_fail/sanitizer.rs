@@ -555,6 +555,104 @@ fn an_order_of_two_invocations_that_matters() {
     }
 }
 
+/// The usual order hides it: the last workgroup publishes, and an atomic sends the last invocation another way.
+#[test]
+fn faults_of_another_order_alone() {
+    let text = "@group(0) @binding(0) var<storage, read_write> word: u32;
+        @group(0) @binding(1) var<storage, read_write> flag: atomic<u32>;
+        @group(0) @binding(2) var<storage, read_write> out: array<u32>;
+        var<workgroup> turn: atomic<u32>;
+        @compute @workgroup_size(1) fn publish(@builtin(workgroup_id) w: vec3u, @builtin(num_workgroups) n: vec3u) {
+            if w.x == n.x - 1u { word = 42u; atomicStore(&flag, 1u); out[w.x] = 42u; }
+            else { var v = 42u; if atomicLoad(&flag) == 1u { v = word; } out[w.x] = v; }
+        }
+        @compute @workgroup_size(4) fn meet(@builtin(local_invocation_index) i: u32) {
+            let own = atomicAdd(&turn, 1u);
+            if i > 0u || own == 0u { workgroupBarrier(); }
+            out[i] = 42u;
+        }
+        @compute @workgroup_size(4) fn last(@builtin(local_invocation_index) i: u32) {
+            let own = atomicAdd(&turn, 1u);
+            if i == 3u { out[own - 3u] = 42u; } else { out[i + 1u] = 42u; }
+        }
+        @compute @workgroup_size(4) fn stack(@builtin(local_invocation_index) i: u32) {
+            // In lockstep all look before one has published.
+            if atomicLoad(&flag) > 0u { out[0] = word; } else { out[i] = 42u; }
+            if i == 2u { word = 42u; atomicStore(&flag, 1u); }
+        }
+        @compute @workgroup_size(4) fn in_order(@builtin(local_invocation_index) i: u32) {
+            let own = atomicAdd(&turn, 1u);
+            workgroupBarrier();
+            out[own] = 42u;
+            storageBarrier();
+            if out[3u - own] == 42u { atomicAdd(&flag, 1u); }
+        }";
+    let package = Package::from_source("late", text);
+    let seen = |name: &str, groups, words: &[&str]| {
+        let passes = package.compute().with("out", Storage::new([0_u32; 4]));
+        let passes = words.iter().fold(passes, |all, word| all.with(word, Storage::new([0_u32])));
+        let after = passes.dispatch(name, [groups, 1, 1]).after("out");
+        after.unrecorded().try_agrees_with([42_u32; 4], Abs(0.0))
+    };
+    let both: &[&str] = &["word", "flag"];
+    for (name, groups, words, kind, line) in [
+        ("publish", 4, both, ViolationKind::ReadWrite, 6),
+        ("meet", 1, &[], ViolationKind::Barrier, 11),
+        ("last", 1, &[], ViolationKind::Outside, 16),
+        ("stack", 1, both, ViolationKind::ReadWrite, 20),
+    ] {
+        let seen = seen(name, groups, words);
+        let Err(ComputeError::Violations(found)) = seen else { panic!("{name}: {seen:?}") };
+        let first = &found.all[0];
+        assert!(first.kind == kind && first.headline.starts_with("in another order, "), "{found}");
+        let place = format!("<late>:{line}:");
+        assert!(first.accesses.iter().any(|one| one.place.starts_with(&place)), "{found}");
+    }
+    seen("in_order", 1, &["flag"]).expect("barriers order it, whoever comes first");
+}
+
+/// A driver may leave what is asserted where the engine doesn't: it rounds otherwise, or its subgroups are of another
+/// size. Orders have to leave the same nevertheless.
+#[test]
+fn an_order_that_matters_where_the_usual_one_fails() {
+    let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+        @group(0) @binding(1) var<storage, read_write> out: array<f32>;
+        @compute @workgroup_size(8) fn append(@builtin(local_invocation_index) i: u32) {
+            out[atomicAdd(&count, 1u)] = f32(i) * 0.5;
+        }
+        @compute @workgroup_size(8) fn own(@builtin(local_invocation_index) i: u32) { out[i] = f32(i) * 0.5; }
+        @compute @workgroup_size(8) fn lost(@builtin(local_invocation_index) i: u32) {
+            atomicStore(&count, atomicLoad(&count) + 1u);
+            if i == 0u { out[0] = 0.0; }
+        }";
+    let package = Package::from_source("append", text);
+    let passes = |name: &str| {
+        let passes = package.compute().with("out", Storage::new([9.0_f32; 8]));
+        let passes = match name {
+            "own" => passes,
+            _ => passes.with("count", Storage::new([0_u32])),
+        };
+        passes.dispatch(name, [1, 1, 1])
+    };
+    // No path leaves this, as a driver with an arithmetic of its own would.
+    let others = (0..8_u8).map(|i| 0.5 * f64::from(i) + 0.25);
+    let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
+    let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
+    assert!(!order.holds && order.location == "<append>:4:17", "{order}");
+    let says = "in Karat's engine it isn't so that elements agree within abs 0. Each order";
+    assert!(order.to_string().contains(says), "{order}");
+    let seen = passes("lost").after("count").unrecorded().try_agrees_with([8_u32], Abs(0.0));
+    assert!(matches!(seen, Err(ComputeError::Order(_))), "one after the other leaves 8: {seen:?}");
+    let seen = passes("lost")
+        .after("count")
+        .unrecorded()
+        .try_satisfies("is 8", |count: &[u32]| count == [8]);
+    assert!(matches!(seen, Err(ComputeError::Order(_))), "it holds in one order: {seen:?}");
+    // What no order changes differs by its numbers alone.
+    let seen = passes("own").after("out").unrecorded().try_agrees_with(others, Abs(0.0));
+    assert!(matches!(seen, Err(ComputeError::Differs(_))), "{seen:?}");
+}
+
 /// A device has subgroups of its own size, and a shader that counts on 32 is right by chance.
 #[test]
 fn a_reduction_that_assumes_subgroups_of_32() {

@@ -258,8 +258,8 @@ impl Program {
     }
 
     /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
-    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each. A schedule
-    /// may give subgroups a size, and no order.
+    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each. Where a
+    /// schedule is serial, barriers aren't looked at.
     ///
     /// # Errors
     ///
@@ -271,9 +271,6 @@ impl Program {
         options: &Options,
         groups: Option<&[usize]>,
     ) -> Result<Observed, Stop> {
-        if options.schedule.is_some_and(|schedule| schedule.serial || schedule.swaps > 0) {
-            return Err(Stop::Misuse("races are looked for in the usual order"));
-        }
         let watch = Some(groups);
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
@@ -352,7 +349,7 @@ impl Program {
             let mut turns = Turns::of(options.schedule.filter(|_| yields));
             let new = |_| Running::<A>::new(code, options, &order, lanes, (beside > 1, yields));
             let mut running: Vec<Running<'_, '_, A>> = (0..beside).map(new).collect();
-            let mut detector = watch.map(|_| Box::new(Detector::new(code, invocations)));
+            let mut detector = watch.map(|_| Box::new(Detector::new(code, &order, serial)));
             let mut groups = groups;
             let mut work = options.work;
             'groups: loop {
@@ -400,10 +397,11 @@ impl Program {
                 }
                 while running[..count].iter().any(Running::has_more) {
                     for one in running[..count].iter_mut().filter(|one| one.has_more()) {
+                        one.exchange(&mut memory, &mut detector);
                         if one.ready.is_empty() {
                             std::mem::swap(&mut one.ready, &mut one.held);
+                            detector.iter_mut().for_each(|one| one.release());
                         }
-                        one.exchange(&mut memory, &mut detector);
                         for number in std::mem::take(&mut one.ready) {
                             if !turns.goes_on() {
                                 one.ready.push(number);
@@ -411,6 +409,9 @@ impl Program {
                             }
                             let case = one.first + order[number * lanes];
                             let machine = &mut one.machines[number];
+                            if let Some(detector) = &mut detector {
+                                detector.goes_on(number * lanes);
+                            }
                             (machine.work, machine.detector) = (work, detector.take());
                             let paused = machine.resume::<SEEN>(case, &mut memory, observer);
                             (work, detector) = (machine.work, machine.detector.take());
@@ -434,7 +435,8 @@ impl Program {
                 }
             }
             if let Some(detector) = detector {
-                observed = Observed { stopped, ..detector.end(code) };
+                let rounds = options.work - work;
+                observed = Observed { stopped, rounds, ..detector.end(code) };
                 if entry.drawn {
                     // Of the last tiles some are helpers.
                     let pixels = pixels.iter().map(|count| *count as usize).product();

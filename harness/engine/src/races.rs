@@ -173,6 +173,8 @@ pub struct Observed {
     pub stopped: Option<Stop>,
     /// Invocations that ran.
     pub invocations: usize,
+    /// Rounds of loops, of all of them together.
+    pub rounds: u64,
     /// Accesses of elements beyond those that are remembered.
     pub unwatched: u64,
 }
@@ -251,6 +253,7 @@ struct Shadow {
 pub(crate) struct OfGroup {
     first: u32,
     epochs: [u32; 3],
+    waiting: [bool; 3],
     /// Variables in workgroup memory.
     own: Vec<Shadow>,
 }
@@ -263,12 +266,19 @@ type Key = (u32, bool, (u32, u32), bool);
 pub(crate) struct Detector {
     /// Invocations of a workgroup.
     width: u32,
+    /// The invocation of each lane in its workgroup.
+    order: Vec<usize>,
     /// The first invocation of each workgroup that has run, of which not all may run.
     starts: Vec<usize>,
     /// The number of the first invocation of the workgroup that runs, among those that run.
     first: u32,
     /// Barriers that it has passed, of workgroup memory, storage and textures.
     epochs: [u32; 3],
+    /// True if the invocations of a workgroup run one after the other. Then a barrier counts once all of them are there.
+    serial: bool,
+    /// The first lane of those that run, and the address spaces that the barriers name at which the others wait.
+    base: u32,
+    waiting: [bool; 3],
     buffers: Vec<Shadow>,
     textures: Vec<Shadow>,
     cells: usize,
@@ -295,7 +305,8 @@ pub(crate) struct Accessed {
 }
 
 impl Detector {
-    pub(crate) fn new(code: &Code, width: usize) -> Self {
+    /// One of workgroups whose lanes are these invocations, which run side by side or one after the other.
+    pub(crate) fn new(code: &Code, order: &[usize], serial: bool) -> Self {
         let shadow = |written: bool, own: bool| Shadow { written, own, ..Shadow::default() };
         let buffers = code
             .buffers
@@ -303,10 +314,14 @@ impl Detector {
             .map(|slot| shadow(slot.written, slot.binding == Binding::Workgroup));
         let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
         Self {
-            width: width as u32,
+            width: order.len() as u32,
+            order: order.to_vec(),
             starts: Vec::new(),
             first: 0,
             epochs: [0; 3],
+            serial,
+            base: 0,
+            waiting: [false; 3],
             buffers: buffers.collect(),
             textures: textures.collect(),
             cells: 0,
@@ -329,7 +344,7 @@ impl Detector {
     pub(crate) fn begin(&mut self, first: usize) {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
-        self.epochs = [0; 3];
+        (self.epochs, self.waiting) = ([0; 3], [false; 3]);
         for shadow in self.buffers.iter_mut().filter(|shadow| shadow.own) {
             shadow.touched.0.fill(0);
             shadow.pages.iter_mut().flatten().flatten().for_each(|page| page.fill(EMPTY));
@@ -340,6 +355,7 @@ impl Detector {
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
+        std::mem::swap(&mut self.waiting, &mut of.waiting);
         let own = self.buffers.iter_mut().filter(|shadow| shadow.own);
         for (number, shadow) in own.enumerate() {
             if of.own.len() == number {
@@ -353,7 +369,24 @@ impl Detector {
     /// The number that an invocation has in the whole dispatch.
     fn invocation(&self, number: u32) -> usize {
         let (group, lane) = (number / self.width, number % self.width);
-        self.starts[group as usize] + lane as usize
+        self.starts[group as usize] + self.order[lane as usize]
+    }
+
+    /// That of a lane of those that run.
+    fn of_lane(&self, lane: usize) -> usize {
+        self.invocation(self.first + self.base + lane as u32)
+    }
+
+    /// Lanes of the workgroup go on, of which this is the first.
+    pub(crate) fn goes_on(&mut self, base: usize) {
+        self.base = base as u32;
+    }
+
+    /// All invocations of the workgroup that haven't ended have come to a barrier.
+    pub(crate) fn release(&mut self) {
+        for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
+            *epoch += u32::from(std::mem::take(waiting));
+        }
     }
 
     /// True if accesses of a buffer can race, or reads of it come before a write.
@@ -376,10 +409,14 @@ impl Detector {
         barrier: Barrier,
         (parted, active): (&[Option<u32>], impl Iterator<Item = bool> + Clone),
     ) {
-        self.meet(code, site, (0, false), (parted, active));
         let spaces = [Barrier::WORK_GROUP, Barrier::STORAGE, Barrier::TEXTURE];
-        for (epoch, space) in self.epochs.iter_mut().zip(spaces) {
-            *epoch += u32::from(barrier.contains(space));
+        for (waiting, space) in self.waiting.iter_mut().zip(spaces) {
+            *waiting |= barrier.contains(space);
+        }
+        // One lane says nothing of the others.
+        if !self.serial {
+            self.meet(code, site, (0, false), (parted, active));
+            self.release();
         }
     }
 
@@ -395,11 +432,11 @@ impl Detector {
         let missing = || active.clone().enumerate().filter(|(_, active)| !active);
         if let (Some((lane, _)), Some(here)) = (missing().next(), active.clone().position(|a| a)) {
             let parted = parted[first + lane];
-            let first = self.invocation(self.first) + first;
+            let [reached, missing_one] = [here, lane].map(|lane| self.of_lane(first + lane));
             self.divergences.entry(site).or_insert_with(|| Divergence {
                 site: code.sites[site as usize].clone(),
-                reached: first + here,
-                missing: first + lane,
+                reached,
+                missing: missing_one,
                 count: missing().count(),
                 subgroup,
                 parted: parted.map(|site| code.sites[site as usize].clone()),
@@ -416,7 +453,7 @@ impl Detector {
         (reads, writes): (bool, bool),
     ) {
         let Accessed { lane, site, place: Place::Byte(byte), word, .. } = accessed else { return };
-        let invocation = self.invocation(self.first) + lane;
+        let invocation = self.of_lane(lane);
         let shadow = &mut self.buffers[slot as usize];
         if reads && shadow.own && !shadow.touched.contains(byte as usize) {
             let site_of = || code.sites[site as usize].clone();
@@ -441,7 +478,7 @@ impl Detector {
         lane: usize,
         (writes, bounds, index): (bool, Bounds, Option<(i64, u64)>),
     ) {
-        let invocation = self.invocation(self.first) + lane;
+        let invocation = self.of_lane(lane);
         let new = || Outside {
             site: code.sites[site as usize].clone(),
             invocation,
@@ -493,8 +530,12 @@ impl Detector {
             Place::Byte(at) => (at & 3) as usize,
             Place::Texel(_) => 0,
         };
-        let who =
-            Who { invocation: self.first + lane as u32, epoch: self.epochs[space], site, word };
+        let who = Who {
+            invocation: self.first + self.base + lane as u32,
+            epoch: self.epochs[space],
+            site,
+            word,
+        };
         let (first, width) = (self.first, self.width);
         let shadows = if space == 2 { &mut self.textures } else { &mut self.buffers };
         let Some(cell) = shadows[slot as usize].cell(plane, index, &mut self.cells) else {
@@ -607,6 +648,7 @@ impl Detector {
             unwritten: self.unwritten.into_values().collect(),
             written,
             stopped: None,
+            rounds: 0,
             invocations: self.starts.len() * self.width as usize,
             unwatched: self.unwatched,
         }

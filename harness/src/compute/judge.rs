@@ -190,6 +190,11 @@ impl Sum {
         self
     }
 
+    /// So many failures, none of which is one element's.
+    pub(super) fn of_failures(failures: usize) -> Self {
+        Self { failures, worst: LaneError::statement(failures == 0), shown: Vec::new() }
+    }
+
     /// Passes that a loop didn't leave.
     pub(super) fn endless() -> Self {
         let element = Element {

@@ -2,13 +2,18 @@
 
 use std::fmt;
 
+use super::order::orders;
 use super::{After, Compute, ComputeError};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
-use crate::interpret;
+use crate::interpret::{self, OrderOf};
 use crate::package::Package;
 use crate::record::{Fault, Replay};
 use crate::run::Report;
+
+/// Orders in which accesses are looked at, too, by their numbers: backwards side by side; one after the other, forwards and
+/// backwards; shuffled; and in turns.
+const WATCHED: [u64; 5] = [0, 1, 2, 4, 5];
 
 /// Messages that are shown whole. Several lines often have one cause.
 const SHOWN: usize = 4;
@@ -143,7 +148,15 @@ impl After<'_> {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(one.wrong(format!("names a variable that no pass has{near}")));
         }
-        let Examined { violations, mut watched, .. } = examined(passes, self.compute.package);
+        let mut examined = examined(passes, self.compute.package);
+        // Data that come in another order may lead to an access that the usual one doesn't have.
+        if examined.watched.reason.is_empty() && examined.watched.of > 1 {
+            let orders = orders(&examined.watched);
+            for number in WATCHED.into_iter().filter(|number| *number < orders) {
+                interpret::examine_in(passes, &mut examined, OrderOf::whole(passes, number));
+            }
+        }
+        let Examined { violations, mut watched, .. } = examined;
         let is_met = |one: &&Accepted| violations.iter().any(|(race, _)| one.covers(race));
         let met = accepted.iter().filter(is_met);
         watched.accepted = met.map(|one| (one.variable.clone(), one.reason.clone())).collect();

@@ -100,6 +100,9 @@ pub struct Violation {
     /// True of a race in the memory of a workgroup, whose size no host says.
     #[serde(skip)]
     pub(crate) in_workgroup: bool,
+    /// True of a race between invocations of one workgroup.
+    #[serde(skip)]
+    pub(crate) one_workgroup: bool,
     /// True of an index beyond an array of a fixed length: how many workgroups there are decides whether it leaves.
     #[serde(skip)]
     pub(crate) of_fixed_length: bool,
@@ -118,7 +121,7 @@ impl Violation {
         accesses: Vec<ViolationAccess>,
     ) -> Self {
         let (variable, element, advice) = <(String, String, String)>::default();
-        let (by_size, in_workgroup, of_fixed_length) = (false, false, false);
+        let (by_size, in_workgroup, one_workgroup, of_fixed_length) = (false, false, false, false);
         let entry_point = entry_point.to_owned();
         Self {
             headline,
@@ -130,6 +133,7 @@ impl Violation {
             advice,
             by_size,
             in_workgroup,
+            one_workgroup,
             of_fixed_length,
             accesses,
         }
@@ -160,6 +164,9 @@ pub struct Watched {
     /// Why it isn't all; empty if it is.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
+    /// Rounds of all loops together.
+    #[serde(skip)]
+    pub(crate) rounds: u64,
     /// Orders of invocations, beside that by their numbers, in which the assertion held.
     #[serde(default)]
     pub orders: u64,

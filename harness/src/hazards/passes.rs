@@ -60,7 +60,8 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             None => hazards_made_up(&passes).map_err(|error| first_line(&error.to_string())),
             Some(reason) => Err(reason.clone()),
         };
-        // A violation that zeros have, too, comes from no content that is made up.
+        // A violation that zeros have, too, comes from no content that is made up. A race between two workgroups says nothing
+        // of one within a workgroup: buffers that are too small for a look-back make the one, and contents the other.
         let mut surely = BTreeSet::new();
         if (!examined.violations.is_empty() || examined.endless.is_some())
             && let Ok((passes, _)) = make(None, variant + Extents::ZEROS)
@@ -71,9 +72,9 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
                 // Of zeros two writes are of the same value, and no less a race of others.
                 if kind == Kind::EqualWrites {
-                    surely.insert((place.clone(), Kind::Race));
+                    surely.insert((place.clone(), Kind::Race, one.one_workgroup));
                 }
-                surely.insert((place, kind));
+                surely.insert((place, kind, one.one_workgroup));
             }
         }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
@@ -151,13 +152,14 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             // No name tells how large a texture is beside another one, or how many words an element has.
             let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
             let in_workgroup = hazard.violation.as_ref().is_some_and(|one| one.in_workgroup);
+            let one_workgroup = hazard.violation.as_ref().is_some_and(|one| one.one_workgroup);
             // Invocations that part by what they read may always part.
             let by_index = matches!(
                 hazard.kind,
                 Kind::Race | Kind::EqualWrites | Kind::OutOfRange | Kind::Wrapped
             );
             let key = (hazard.location.clone(), hazard.kind);
-            let of_content = by_index && !surely.contains(&key);
+            let of_content = by_index && !surely.contains(&(key.0.clone(), key.1, one_workgroup));
             if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
                 let known = alone.entry(key).or_insert_with(|| Some((race.element.clone(), 0)));
                 let same =

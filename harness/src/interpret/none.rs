@@ -47,6 +47,14 @@ pub(crate) fn strays(
     Err(missing().into())
 }
 
+/// Nothing runs passes.
+pub(crate) fn examine_in(
+    _: &crate::dispatch::Passes,
+    _: &mut crate::dispatch::Examined,
+    _: OrderOf,
+) {
+}
+
 /// No pass is looked through, and the result says so.
 pub(crate) fn examine(passes: &crate::dispatch::Passes) -> crate::dispatch::Examined {
     let mut examined = crate::dispatch::Examined::default();

@@ -45,6 +45,29 @@ impl OrderOf {
         Self { schedule: Schedule { seed, swaps, serial, subgroup }, only: None, beside }
     }
 
+    /// How one of the passes that have it runs.
+    pub(super) fn options(self, base: &Options) -> Options {
+        Options { schedule: Some(self.schedule), beside: self.beside, ..base.clone() }
+    }
+
+    /// A whole order in words.
+    pub(super) fn told(self) -> &'static str {
+        let Schedule { seed, swaps, serial, .. } = self.schedule;
+        match (serial, seed) {
+            (false, 0) => "workgroups and invocations come backwards, from statement to statement",
+            (false, _) => {
+                "workgroups and invocations are shuffled, and go from statement to statement"
+            }
+            (true, 0) if swaps == 0 => {
+                "each invocation runs to the next barrier, or to its end, before the next one"
+            }
+            (true, 0) => {
+                "each invocation runs to the next barrier, or to its end, before the next one, the last one first"
+            }
+            (true, _) => "invocations take turns, each to its next atomic",
+        }
+    }
+
     /// The swaps that it is made of.
     pub(crate) fn swaps(self) -> usize {
         self.schedule.swaps
@@ -145,9 +168,7 @@ pub(crate) fn in_order_of(
 pub(super) fn options_in(passes: &Passes, pass: &Pass, order: Option<OrderOf>) -> Options {
     let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
     match order.filter(has_it) {
-        Some(order) => {
-            Options { schedule: Some(order.schedule), beside: order.beside, ..options() }
-        }
+        Some(order) => order.options(&options()),
         None => options(),
     }
 }

@@ -58,19 +58,40 @@ fn examine_with(passes: &Passes, options: &Options) -> Examined {
 /// fewest others.
 fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Options) {
     let schedule = OrderOf::in_small_subgroups();
-    let mut small = Examined::default();
-    if let Err(error) =
-        run(passes, &mut small, &Options { schedule: Some(schedule), ..options.clone() })
-    {
-        small.watched.reason = headline(&error.to_string()).to_owned();
-    }
+    let size = schedule.subgroup;
+    let told = (
+        format!("in subgroups of {size}"),
+        format!("a device may have subgroups of {size} invocations"),
+    );
+    let small =
+        add(passes, examined, &Options { schedule: Some(schedule), ..options.clone() }, told);
     if !small.watched.reason.is_empty() {
-        examined.watched.reason =
-            format!("in subgroups of {}: {}", schedule.subgroup, small.watched.reason);
+        examined.watched.reason = format!("in subgroups of {size}: {}", small.watched.reason);
     }
     examined.endless = examined.endless.take().or(small.endless);
     examined.too_long |= small.too_long;
-    for (violation, diagnostic) in small.violations {
+}
+
+/// Adds the findings of another order of the invocations. A loop may not end in it, as WGSL promises none: what comes before
+/// that counts.
+pub(crate) fn examine_in(passes: &Passes, examined: &mut Examined, order: OrderOf) {
+    let note = format!("WGSL promises no order: here {}", order.told());
+    add(passes, examined, &order.options(&options()), ("in another order".to_owned(), note));
+}
+
+/// Adds the violations that passes have with these options and not with the usual ones, with a beginning of their headlines
+/// and a note. Returns what else was found.
+fn add(
+    passes: &Passes,
+    examined: &mut Examined,
+    options: &Options,
+    (beginning, note): (String, String),
+) -> Examined {
+    let mut own = Examined::default();
+    if let Err(error) = run(passes, &mut own, options) {
+        headline(&error.to_string()).clone_into(&mut own.watched.reason);
+    }
+    for (violation, diagnostic) in std::mem::take(&mut own.violations) {
         let places = |one: &Violation| -> Vec<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
@@ -79,13 +100,13 @@ fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Option
             subject(other) == subject(&violation) && places(other) == places(&violation)
         };
         if !examined.violations.iter().any(|(other, _)| is_same(other)) {
-            let size = schedule.subgroup;
-            let headline = format!("in subgroups of {size}, {}", violation.headline);
-            let note = format!("a device may have subgroups of {size} invocations");
-            let diagnostic = Diagnostic { message: headline.clone(), ..diagnostic }.note(note);
+            let headline = format!("{beginning}, {}", violation.headline);
+            let diagnostic =
+                Diagnostic { message: headline.clone(), ..diagnostic }.note(note.clone());
             examined.violations.push((Violation { headline, ..violation }, diagnostic));
         }
     }
+    own
 }
 
 fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
@@ -102,6 +123,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
         let observed =
             lowered.observe_races(pass.workgroups, resources, options, some.as_deref())?;
         watched.invocations += observed.invocations as u64;
+        watched.rounds += observed.rounds;
         if let Some(some) = &some {
             // A later pass would read words that were never written.
             watched.reason = format!(
@@ -295,11 +317,11 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note.clone());
     // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
     let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup && pass.drawn.is_none();
-    let in_workgroup = race.binding.is_none();
-    let violation =
+    let mut violation =
         Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());
-    let advice = note;
-    (Violation { variable, element, advice, by_size, in_workgroup, ..violation }, diagnostic)
+    violation.in_workgroup = race.binding.is_none();
+    violation.one_workgroup = race.one_workgroup;
+    (Violation { variable, element, advice: note, by_size, ..violation }, diagnostic)
 }
 
 /// True if the access that came first stands behind the other one: a loop lies around both. Functions stand in any order.
