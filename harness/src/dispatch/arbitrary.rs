@@ -71,6 +71,14 @@ impl Usual {
         self.workgroups
     }
 
+    /// What a whole number of this name is, or a lane of a vector, if the name says a size: `width` in a pass over 16 columns
+    /// is 16.
+    #[cfg(feature = "engine")]
+    #[must_use]
+    pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
+        Extents::of(self.size, self.workgroups, 0).size(name, lane, lanes, true)
+    }
+
     /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
     pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
         [0, 1, 2].map(|k| {

@@ -77,6 +77,19 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 surely.insert((place, kind, one.one_workgroup));
             }
         }
+        // Two workgroups that write where buffers say meet by chance, unless they meet in numbers that are far from each other.
+        let mut apart = None;
+        let are_writes = |one: &Violation| {
+            !one.one_workgroup
+                && matches!(one.kind, ViolationKind::WriteWrite | ViolationKind::EqualWrites)
+        };
+        if examined.violations.iter().any(|(one, _)| are_writes(one))
+            && let Ok((passes, _)) = make(None, variant + Extents::APART)
+        {
+            let all = examine_made_up(&passes).violations.into_iter();
+            let writes = all.filter(|(one, _)| are_writes(one));
+            apart = Some(writes.map(|(one, at)| place_of(&one, &at).0).collect::<BTreeSet<_>>());
+        }
         // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
         let mut of_one_workgroup = BTreeSet::new();
         let beyond = examined.violations.iter().filter(|(one, _)| one.of_fixed_length);
@@ -159,7 +172,10 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
                 Kind::Race | Kind::EqualWrites | Kind::OutOfRange | Kind::Wrapped
             );
             let key = (hazard.location.clone(), hazard.kind);
-            let of_content = by_index && !surely.contains(&(key.0.clone(), key.1, one_workgroup));
+            let meets = !hazard.violation.as_ref().is_some_and(are_writes)
+                || apart.as_ref().is_none_or(|places| places.contains(&hazard.location));
+            let surely = surely.contains(&(key.0.clone(), key.1, one_workgroup));
+            let of_content = by_index && !(meets && surely);
             if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
                 let known = alone.entry(key).or_insert_with(|| Some((race.element.clone(), 0)));
                 let same =

@@ -24,6 +24,8 @@ pub(crate) enum Numbered {
     Bits,
     /// All of them 0, and floats, too: an index that is wrong all the same comes from no content.
     Zero,
+    /// 0, 65536, 131072 ..: so far from each other that what is added to one as an index never meets what is added to another.
+    Apart,
 }
 
 impl Numbered {
@@ -32,6 +34,7 @@ impl Numbered {
         match self {
             Self::Zero => 0,
             Self::Forwards => element,
+            Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
             // Bits of the golden ratio's multiples: none of the short periods that a stencil would hide in.
             Self::Bits => element.wrapping_mul(0x9e37_79b9) >> 31,
@@ -67,6 +70,10 @@ impl Extents {
     /// Added to a variant, it stands for the same sizes with arrays of zeros.
     #[cfg(feature = "engine")]
     pub(crate) const ZEROS: usize = 16;
+
+    /// Added to a variant, it stands for the same sizes with numbers far from each other.
+    #[cfg(feature = "engine")]
+    pub(crate) const APART: usize = 2 * Self::ZEROS;
 
     /// In the first so many indices and counts are such as a host may well give.
     #[cfg(feature = "engine")]
@@ -104,7 +111,11 @@ impl Extents {
             6 => (Some(Numbered::Forwards), Some(33)),
             _ => (None, None),
         };
-        let numbered = if variant < Self::ZEROS { numbered } else { Some(Numbered::Zero) };
+        let numbered = match variant / Self::ZEROS {
+            0 => numbered,
+            1 => Some(Numbered::Zero),
+            _ => Some(Numbered::Apart),
+        };
         Self { elements, workgroups, numbered, unknown }
     }
 
@@ -129,7 +140,7 @@ impl Extents {
     }
 
     /// The value of a number by its name, if that says a size; `lanes` are those of its vector.
-    pub(super) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
+    pub(crate) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
         // `num_samples` of each element.

@@ -109,7 +109,10 @@ impl Shader {
     /// # Errors
     /// If naga doesn't read it, or finds it invalid.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
-        let module = on_deep_stack(|| naga::front::wgsl::parse_str(wgsl));
+        /// naga writes this line and doesn't read it: it has operations of subgroups without.
+        const SUBGROUPS: &str = "enable subgroups;";
+        let read = wgsl.replacen(SUBGROUPS, &" ".repeat(SUBGROUPS.len()), 1);
+        let module = on_deep_stack(|| naga::front::wgsl::parse_str(&read));
         Self::of(module.map_err(|error| TranslateError::Unread(error.emit_to_string(wgsl)))?)
     }
 

@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, ensure};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::hazards::Kind;
 use karat::unstable::output::counted;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
@@ -224,6 +225,10 @@ fn try_pass(
     let mut why = "it has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says \
                    what they hold"
         .to_owned();
+    // Over some sizes no two invocations meet.
+    if let Some(race) = race_in(package, &item.name) {
+        return Ok(Err(format!("{race} (`karat hazards {}` says where)", folder.display())));
+    }
     for text in pass::declarations(package, item) {
         match passes(item, Attempt::Names, &file, ("", &text), folder)? {
             Ok(()) => return Ok(Ok(file)),
@@ -231,6 +236,13 @@ fn try_pass(
         }
     }
     Ok(Err(why))
+}
+
+/// A race that a compute entry point has whatever its resources hold, in a line.
+fn race_in(package: &Package, name: &str) -> Option<String> {
+    let found = package.hazards().only([name]).run().ok()?.found;
+    let races = found.into_iter().filter(|one| one.kind == Kind::Race && one.function == name);
+    races.filter_map(|one| one.violation).map(|one| one.headline).next()
 }
 
 /// The compute entry points of a package.
@@ -429,7 +441,12 @@ fn passes(
         .with_context(|| format!("`{}`", file.display()))?;
         let faults = record::read(record.path())?.into_iter().filter_map(|one| one.fault);
         let first = faults.map(|fault| fault.headline).next();
-        let told = |first| format!("{first} (`karat hazards {}` may say where)", folder.display());
+        let told = |first| {
+            format!(
+                "over the resources that it makes up, {first} (`karat hazards {}` may say where)",
+                folder.display()
+            )
+        };
         return Ok(Err(first.map_or_else(|| "it can't be run by a test".to_owned(), told)));
     }
     Ok(Ok(()))

@@ -22,7 +22,7 @@ pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
     let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
     // Each invocation may have several elements.
-    let of_size = |each| declared(&program, name, usual.workgroups(), each).unwrap_or_default();
+    let of_size = |each| declared(&program, name, &usual, each).unwrap_or_default();
     let mut all: Vec<String> = [1, 2, 4].into_iter().flat_map(of_size).collect();
     // Assertions about resources say more.
     all.sort_by_key(|text| text.contains(NO_HAZARDS));
@@ -30,7 +30,8 @@ pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String
 }
 
 /// Those whose arrays have so many elements an invocation.
-fn declared(program: &Program, name: &str, groups: [u32; 3], each: u32) -> Option<Vec<String>> {
+fn declared(program: &Program, name: &str, usual: &Usual, each: u32) -> Option<Vec<String>> {
+    let groups = usual.workgroups();
     let bindings = program.entry_point_bindings(Stage::Compute, name)?;
     let entry = program
         .module()
@@ -74,7 +75,7 @@ fn declared(program: &Program, name: &str, groups: [u32; 3], each: u32) -> Optio
             _ if grows => return None,
             // Too long to be spelt out.
             Shape::Array { element, length } if *length > SPELLED => array(element, None),
-            _ => value(&shape, elements)?,
+            _ => value(&shape, binding.name(), (usual, elements))?,
         };
         with.push(format!("{} = {value}", binding.name()));
         if program.writes(name, binding) {
@@ -147,24 +148,29 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// A value of which a whole number is as large as what is dispatched.
-fn value(shape: &Shape, count: u32) -> Option<String> {
+/// A value of which a whole number is what its name says, by what is dispatched, or else as large as that.
+fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
+    let number = |lane, lanes| usual.number(name, lane, lanes).unwrap_or(count).to_string();
     Some(match shape {
         Shape::Scalar(Scalar::Bool) => "true".to_owned(),
         Shape::Scalar(scalar) if scalar.is_float() => "1.0".to_owned(),
-        Shape::Scalar(_) => count.to_string(),
+        Shape::Scalar(_) => number(0, 1),
         Shape::Vector { size, scalar } => {
-            let one = value(&Shape::Scalar(*scalar), count)?;
-            format!("[{}]", vec![one; usize::from(*size)].join(", "))
+            let lanes = usize::from(*size);
+            let one = |lane| match scalar {
+                Scalar::I32 | Scalar::U32 => Some(number(lane, lanes)),
+                _ => value(&Shape::Scalar(*scalar), name, (usual, count)),
+            };
+            format!("[{}]", (0..lanes).map(one).collect::<Option<Vec<_>>>()?.join(", "))
         }
         Shape::Array { element, length } if *length <= SPELLED => {
-            let one = value(element, count)?;
+            let one = value(element, name, (usual, count))?;
             format!("[{}]", vec![one; *length as usize].join(", "))
         }
         Shape::Struct { members, .. } => {
-            let own = members
-                .iter()
-                .map(|(name, shape)| value(shape, count).map(|value| format!("{name} = {value}")));
+            let own = members.iter().map(|(name, shape)| {
+                value(shape, name, (usual, count)).map(|value| format!("{name} = {value}"))
+            });
             format!("{{ {} }}", own.collect::<Option<Vec<_>>>()?.join(", "))
         }
         _ => return None,
