@@ -166,7 +166,7 @@ pub struct Watched {
     pub reason: String,
     /// Rounds of all loops together.
     #[serde(skip)]
-    pub(crate) rounds: u64,
+    pub rounds: u64,
     /// Orders of invocations, beside that by their numbers, in which the assertion held.
     #[serde(default)]
     pub orders: u64,

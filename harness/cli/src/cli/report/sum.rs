@@ -204,8 +204,7 @@ mod tests {
                 invocations: 64,
                 of: 64,
                 reason: reason.to_owned(),
-                orders: 0,
-                accepted: Vec::new(),
+                ..Default::default()
             };
             record.watched = Some(watched);
             record
