@@ -595,18 +595,34 @@ fn faults_of_another_order_alone() {
         after.unrecorded().try_agrees_with([42_u32; 4], Abs(0.0))
     };
     let both: &[&str] = &["word", "flag"];
-    for (name, groups, words, kind, line) in [
-        ("publish", 4, both, ViolationKind::ReadWrite, 6),
-        ("meet", 1, &[], ViolationKind::Barrier, 11),
-        ("last", 1, &[], ViolationKind::Outside, 16),
-        ("stack", 1, both, ViolationKind::ReadWrite, 20),
+    for (name, groups, words, kind, (line, who)) in [
+        (
+            "publish",
+            4,
+            both,
+            ViolationKind::ReadWrite,
+            (6, "local (0, 0, 0) of workgroup (3, 0, 0)"),
+        ),
+        ("meet", 1, &[], ViolationKind::Barrier, (11, "local (0, 0, 0) of workgroup (0, 0, 0)")),
+        ("last", 1, &[], ViolationKind::Outside, (16, "local (3, 0, 0) of workgroup (0, 0, 0)")),
+        (
+            "stack",
+            1,
+            both,
+            ViolationKind::ReadWrite,
+            (21, "local (2, 0, 0) of workgroup (0, 0, 0)"),
+        ),
     ] {
         let seen = seen(name, groups, words);
         let Err(ComputeError::Violations(found)) = seen else { panic!("{name}: {seen:?}") };
         let first = &found.all[0];
         assert!(first.kind == kind && first.headline.starts_with("in another order, "), "{found}");
         let place = format!("<late>:{line}:");
-        assert!(first.accesses.iter().any(|one| one.place.starts_with(&place)), "{found}");
+        let mut accesses = first.accesses.iter();
+        assert!(
+            accesses.any(|one| one.place.starts_with(&place) && one.invocation == who),
+            "{found}"
+        );
     }
     seen("in_order", 1, &["flag"]).expect("barriers order it, whoever comes first");
 }

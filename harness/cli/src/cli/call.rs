@@ -106,6 +106,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(file) = &args.html {
         spare_shaders("page", file, std::slice::from_ref(&package))?;
     }
+    ensure!(
+        args.dispatch.is_none() || probed.function().stage() == Some(Stage::Compute),
+        "`{}` is no compute entry point: leave --dispatch out",
+        args.function
+    );
     let made_up = match args.arbitrary {
         Some(case) => {
             let ranges = Ranges::of(&package)?;
@@ -123,11 +128,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let fixtures = bind::fixtures(&probed, &args.bind, made_up.as_ref())?;
     probed.fit(&fixtures)?;
     if let Some(groups) = args.dispatch {
-        ensure!(
-            probed.function().stage() == Some(Stage::Compute),
-            "`{}` is no compute entry point: leave --dispatch out",
-            args.function
-        );
         let paths = paths(&probed, &fixtures, &args.paths)?;
         if let Some(made_up) = &made_up {
             write_made_up(probed.function(), made_up, args, out)?;
