@@ -194,12 +194,12 @@ fn few_texels_agree_with_their_twin() {
             .over((UnitVector, Just(size)))
             .cases(4096)
             .tolerance_on(Path::GL, Abs(5e-4))
-            .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, sky), Abs(2e-6));
+            .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, &sky), Abs(2e-6));
         in_environment("irradiance::sh_project", map)
             .over(Just(size))
             .cases(1)
             .tolerance_on(Path::GL, Abs(6e-3))
-            .agrees_with(|size: u32| irradiance::sh_project(size, sky), Abs(2e-5));
+            .agrees_with(|size: u32| irradiance::sh_project(size, &sky), Abs(2e-5));
     }
 }
 
@@ -209,13 +209,13 @@ fn texel_sums_agree_with_their_twins() {
     in_environment("irradiance::texel_sum", cube_map(sky))
         .over((UnitVector, Just(SIZE)))
         .cases(64)
-        .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, sky), Abs(5e-5));
+        .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, &sky), Abs(5e-5));
     // Coarser texels have their centres where four finer ones meet. Half floats of GL, up to 4.9e-4
     // off each, need many texels to make a good sum.
     let map = cube_map(sky);
     in_environment("irradiance::sh_project", map.clone())
         .over(OneOf(vec![16, SIZE]))
-        .agrees_with(|size: u32| irradiance::sh_project(size, seen(&map)), Abs(2e-4));
+        .agrees_with(|size: u32| irradiance::sh_project(size, &seen(&map)), Abs(2e-4));
 }
 
 /// Light with something else in each of the nine harmonics, a third of its mean in all: radiance
@@ -356,12 +356,12 @@ fn a_filter_sees_what_lies_between_directions() {
     in_environment("irradiance::filtered_estimate", map.clone())
         .over((&above, Just(256_u32), Just(SIZE)))
         .cases(256)
-        .agrees_with(|n: DVec3, _: u32, size: u32| irradiance::texel_sum(n, size, sun), bound);
+        .agrees_with(|n: DVec3, _: u32, size: u32| irradiance::texel_sum(n, size, &sun), bound);
     let sharp = in_environment("irradiance::estimate", map)
         .over((&above, Just(256_u32)))
         .cases(256)
         .unrecorded()
-        .try_agrees_with(|n: DVec3, _: u32| irradiance::texel_sum(n, SIZE, sun), bound);
+        .try_agrees_with(|n: DVec3, _: u32| irradiance::texel_sum(n, SIZE, &sun), bound);
     assert!(matches!(sharp, Err(karat::check::Failure::Disagreement(_))), "{sharp:?}");
 }
 

@@ -79,11 +79,13 @@ fn arguments_of_f64() {
 
 /// Features that the workspace has of common libraries. With them the libraries that Karat needs are
 /// those that were compiled for this test; without them most are compiled once more. `cargo tree -f "{p} [{f}]"`
-/// of both workspaces shows what differs.
+/// of both workspaces shows what differs. The project of `karat render`'s tests has the same, and Karat is compiled once
+/// for both.
 const SHARED: &str = "\
     clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
+    memchr = \"2\"\n\
     naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
     num-traits = \"0.2\"\n\
     rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"stdio\", \"termios\"] }\n\

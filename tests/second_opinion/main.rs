@@ -421,7 +421,7 @@ fn the_irradiance_map_holds_the_integral() {
         let pixel = (column * frames::IRRADIANCE + 9, row * frames::IRRADIANCE + 21);
         let n = maps::texel_direction(frames::IRRADIANCE, UVec2::from(pixel)).normalize();
         let light = |l: DVec3| look_up(&studio, true, l, 0.0);
-        let integral = irradiance::texel_sum(n, frames::ENVIRONMENT, light);
+        let integral = irradiance::texel_sum(n, frames::ENVIRONMENT, &light);
         // A step of 0.05 through the sun, whose light falls off over 0.28, is off by (0.05 /
         // 0.28)^2 / 24 of it.
         let bound = 2e-3 * integral;
