@@ -141,7 +141,8 @@ pub struct PathChange {
     /// The largest change relative to the value before; `None` likewise.
     pub relative: Option<f64>,
     /// The simplest arguments found whose result changed as much: it became NaN or ceased to be it, or it
-    /// changed by half as many binary digits of `ulp`, at least.
+    /// changed by half as many binary digits of `ulp`, at least. Behind them the members of buffers that aren't elements of
+    /// arrays.
     pub arguments: Vec<(String, String)>,
     /// The result for these before the edit.
     pub before: String,
@@ -331,6 +332,7 @@ impl Request {
             let new = Resources::of(after, &ranges, variant)?;
             hold_the_same(&mut old.fixtures, &new.fixtures, before, after);
             ran.drawn.merge(new.drawn);
+            let members = new.members;
             for path in &self.paths {
                 let both = || -> Result<_, ProbeError> {
                     let executor = executor::of(*path)?;
@@ -354,7 +356,8 @@ impl Request {
                     other => other,
                 };
                 cases += tried;
-                let Some(change) = change.map_err(|error| error.to_string())? else { continue };
+                let Some(mut change) = change.map_err(|error| error.to_string())? else { continue };
+                change.arguments.extend_from_slice(&members);
                 match paths.iter_mut().find(|known| known.path == change.path) {
                     Some(known) => known.add(change),
                     None => paths.push(change),

@@ -9,6 +9,7 @@ mod blend;
 mod depths;
 pub(crate) mod drawing;
 mod format;
+mod inputs;
 mod mesh;
 mod painter;
 mod pipeline;

@@ -229,6 +229,7 @@ impl<'s> Drawing<'s> {
         }
         let program = linked.overridden(&scene.overrides)?;
         scene.expect_targets(&program)?;
+        scene.expect_inputs(&program)?;
         let bindings = scene.bindings(&program)?;
         let all: Vec<Binding> = bindings.iter().flat_map(Bindings::all).cloned().collect();
         let members = scene.members.iter().map(|(path, shape, lanes)| (&**path, shape, &**lanes));

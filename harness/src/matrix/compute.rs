@@ -1,6 +1,6 @@
 //! Compute entry points: run on each column, and what they wrote compared.
 
-use super::execute::{Comparison, conclude, not_run};
+use super::execute::{Comparison, conclude, flushed, not_run};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
@@ -70,17 +70,20 @@ pub(super) fn run_entry_point_on_each(
         return;
     }
     let Some(((first, expected), others)) = ran.split_first() else { return };
-    let steps = passes.map_or_else(|_| Vec::new(), steps);
+    let (steps, floats) =
+        passes.map_or_else(|_| Default::default(), |all| (steps(all), floats(all)));
     let differs = |at: &usize, actual: &[u32]| {
         let (was, is) = (expected[*at], actual[*at]);
         let step = steps.get(*at).copied().unwrap_or_default();
+        let is_float = floats.get(*at).copied().unwrap_or_default();
+        let [was, is] = [was, is].map(|word| if is_float { flushed(word) } else { word });
         !same_word(was, is, &request.within) && !is_next(was, is, step)
     };
     // The same resources were read back on each. Only where they differ is it asked what may.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {
-        Ok(passes) if differ => open(passes, expected),
+        Ok(passes) if differ => open(passes, expected, &floats),
         _ => vec![false; expected.len()],
     };
     let mut agreeing = None;
@@ -211,7 +214,7 @@ fn initial(passes: &Passes) -> Vec<u32> {
 
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
 /// they depend on what is read or written outside of an array or on the size of subgroups, or are floats that aren't finite.
-fn open(passes: &Passes, expected: &[u32]) -> Vec<bool> {
+fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
     if passes.has_subgroups() {
@@ -229,9 +232,9 @@ fn open(passes: &Passes, expected: &[u32]) -> Vec<bool> {
             }
         }
     }
-    let words = open.iter_mut().zip(expected).zip(floats(passes));
+    let words = open.iter_mut().zip(expected).zip(floats);
     for ((open, word), is_float) in words {
-        *open |= is_float && !f32::from_bits(*word).is_finite();
+        *open |= *is_float && !f32::from_bits(*word).is_finite();
     }
     open
 }

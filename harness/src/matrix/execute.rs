@@ -176,16 +176,19 @@ pub(super) struct Seen {
     worst_ulp: Option<u64>,
 }
 
+/// A float in which what may be flushed to 0 is 0: subnormal numbers.
+pub(super) fn flushed(word: u32) -> u32 {
+    let is_subnormal = f32::from_bits(word).abs() < f32::MIN_POSITIVE;
+    if is_subnormal { 0 } else { word }
+}
+
 /// Steps of `f32` between two components; what may be flushed to 0 is 0.
 fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
     if !scalar.is_float() {
         return None;
     }
-    let flushed = |word: u32| {
-        let value = f32::from_bits(word);
-        if value.abs() < f32::MIN_POSITIVE { 0.0 } else { value }
-    };
-    ulp_distance(flushed(*expected), flushed(*actual))
+    let value = |word: &u32| f32::from_bits(flushed(*word));
+    ulp_distance(value(expected), value(actual))
 }
 
 /// The words of a value as a person reads them.

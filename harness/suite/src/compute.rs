@@ -622,8 +622,11 @@ impl Assertion {
             // A texture is no buffer, and what it holds before is seen nowhere.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
+                let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
                 let own = left.into_iter().find(|one| is_called(&one.name, &self.variable));
-                Ok(own.ok_or_else(|| format!("no pass writes `{}`", self.variable))?)
+                let names = names.iter().map(String::as_str);
+                let unknown = || no_such("written resource", &self.variable, names);
+                Ok(own.ok_or_else(unknown)?)
             }
         }
     }

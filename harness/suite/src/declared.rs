@@ -41,7 +41,7 @@
 //! | `unit = true` | each result is a vector of length 1 |
 //! | `perpendicular_to = "n"` | each result is a vector at right angles to this argument |
 //! | `right_handed_frame = true` | each result is three unit vectors at right angles, of which the third is the cross product of the first two |
-//! | `in_range = [0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
+//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
 //! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
 //! | `monotone = { x = "increasing" }` | the result only rises with `x` |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
@@ -815,7 +815,7 @@ mod tests {
                 "[[test]]\nfunction = \"f\"\nfinite = true\naccept_hazard = { \"1 / x\" = \"why\" }\n",
                 "`accept_hazard` does nothing here",
             ),
-            ("[[test]]\nfunction = \"f\"\nin_range = \"0..1\"\n", "write [0, 1], or \"0..<1\""),
+            ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
             ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` is no range"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
             (

@@ -297,6 +297,9 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             }
             scalars.iter().zip(flat).map(|(scalar, value)| lane(*scalar, value)).collect()
         }
+        (Shape::Array { length, .. }, Value::Array(list)) => {
+            Err(format!("a list of {length} is wanted, and this one has {}", list.len()))
+        }
         (Shape::Vector { .. } | Shape::Matrix { .. }, one) => {
             shape.lanes().iter().map(|scalar| lane(*scalar, one)).collect()
         }

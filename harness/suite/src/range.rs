@@ -5,7 +5,7 @@ use std::ops::{Bound, RangeBounds};
 
 use serde::Deserialize;
 
-/// `[0, 1]`, or `"0..<1"` without its end.
+/// `[0, 1]`, which `"0..1"` means, too, or `"0..<1"` without its end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "toml::Value")]
 pub(crate) struct Range {
@@ -64,11 +64,37 @@ impl TryFrom<toml::Value> for Range {
             toml::Value::String(text) => {
                 let wanted =
                     || format!("`{text}` is no range: write [0, 1], or \"0..<1\" without its end");
-                let (least, most) = text.split_once("..<").ok_or_else(wanted)?;
-                let parsed = |end: &str| end.trim().parse::<f64>().map_err(|_| wanted());
-                Ok(Self { least: parsed(least)?, most: parsed(most)?, half_open: true })
+                let (least, most) = text.split_once("..").ok_or_else(wanted)?;
+                let end = most.strip_prefix('<');
+                // Three points are no two and a fraction.
+                let parsed = |end: &str| {
+                    let number = end.trim().parse::<f64>().ok().filter(|_| !end.starts_with('.'));
+                    number.ok_or_else(wanted)
+                };
+                Ok(Self {
+                    least: parsed(least)?,
+                    most: parsed(end.unwrap_or(most))?,
+                    half_open: end.is_some(),
+                })
             }
             other => Err(format!("a range is [0, 1] or \"0..<1\", and this is {other}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Range;
+
+    #[test]
+    fn a_text_has_its_end_or_not() {
+        let bounds =
+            |text: &str| Range::try_from(toml::Value::from(text)).map(|one| one.to_string());
+        assert_eq!(bounds("0..1").as_deref(), Ok("[0, 1]"));
+        assert_eq!(bounds("-1.5 .. 2").as_deref(), Ok("[-1.5, 2]"));
+        assert_eq!(bounds("0..<1").as_deref(), Ok("0..<1"));
+        for wrong in ["0...1", "0..=1", "0..", "..1", "0..<", "1"] {
+            assert!(bounds(wrong).is_err(), "{wrong}");
         }
     }
 }

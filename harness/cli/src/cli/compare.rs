@@ -199,19 +199,25 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
     Ok(())
 }
 
+/// Arguments and members of buffers that are shown: those of a camera alone may be forty.
+const INPUTS: usize = 12;
+
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words } = change;
     let by = match (ulp, relative) {
-        (Some(ulp), Some(relative)) => format!("by up to {ulp} ulp (rel {relative:.2e})"),
-        (Some(ulp), None) => format!("by up to {ulp} ulp"),
-        _ => "not by a number of ulp".to_owned(),
+        (Some(ulp), Some(relative)) => format!(", by up to {ulp} ulp (rel {relative:.2e})"),
+        (Some(ulp), None) => format!(", by up to {ulp} ulp"),
+        // Integers, or a NaN: the values say it.
+        _ => String::new(),
     };
-    let arguments: Vec<String> =
-        arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+    let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));
+    let more = arguments.len().saturating_sub(INPUTS);
+    let more = (more > 0).then(|| format!("{more} more, which --json has"));
+    let arguments: Vec<String> = shown.chain(more).collect();
     let at =
         if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };
     let what = if dispatched { "words" } else { "results" };
-    writeln!(out, "    {path}: {} of {} {what} changed, {by}", cases.0, cases.1)?;
+    writeln!(out, "    {path}: {} of {} {what} changed{by}", cases.0, cases.1)?;
     writeln!(out, "    {at}{before} -> {after}")?;
     for WordChange { before, after, .. } in words.iter().skip(1) {
         writeln!(out, "    {before} -> {after}")?;

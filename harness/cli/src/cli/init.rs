@@ -69,7 +69,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let passes = compute_entry_points(&package)?;
     ensure!(
         !items.is_empty() || !passes.is_empty(),
-        "no function of `{}` can be called by a test, and it has no compute entry point",
+        "no function of `{0}` takes what a first test can give, and there is no compute entry point. Entry points of \
+         draws are tested by a [[frame]] of a *.test.toml, and by `karat hazards {0}` and `karat compare HEAD` without a \
+         test",
         folder.display()
     );
     // Who has tests in Rust and asks for a workflow wants that alone.

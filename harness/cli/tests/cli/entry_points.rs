@@ -611,6 +611,11 @@ depth_write = false
         ("two.csv", "tow.csv", "draws: can't read"),
         ("cull = \"none\"", "cull = \"non\"", "did you mean `none`?"),
         ("vertices = 3", "vertices = 4", "4 vertices aren't whole triangles"),
+        (
+            "vertex = \"corner\"",
+            "vertex = \"vs\"",
+            "`vs` takes `position` at @location(0), and vertices without a mesh have no attributes",
+        ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
         ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),
         ("fragment = \"ground\"", "", "a draw has a `fragment` function"),

@@ -264,6 +264,35 @@ fn compute_entry_points_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
+/// WGSL lets a subnormal number be 0 (15.7.2), in a buffer as in a result.
+#[test]
+fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let small = "@group(0) @binding(0) var<storage, read_write> d: array<f32>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            if id.x < arrayLength(&d) { d[id.x] = f32(id.x) * 1e-40; }
+        }";
+    let arguments = [
+        "matrix",
+        "--shaders",
+        "small.wgsl",
+        "--columns",
+        "cpu,cpu:ftz",
+        "--require",
+        "cpu:ftz=agrees",
+    ];
+    write(folder.path(), "small.wgsl", small);
+    karat(folder.path(), &arguments).good();
+    // The same bits as whole numbers are other numbers.
+    let whole = small.replace("array<f32>", "array<u32>");
+    write(
+        folder.path(),
+        "small.wgsl",
+        &whole.replace("f32(id.x) * 1e-40", "bitcast<u32>(f32(id.x) * 1e-40)"),
+    );
+    assert_eq!(karat(folder.path(), &arguments).code, Some(1));
+}
+
 /// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
 #[cfg(target_os = "linux")]
 #[test]

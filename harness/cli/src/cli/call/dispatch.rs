@@ -56,11 +56,13 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
             first = all;
         }
     }
+    let fails = found.iter().any(|(one, _)| one.kind.fails());
     for name in unlike {
-        writeln!(
-            out,
-            "{KNOWN}paths leave other numbers in `{name}`: it may depend on the order of invocations{KNOWN:#}"
-        )?;
+        let why = match fails {
+            true => "the reason may be what follows",
+            false => "it may depend on the order of invocations",
+        };
+        writeln!(out, "{KNOWN}paths leave other numbers in `{name}`: {why}{KNOWN:#}")?;
     }
     for (one, message) in &found {
         let style = if one.kind.fails() { BAD } else { DIM };
@@ -69,7 +71,6 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     if !watched.reason.is_empty() {
         writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
     }
-    let fails = found.iter().any(|(one, _)| one.kind.fails());
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 

@@ -1,0 +1,39 @@
+//! What vertex functions take at locations is an attribute of a mesh.
+
+use super::DrawError;
+use super::drawing::Scene;
+use super::request::Geometry;
+use crate::reflect::Program;
+
+impl Scene<'_> {
+    /// Sees that each draw has what its vertex function takes.
+    pub(super) fn expect_inputs(&self, program: &Program) -> Result<(), DrawError> {
+        for draw in &self.draws {
+            let Some(vertex) = &draw.vertex else { continue };
+            for input in program.located_inputs(vertex) {
+                let takes =
+                    format!("`{vertex}` takes `{}` at @location({})", input.name, input.location);
+                let unsound = |setting, rest: String| {
+                    Err(DrawError::Unsound { setting, reason: format!("{takes}{rest}") })
+                };
+                let Geometry::Mesh(mesh) = &draw.geometry else {
+                    let rest =
+                        ", and vertices without a mesh have no attributes: draw a mesh that has it";
+                    return unsound("vertices", rest.to_owned());
+                };
+                let own = mesh.attributes.iter().find(|column| column.location == input.location);
+                let Some(own) = own else {
+                    let rest = ", and the mesh has no such attribute: add it";
+                    return unsound("mesh", rest.to_owned());
+                };
+                let scalars = input.shape.lanes();
+                if let Some(scalar) = scalars.first().filter(|scalar| **scalar != own.scalar) {
+                    let (scalar, own) = (scalar.wgsl(), own.scalar.wgsl());
+                    let rest = format!(", of `{scalar}`, and the mesh has `{own}` there");
+                    return unsound("mesh", rest);
+                }
+            }
+        }
+        Ok(())
+    }
+}
