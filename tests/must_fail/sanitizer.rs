@@ -338,6 +338,9 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(accesses[0].does, "has index 128, of 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
+    // A kind of element, which only one number means.
+    let kind = races(&blur("select(1u, 2u, data[id.x + 1u] == 3u)"), 2);
+    assert_eq!(kind[0].kind, ViolationKind::Outside);
     // A write that is dropped on one driver, and lands in the last element on another one.
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
     assert_eq!(races(tail, 2)[0].kind, ViolationKind::Outside);
