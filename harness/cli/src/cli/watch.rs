@@ -200,7 +200,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     tell_when_unread(sender.clone());
     tell_when_stopped(sender.clone())?;
-    let is_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
+    let is_dumb = std::env::var_os("TERM").is_some_and(|name| name == "dumb");
+    let is_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
     let screen = match args.lines || args.once || !is_terminal {
         true => Screen::lines(),
         false => {

@@ -31,6 +31,10 @@ struct Terminal {
 
 impl Terminal {
     fn start(columns: u16) -> Self {
+        Self::with(columns, &[])
+    }
+
+    fn with(columns: u16, env: &[(&str, &str)]) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let shaders = folder.path().join("shaders");
         write(&shaders, "calc.wgsl", SHADER);
@@ -53,6 +57,10 @@ impl Terminal {
         command.env("KARAT_TIMEOUT", "1");
         // What opens pages on this machine isn't to.
         command.env("PATH", "");
+        command.env("TERM", "xterm");
+        for (name, value) in env {
+            command.env(name, value);
+        }
         let child = pair.slave.spawn_command(command).expect("it starts");
         let mut reader = pair.master.try_clone_reader().expect("its output");
         let keys = pair.master.take_writer().expect("its input");
@@ -69,17 +77,18 @@ impl Terminal {
         Self { folder, child, master: pair.master, keys, written, screen }
     }
 
-    /// Waits until the screen shows this, and returns all of it.
+    /// Waits until the screen shows this and is drawn whole, and returns all of it.
     #[track_caller]
     fn until(&mut self, part: &str) -> String {
         let began = Instant::now();
         while began.elapsed() < PATIENCE {
-            let shown = self.screen.screen().contents();
-            if shown.contains(part) {
-                return shown;
+            let more = self.written.recv_timeout(Duration::from_millis(50));
+            if let Ok(bytes) = &more {
+                self.screen.process(bytes);
             }
-            if let Ok(bytes) = self.written.recv_timeout(Duration::from_millis(100)) {
-                self.screen.process(&bytes);
+            let shown = self.screen.screen().contents();
+            if more.is_err() && shown.contains(part) {
+                return shown;
             }
         }
         panic!("no `{part}` on:\n{}", self.screen.screen().contents());
@@ -191,9 +200,21 @@ fn a_pending_frame_is_accepted() {
     assert!(below.join("room/dusk.exr").is_file());
 }
 
+/// A terminal without commands has lines, one below the other.
+#[test]
+fn a_dumb_terminal_has_lines() {
+    let mut terminal = Terminal::with(80, &[("TERM", "dumb")]);
+    let shown = terminal.until("cpu: 1 test passes; 1 ran");
+    assert!(!shown.contains("r run all"), "{shown}");
+    terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    let red = terminal.until("cpu: 1 of 1 tests fail");
+    assert!(red.contains("cpu: 1 test passes; 1 ran") && red.contains("saw 0.75"), "{red}");
+}
+
+/// Without colours, too: what clears the screen is none.
 #[test]
 fn a_narrow_terminal_has_no_line_that_wraps() {
-    let mut terminal = Terminal::start(40);
+    let mut terminal = Terminal::with(40, &[("NO_COLOR", "1")]);
     terminal.until("cpu: 1 test passes");
     terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
     let red = terminal.until("cpu: 1 of 1 tests fail");

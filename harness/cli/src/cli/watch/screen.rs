@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use crossterm::{cursor, execute, terminal};
+use crossterm::terminal::{self, Clear, ClearType};
+use crossterm::{cursor, execute, queue, style};
 use karat::unstable::output::visible;
 
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
@@ -153,18 +154,19 @@ impl Screen {
             None => "r run all   f filter   a accept   o report   q quit".to_owned(),
         };
         lines.truncate(rows.saturating_sub(1));
-        // Rows that aren't written keep nothing of what was there.
-        let control = karat::unstable::output::trusted;
-        let mut text = control("\u{1b}[H");
+        // Without colours the output strips every command, and those of the screen are needed all the same. Rows that
+        // aren't written keep nothing of what was there.
+        let mut commands = std::io::stdout();
+        queue!(commands, cursor::MoveTo(0, 0))?;
         for row in 0..rows.saturating_sub(1) {
-            text += lines.get(row).map_or("", String::as_str);
-            text += &control("\u{1b}[K");
-            text += "\r\n";
+            write!(out, "{}", lines.get(row).map_or("", String::as_str))?;
+            out.flush()?;
+            queue!(commands, Clear(ClearType::UntilNewLine), style::Print("\r\n"))?;
         }
-        text += &cut(&keys, columns);
-        text += &control("\u{1b}[K\u{1b}[J");
-        write!(out, "{text}")?;
-        out.flush()
+        write!(out, "{}", cut(&keys, columns))?;
+        out.flush()?;
+        queue!(commands, Clear(ClearType::FromCursorDown))?;
+        commands.flush()
     }
 }
 
