@@ -462,6 +462,7 @@ pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
 const OUTSIDE: [u8; 3] = [0, 47, u8::MAX];
 
 /// Which words of runs differ with what is read outside of arrays.
+#[cfg(feature = "routes")]
 fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(None)?;
     let mut differs = vec![false; usual.len()];

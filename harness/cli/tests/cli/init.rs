@@ -144,7 +144,7 @@ fn what_has_nothing_to_test_is_told() {
         "a.wgsl",
         "@vertex fn main() -> @builtin(position) vec4f { return vec4f(); }\n",
     );
-    assert!(init().contains("no function of `.` can be called"), "{}", init());
+    assert!(init().contains("no function of `.` takes what a first test can give"), "{}", init());
     write(folder.path(), "a.wgsl", "fn f(x: f32) -> f32 { return sqrt(-1.0 - x * x); }\n");
     assert!(init().contains("karat hazards"), "{}", init());
     // Where no test passes nothing is written: not even what goes with it.
