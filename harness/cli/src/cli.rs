@@ -207,8 +207,8 @@ enum Command {
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
-                            Exit codes: 0 there is none; 1 there are some, lowered ones included; 2 nothing could \
-                            be looked at, or a declaration isn't true.")]
+                            Exit codes: 0 there is none, or there are rarer ones alone; 1 there are some, lowered ones \
+                            included, or a module can't be read; 2 nothing could be looked at, or a declaration isn't true.")]
     Hazards(hazards::Args),
     /// Tell what an edit changed: every function before and after it, with no test written
     #[command(
