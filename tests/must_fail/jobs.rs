@@ -86,13 +86,16 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
 /// A program that hangs is ended by the deadline, and the check fails with the setting's name.
 #[test]
 fn a_program_that_hangs_is_ended() {
-    let executor = format!("mine={} executor cpu hangs", env!("CARGO_BIN_EXE_planted"));
-    let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
-    assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
-    // It takes no job at all, and its pipe is full.
-    let executor = format!("mine={} executor cpu deaf", env!("CARGO_BIN_EXE_planted"));
-    let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
-    assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{text}");
+    // The second one takes no job at all, and its pipe is full. They are waited for beside each other.
+    let is_ended = |fault: &str| {
+        let executor = format!("mine={} executor cpu {fault}", env!("CARGO_BIN_EXE_planted"));
+        let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
+        assert_eq!(text.matches("did not finish within 0.5 s").count(), 4, "{fault}: {text}");
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| is_ended("hangs"));
+        is_ended("deaf");
+    });
 }
 
 /// A line too many, a reply to another job and a place that is none are errors, and no verdict is another job's.

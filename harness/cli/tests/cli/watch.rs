@@ -320,50 +320,57 @@ fn an_edit_of_any_file_that_is_read_counts() {
 #[cfg(unix)]
 #[test]
 fn it_never_wakes_on_its_own_output() {
-    // A program that prints modules may read any file, so that each counts.
-    for (manifest, end) in [
-        ("", "> log.txt 2>&1"),
-        ("", "2>&1 | tee log.txt"),
-        ("preprocess = [\"/bin/cat\"]\n", "> log.txt 2>&1"),
-        ("preprocess = [\"/bin/cat\"]\n", "| tee log.txt"),
-    ] {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path();
-        write(path, "calc.wgsl", SHADER);
-        write(path, "calc_test.wgsl", TESTS);
-        write(path, "karat.toml", manifest);
-        let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
-        let mut shell = Command::new("/bin/sh");
-        // Its own group: all that it starts ends with it.
-        shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
-        shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "1");
-        shell.stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = std::os::unix::process::CommandExt::process_group(&mut shell, 0)
-            .spawn()
-            .expect("it starts");
-        let log = || std::fs::read_to_string(path.join("log.txt")).unwrap_or_default();
-        let wait = |part: &str, count: usize| {
-            let began = Instant::now();
-            while log().matches(part).count() < count {
-                assert!(began.elapsed() < PATIENCE, "no `{part}` in {}", log());
-                std::thread::sleep(Duration::from_millis(20));
-            }
-        };
-        wait("2 tests pass", 1);
-        // An edit wakes it, and what it prints then doesn't.
-        std::thread::sleep(Duration::from_millis(700));
-        write(path, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
-        wait("1 of 2 tests fail", 1);
-        std::thread::sleep(Duration::from_millis(1500));
-        let told = log();
-        drop(Command::new("kill").args(["--", &format!("-{}", child.id())]).status());
-        drop(child.kill());
-        drop(child.wait());
-        assert_eq!(told.matches("changed: calc.wgsl").count(), 1, "{manifest}{end}: {told}");
-        assert!(told.matches("changed: log.txt").count() <= 1, "{manifest}{end}: {told}");
-        let verdicts = told.lines().filter(|line| line.starts_with("cpu: "));
-        assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
-    }
+    // A program that prints modules may read any file, so that each counts. They wait beside each other.
+    std::thread::scope(|scope| {
+        for (manifest, end) in [
+            ("", "> log.txt 2>&1"),
+            ("", "2>&1 | tee log.txt"),
+            ("preprocess = [\"/bin/cat\"]\n", "> log.txt 2>&1"),
+            ("preprocess = [\"/bin/cat\"]\n", "| tee log.txt"),
+        ] {
+            scope.spawn(move || wakes_once(manifest, end));
+        }
+    });
+}
+
+#[cfg(unix)]
+fn wakes_once(manifest: &str, end: &str) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "calc.wgsl", SHADER);
+    write(path, "calc_test.wgsl", TESTS);
+    write(path, "karat.toml", manifest);
+    let line = format!("\"$KARAT\" watch . --paths cpu --lines {end}");
+    let mut shell = Command::new("/bin/sh");
+    // Its own group: all that it starts ends with it.
+    shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
+    shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "1");
+    shell.stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut child = std::os::unix::process::CommandExt::process_group(&mut shell, 0)
+        .spawn()
+        .expect("it starts");
+    let log = || std::fs::read_to_string(path.join("log.txt")).unwrap_or_default();
+    let wait = |part: &str, count: usize| {
+        let began = Instant::now();
+        while log().matches(part).count() < count {
+            assert!(began.elapsed() < PATIENCE, "no `{part}` in {}", log());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    wait("2 tests pass", 1);
+    // An edit wakes it, and what it prints then doesn't.
+    std::thread::sleep(Duration::from_millis(700));
+    write(path, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    wait("1 of 2 tests fail", 1);
+    std::thread::sleep(Duration::from_millis(1500));
+    let told = log();
+    drop(Command::new("kill").args(["--", &format!("-{}", child.id())]).status());
+    drop(child.kill());
+    drop(child.wait());
+    assert_eq!(told.matches("changed: calc.wgsl").count(), 1, "{manifest}{end}: {told}");
+    assert!(told.matches("changed: log.txt").count() <= 1, "{manifest}{end}: {told}");
+    let verdicts = told.lines().filter(|line| line.starts_with("cpu: "));
+    assert!(verdicts.count() <= 3, "{manifest}{end}: {told}");
 }
 
 /// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
