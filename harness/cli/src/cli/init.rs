@@ -595,19 +595,18 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let table: toml::Table = text.parse().context("`Cargo.toml`")?;
     let profiles = || table.get("profile")?.get("dev")?.get("package");
     let mut added = Vec::new();
-    for one in unoptimised {
-        if profiles().is_some_and(|profiles| profiles.get(one.name).is_some()) {
+    let levels = unoptimised.iter().map(|one| (one.name, Some(one.recommended)));
+    for (name, level) in levels.chain([("karat", None)]) {
+        if profiles().is_some_and(|profiles| profiles.get(name).is_some()) {
             continue;
         }
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        // With all that debuggers read the first build would take a third longer.
-        text += &format!(
-            "\n[profile.dev.package.{}]\nopt-level = {}\ndebug = \"line-tables-only\"\n",
-            one.name, one.recommended
-        );
-        added.push(one.name);
+        // With what debuggers read the first build would take a third longer.
+        let level = level.map_or_else(String::new, |level| format!("opt-level = {level}\n"));
+        text += &format!("\n[profile.dev.package.{name}]\n{level}debug = false\n");
+        added.push(name);
     }
     // Tables may be written in a way that takes no more of them: then `karat doctor` says what is missing.
     if added.is_empty() || text.parse::<toml::Table>().is_err() {

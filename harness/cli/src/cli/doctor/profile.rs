@@ -5,8 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 /// Crates that need it, with the level that README recommends, and what is slow without.
-const CRATES: [(&str, i64, &str); 4] = [
-    ("karat", 2, "results are judged slowly"),
+const CRATES: [(&str, i64, &str); 3] = [
     ("karat-core", 2, "arguments are drawn slowly, and frames compared"),
     ("karat-engine", 3, "the path `cpu`, `Spec` and hazards are slow"),
     ("naga", 1, "each test starts slowly"),
@@ -61,16 +60,10 @@ mod tests {
 
     #[test]
     fn what_is_compiled_with_less_is_told() {
-        assert_eq!(
-            found("[package]"),
-            [("karat", 0), ("karat-core", 0), ("karat-engine", 0), ("naga", 0)]
-        );
-        assert_eq!(
-            found("[profile.dev]\nopt-level = 1"),
-            [("karat", 1), ("karat-core", 1), ("karat-engine", 1)]
-        );
+        assert_eq!(found("[package]"), [("karat-core", 0), ("karat-engine", 0), ("naga", 0)]);
+        assert_eq!(found("[profile.dev]\nopt-level = 1"), [("karat-core", 1), ("karat-engine", 1)]);
         assert_eq!(found("[profile.dev.package.\"*\"]\nopt-level = 3"), []);
-        let own = "[profile.dev.package]\nkarat.opt-level = 2\nkarat-core.opt-level = 2\nnaga.opt-level = \"s\"\n\
+        let own = "[profile.dev.package]\nkarat-core.opt-level = 2\nnaga.opt-level = \"s\"\n\
                    karat-engine.opt-level = 2";
         assert_eq!(found(own), [("karat-engine", 2)]);
     }
@@ -96,6 +89,6 @@ mod tests {
         write("Cargo.lock", "[[package]]\nname = \"karaoke\"\n");
         assert_eq!(unoptimised(folder.path()), []);
         write("Cargo.lock", "[[package]]\nname = \"karat\"\n");
-        assert_eq!(unoptimised(folder.path()).len(), 4);
+        assert_eq!(unoptimised(folder.path()).len(), 3);
     }
 }
