@@ -276,6 +276,25 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     let text = std::fs::read_to_string(pairs.path().join("m.test.toml")).expect("it is written");
     assert!(text.contains("[compute.after.to]") && !text.contains("after.from_"), "{text}");
     assert!(text.contains("size = 128"), "{text}");
+    // Three numbers that say nothing are the sides of a matrix.
+    let matrices = tempfile::tempdir().expect("a temporary folder");
+    let product = "struct Dims { m: u32, n: u32, k: u32 }
+        @group(0) @binding(0) var<uniform> dims: Dims;
+        @group(0) @binding(1) var<storage, read> a: array<f32>;
+        @group(0) @binding(2) var<storage, read> b: array<f32>;
+        @group(0) @binding(3) var<storage, read_write> c: array<f32>;
+        @compute @workgroup_size(8, 8) fn product(@builtin(global_invocation_id) id: vec3u) {
+            if id.x >= dims.n || id.y >= dims.m { return; }
+            var sum = 0.0;
+            for (var i = 0u; i < dims.k; i++) { sum += a[id.y * dims.k + i] * b[i * dims.n + id.x]; }
+            c[id.y * dims.n + id.x] = sum;
+        }\n";
+    write(matrices.path(), "m.wgsl", product);
+    karat(matrices.path(), &["init"]).good();
+    let text = std::fs::read_to_string(matrices.path().join("m.test.toml"));
+    let text = text.expect("it is written");
+    assert!(text.contains("dims = { m = 16, n = 16, k = 16 }"), "{text}");
+    assert!(text.contains("written = true\nfinite = true\n"), "{text}");
     // Nothing is left of a test that doesn't hold.
     let alone = tempfile::tempdir().expect("a temporary folder");
     let leak = "@group(0) @binding(0) var<storage, read_write> sums: array<f32>;

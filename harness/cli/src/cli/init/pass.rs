@@ -21,16 +21,24 @@ pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
     let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
-    // Each invocation may have several elements.
-    let of_size = |each| declared(&program, name, &usual, each).unwrap_or_default();
-    let mut all: Vec<String> = [1, 2, 4].into_iter().flat_map(of_size).collect();
+    // Each invocation may have several elements, and a number that says nothing may be the side of a matrix.
+    let of_size =
+        |(each, sides)| declared(&program, name, &usual, (each, sides)).unwrap_or_default();
+    let sizes = [(1, false), (2, false), (4, false), (1, true)];
+    let mut all: Vec<String> = sizes.into_iter().flat_map(of_size).collect();
     // Assertions about resources say more.
     all.sort_by_key(|text| text.contains(NO_HAZARDS));
     all
 }
 
-/// Those whose arrays have so many elements an invocation.
-fn declared(program: &Program, name: &str, usual: &Usual, each: u32) -> Option<Vec<String>> {
+/// Those whose arrays have so many elements an invocation, and whose numbers count these, or are `sides` of what is
+/// dispatched.
+fn declared(
+    program: &Program,
+    name: &str,
+    usual: &Usual,
+    (each, sides): (u32, bool),
+) -> Option<Vec<String>> {
     let groups = usual.workgroups();
     let bindings = program.entry_point_bindings(Stage::Compute, name)?;
     let entry = program
@@ -44,6 +52,7 @@ fn declared(program: &Program, name: &str, usual: &Usual, each: u32) -> Option<V
     let size = entry.workgroup_size;
     let invocations: u32 = size.iter().chain(&groups).product();
     let elements = invocations.max(LEAST).checked_mul(each)?;
+    let count = if sides { size[0].checked_mul(groups[0])? } else { elements };
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
         let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
@@ -75,7 +84,7 @@ fn declared(program: &Program, name: &str, usual: &Usual, each: u32) -> Option<V
             _ if grows => return None,
             // Too long to be spelt out.
             Shape::Array { element, length } if *length > SPELLED => array(element, None),
-            _ => value(&shape, binding.name(), (usual, elements))?,
+            _ => value(&shape, binding.name(), (usual, count))?,
         };
         with.push(format!("{} = {value}", binding.name()));
         if program.writes(name, binding) {
