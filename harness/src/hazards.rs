@@ -38,7 +38,7 @@ use crate::output::counted;
 use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::Idiom;
+use crate::reflect::{Idiom, Program, ReflectError};
 use crate::value::format_f32;
 use lowered::Callers;
 pub use lowered::Lowered;
@@ -266,7 +266,8 @@ impl Request {
                 Err(error) => skipped.push((module, first_line(&error.to_string()))),
             }
         }
-        let unread = skipped.len();
+        let mut unread = skipped.len();
+        let mut invalid = BTreeSet::new();
         names.retain(|item| wanted(&item.name));
         if names.is_empty() && !self.only.is_empty() {
             let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
@@ -298,7 +299,15 @@ impl Request {
         let (mut whole, mut fine) = (BTreeSet::new(), BTreeMap::new());
         for (name, seen) in each {
             match seen {
-                Err(why) => skipped.push((name, why)),
+                Err(why) => {
+                    let module = name.rsplit_once("::").map_or("", |(module, _)| module);
+                    match self.invalid(module, &name) {
+                        Some(why) if invalid.insert(module.to_owned()) => {
+                            skipped.push((module.to_owned(), why));
+                        }
+                        _ => skipped.push((name, why)),
+                    }
+                }
                 Ok(Seen { hazards, rare: own, drawn: from, cut, in_part, fine: own_fine }) => {
                     functions += 1;
                     unseen.inputs += cut;
@@ -318,6 +327,7 @@ impl Request {
                 }
             }
         }
+        unread += invalid.len();
         let package = self.package.name();
         if functions == 0 {
             return Err(HazardError::Nothing { package, skipped });
@@ -396,6 +406,19 @@ impl Request {
     }
 
     /// Looks for hazards in a function.
+    /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
+    fn invalid(&self, module: &str, name: &str) -> Option<String> {
+        let own = name.rsplit("::").next().unwrap_or(name);
+        let linked = || Program::of_items(&self.package, module, &[own]);
+        match (!self.package.is_crate()).then(linked)? {
+            Err(ReflectError::Invalid(found)) => {
+                let place = found.location().map_or_else(String::new, |at| format!(" ({at})"));
+                Some(first_line(&found.to_string()) + &place)
+            }
+            _ => None,
+        }
+    }
+
     fn look(&self, name: &str, ranges: &Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;

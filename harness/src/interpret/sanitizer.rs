@@ -112,6 +112,7 @@ fn add(
 fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
     let Examined { violations, watched, endless, too_long } = examined;
     let (mut outside, mut number) = (Vec::new(), 0);
+    let together = options.schedule.is_none_or(|schedule| !schedule.serial);
     in_order(passes, &mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
@@ -158,7 +159,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             }
         }
         let goes_on = is_whole && observed.stopped.is_none();
-        violations.extend(violations_of(&Examining { pass, size }, &observed));
+        violations.extend(violations_of(&Examining { pass, size, together }, &observed));
         outside.extend(observed.outside.into_iter().map(|one| (number, size, one)));
         number += 1;
         Ok(goes_on)
@@ -183,7 +184,7 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             || (watched.reason.is_empty()
                 && super::depends_on(passes, (pass, one.number), options.schedule)?);
         if matters {
-            violations.push(of_outside(&Examining { pass, size }, &one));
+            violations.push(of_outside(&Examining { pass, size, together }, &one));
             written.push((number, range));
         }
     }
@@ -194,6 +195,8 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
 struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
+    /// True if invocations go from statement to statement together, so that what stands behind comes later.
+    together: bool,
 }
 
 impl Examining<'_> {
@@ -299,7 +302,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
             ),
             _ => "let one invocation write the element, or use an atomic".to_owned(),
         }
-    } else if is_behind(&race.first, &race.second) {
+    } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
             "the second access is of a later round of the loop, and a barrier between both lines orders those of one round: put \
              a `{barrier}()` at the loop's end, too"

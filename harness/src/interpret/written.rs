@@ -29,12 +29,12 @@ pub(crate) fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, Dis
         }
         Ok(true)
     })?;
-    let is_texture = |(_, binding): (_, &crate::reflect::Binding)| {
-        matches!(binding.kind, BindingKind::StorageTexture { .. })
-    };
-    if passes.writer(resource).is_some_and(is_texture) {
-        // A texel is written whole, and is four lanes to a host.
-        return Ok(marks.into_iter().flat_map(|mark| [mark != 0; 4]).collect());
+    if let Some((_, binding)) = passes.writer(resource)
+        && let BindingKind::StorageTexture { format, .. } = binding.kind
+    {
+        // A texel is written whole.
+        let texel = |mark| std::iter::repeat_n(mark != 0, format.channels());
+        return Ok(marks.into_iter().flat_map(texel).collect());
     }
     // A number whose first byte is 1 isn't 0, in each of WGSL's types.
     let words: Vec<u32> = marks

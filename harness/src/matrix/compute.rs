@@ -212,23 +212,40 @@ fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
+/// Orders of invocations that are tried: backwards, one after the other, shuffled, and in turns.
+const ORDERS: u64 = 6;
+
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
-/// they depend on what is read or written outside of an array or on the size of subgroups, or are floats that aren't finite.
+/// they depend on what is read or written outside of an array, on the order of invocations or on the size of subgroups, or are
+/// floats that aren't finite.
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
+    let left = |order| {
+        let words = in_order_of(passes, order).ok()?;
+        Some(words.into_iter().flat_map(|(_, words)| words).collect::<Vec<u32>>())
+    };
+    // What doesn't run in a moment differs in no order.
+    let usual = left(None).unwrap_or_default();
     if passes.has_subgroups() {
-        let left = |order| {
-            let words = in_order_of(passes, order).ok()?;
-            Some(words.into_iter().flat_map(|(_, words)| words).collect::<Vec<u32>>())
-        };
-        let usual = left(None);
         // Each order has another size of subgroups; without its swaps it has nothing else.
         let sizes = (0..5).map(|number| OrderOf::whole(passes, number).first(0));
         for words in sizes.filter_map(|order| left(Some(order))) {
-            let pairs = usual.iter().flatten().zip(&words);
+            let pairs = usual.iter().zip(&words);
             for (open, (usual, word)) in open.iter_mut().zip(pairs) {
                 *open |= usual != word;
+            }
+        }
+    }
+    // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
+    for words in (0..ORDERS).filter_map(|number| left(Some(OrderOf::whole(passes, number)))) {
+        let mut begin = 0;
+        for (_, own) in writable(passes) {
+            let own = begin..begin + own.len();
+            begin = own.end;
+            let differs = usual.get(own.clone()).is_some_and(|usual| usual != &words[own.clone()]);
+            if differs {
+                open[own].fill(true);
             }
         }
     }
@@ -304,4 +321,33 @@ fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
     let both_normal = a.is_normal() && b.is_normal();
     // `==` of floats: 0 and -0 are one number.
     expected == actual || a == b || (both_normal && within.measure(0, b, f64::from(a)).passes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{initial, open};
+    use crate::dispatch::Passes;
+    use crate::made_up::Ranges;
+    use crate::package::Package;
+
+    /// Each driver has an order of its own in which invocations take their places.
+    #[test]
+    fn what_an_order_decides_is_open() {
+        let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
+            @group(0) @binding(1) var<storage, read_write> found: array<u32, 64>;
+            @group(0) @binding(2) var<storage, read_write> twice: array<u32, 64>;
+            @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+                found[atomicAdd(&next, 1u) % 64u] = i;
+                twice[i] = 2u * i;
+            }";
+        let package = Package::from_source("append", text);
+        let ranges = Ranges::of(&package).expect("it declares none");
+        let made = Passes::arbitrary(&package, "main", None, &ranges, (0, &Vec::new()));
+        let (passes, _) = made.expect("its resources are made up");
+        let expected = initial(&passes);
+        assert_eq!(expected.len(), 1 + 64 + 64);
+        let open = open(&passes, &expected, &vec![false; expected.len()]);
+        let list = 1..65;
+        assert!((0..open.len()).all(|at| open[at] == list.contains(&at)), "{open:?}");
+    }
 }
