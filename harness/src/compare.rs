@@ -281,12 +281,13 @@ impl Request {
                         _ => &[],
                     };
                     let written = all.iter().skip(one.function.outputs().len());
-                    let written = written.map(|(name, shape)| format!("{name}: {shape}"));
-                    format!(
-                        "{}, and writes {}",
-                        one.function,
-                        written.collect::<Vec<_>>().join(", ")
-                    )
+                    let written: Vec<String> =
+                        written.map(|(name, shape)| format!("{name}: {shape}")).collect();
+                    let written = match written.is_empty() {
+                        true => "no resource".to_owned(),
+                        false => written.join(", "),
+                    };
+                    format!("{}, which may write {written}", one.function)
                 };
                 shown = [&before, &after].map(given);
             }

@@ -3,7 +3,7 @@
 use super::{
     Change, Compared, PathChange, Request, Side, WordChange, distance, interface, renamed,
 };
-use crate::dispatch::{Examined, Passes, Usual, Violation};
+use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
 use crate::fixture::Fixtures;
 use crate::interpret::{OrderOf, examine_made_up, in_order_of};
@@ -43,6 +43,8 @@ impl Request {
         compared.dispatched = Some(usual);
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
+        // Indices over any sizes and numbers, which count where nothing else tells the edit: a guard that is gone.
+        let mut late = Vec::new();
         for variant in 0..Extents::VARIANTS {
             let made = |package: &Package, given: &Fixtures| {
                 Passes::arbitrary(package, name, Some(usual), &ranges, (variant, given))
@@ -74,10 +76,11 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
+            let brought = || brought(&seen_old, &seen_new);
             if variant < Extents::LIKELY {
-                let brought = brought(&seen_old, &seen_new).filter(counts);
-                add_kinds(&mut compared.violations, brought);
+                add_kinds(&mut compared.violations, brought().filter(counts));
             }
+            add_kinds(&mut late, brought().filter(|one| one.kind.is_of_index()));
             for path in &self.paths {
                 let run = |passes: &Passes| {
                     let executor = executor::of(*path).map_err(|error| error.to_string())?;
@@ -109,6 +112,9 @@ impl Request {
         if words == 0 {
             return Err("it writes nothing that is seen afterwards".to_owned());
         }
+        if paths.is_empty() && compared.violations.is_empty() {
+            compared.violations = late;
+        }
         let each = words / self.paths.len().max(1);
         paths.iter_mut().for_each(|path| path.cases.1 = each);
         Ok(match paths.is_empty() {
@@ -135,10 +141,16 @@ impl Request {
     }
 }
 
+/// What a violation is about. Those of indices have no variable, and say whether they read or write.
+fn subject(one: &Violation) -> (ViolationKind, &str) {
+    let of_index = one.kind.is_of_index();
+    (one.kind, if of_index { &one.headline } else { &one.variable })
+}
+
 /// Adds the first of each kind about each variable.
 fn add_kinds<'v>(all: &mut Vec<Violation>, more: impl Iterator<Item = &'v Violation>) {
     for one in more {
-        if all.iter().all(|known| (known.kind, &known.variable) != (one.kind, &one.variable)) {
+        if all.iter().all(|known| subject(known) != subject(one)) {
             all.push(one.clone());
         }
     }
@@ -174,9 +186,7 @@ fn ordered(
 /// Violations that the pass after an edit has, and hadn't before.
 fn brought<'e>(old: &'e Examined, new: &'e Examined) -> impl Iterator<Item = &'e Violation> {
     let of = |examined: &'e Examined| examined.violations.iter().map(|(violation, _)| violation);
-    of(new).filter(move |one| {
-        of(old).all(|known| (known.kind, &known.variable) != (one.kind, &one.variable))
-    })
+    of(new).filter(move |one| of(old).all(|known| subject(known) != subject(one)))
 }
 
 /// Why a resource has lanes: a dispatch returns the words of each that a pass writes.
@@ -340,6 +350,31 @@ mod tests {
         let words: Vec<&str> = paths[0].words.iter().map(|one| &*one.before).collect();
         assert_eq!(words, ["a[0] = 0", "b[0].y = 1"], "{paths:?}");
         assert_eq!(paths[0].before, words[0]);
+    }
+
+    /// Where a host's numbers stay within, an edit that drops a guard changes nothing else.
+    #[test]
+    fn a_guard_that_is_gone_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
+            @group(0) @binding(1) var<storage, read> x: array<f32>;
+            @group(0) @binding(2) var<storage, read_write> y: array<f32>;
+            @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
+                if id.x >= arrayLength(&y) { return; }
+                y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
+            }";
+        let brought = |before: &str, after: &str| {
+            let [before, after] = [before, after].map(|text| Package::from_source("m", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            all[0].violations.iter().map(|one| one.headline.clone()).collect::<Vec<_>>()
+        };
+        let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
+        let reads = brought(text, &bare);
+        assert!(reads.len() == 1 && reads[0].contains("reads outside"), "{reads:?}");
+        assert!(brought(&bare, text).is_empty());
+        // Another index that leaves its array hides none.
+        let both = bare.replace("if id.x >= arrayLength(&y) { return; }", "");
+        let writes = brought(&bare, &both);
+        assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
     /// Atomics race with none, and statements side by side count right without a barrier.

@@ -92,7 +92,7 @@ impl fmt::Display for OrderDependence {
         } else {
             writeln!(
                 f,
-                "  in Karat's engine it isn't so that {}. Each order should leave the same all the same, and something else is left where {}",
+                "  in Karat's engine it isn't so that {}. But each order has to leave the same, and this one doesn't: {}",
                 self.assertion, self.swap
             )?;
         }
@@ -163,7 +163,7 @@ impl After<'_> {
             return Ok(());
         }
         if orders == 0 {
-            "no other order of invocations was tried, as KARAT_SCHEDULES is 0"
+            "no other order of invocations was tried: 0 are asked for"
                 .clone_into(&mut watched.reason);
             return Ok(());
         }

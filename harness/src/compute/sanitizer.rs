@@ -79,7 +79,8 @@ impl fmt::Display for Violations {
         }
         match self.messages.len().saturating_sub(SHOWN) {
             0 => {}
-            more => write!(f, "\n\n{more} more of the same passes")?,
+            1 => write!(f, "\n\n1 more violation of these passes")?,
+            more => write!(f, "\n\n{more} more violations of these passes")?,
         }
         write!(f, "\n  replay: {}", self.replay)
     }
