@@ -683,7 +683,7 @@ impl From<Misdeclared> for Stop {
 
 impl From<String> for Stop {
     fn from(message: String) -> Self {
-        Self::Misdeclared(Misdeclared::of("after")(message))
+        Self::Misdeclared(message.into())
     }
 }
 

@@ -55,6 +55,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let request = request.only(args.only.iter().map(String::as_str));
         all.extend(request.cases(args.cases as usize).paths(paths.clone()).run()?);
     }
+    let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
+    ensure!(
+        !all.is_empty() || wanted.is_empty(),
+        "no function of either side has {} in its name; `karat list` shows the names",
+        wanted.join(" or ")
+    );
     ensure!(!all.is_empty(), "there is no function to compare");
     match args.json {
         true => write_json(&all, out)?,
