@@ -284,10 +284,10 @@ impl Request {
                     let written: Vec<String> =
                         written.map(|(name, shape)| format!("{name}: {shape}")).collect();
                     let written = match written.is_empty() {
-                        true => "no resource".to_owned(),
+                        true => "nothing".to_owned(),
                         false => written.join(", "),
                     };
-                    format!("{}, which may write {written}", one.function)
+                    format!("{}, and writes {written}", one.function)
                 };
                 shown = [&before, &after].map(given);
             }

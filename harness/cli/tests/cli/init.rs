@@ -276,7 +276,7 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     let text = std::fs::read_to_string(pairs.path().join("m.test.toml")).expect("it is written");
     assert!(text.contains("[compute.after.to]") && !text.contains("after.from_"), "{text}");
     assert!(text.contains("size = 128"), "{text}");
-    // Three numbers that say nothing are the sides of a matrix.
+    // Three numbers are the sides of a matrix.
     let matrices = tempfile::tempdir().expect("a temporary folder");
     let product = "struct Dims { m: u32, n: u32, k: u32 }
         @group(0) @binding(0) var<uniform> dims: Dims;

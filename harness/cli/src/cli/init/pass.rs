@@ -21,7 +21,7 @@ pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
     let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
-    // Each invocation may have several elements, and a number that says nothing may be the side of a matrix.
+    // Each invocation may have several elements, and each number may be the side of a matrix.
     let of_size =
         |(each, sides)| declared(&program, name, &usual, (each, sides)).unwrap_or_default();
     let sizes = [(1, false), (2, false), (4, false), (1, true)];
@@ -52,7 +52,10 @@ fn declared(
     let size = entry.workgroup_size;
     let invocations: u32 = size.iter().chain(&groups).product();
     let elements = invocations.max(LEAST).checked_mul(each)?;
-    let count = if sides { size[0].checked_mul(groups[0])? } else { elements };
+    let numbers = match sides {
+        true => (None, size[0].checked_mul(groups[0])?),
+        false => (Some(usual), elements),
+    };
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
         let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
@@ -84,7 +87,7 @@ fn declared(
             _ if grows => return None,
             // Too long to be spelt out.
             Shape::Array { element, length } if *length > SPELLED => array(element, None),
-            _ => value(&shape, binding.name(), (usual, count))?,
+            _ => value(&shape, binding.name(), numbers)?,
         };
         with.push(format!("{} = {value}", binding.name()));
         if program.writes(name, binding) {
@@ -157,9 +160,12 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// A value of which a whole number is what its name says, by what is dispatched, or else as large as that.
-fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
-    let number = |lane, lanes| usual.number(name, lane, lanes).unwrap_or(count).to_string();
+/// A value of which a whole number is what its name says, by what is dispatched, or else so large.
+fn value(shape: &Shape, name: &str, (usual, count): (Option<&Usual>, u32)) -> Option<String> {
+    let number = |lane, lanes| {
+        let own = usual.and_then(|usual| usual.number(name, lane, lanes));
+        own.unwrap_or(count).to_string()
+    };
     Some(match shape {
         Shape::Scalar(Scalar::Bool) => "true".to_owned(),
         Shape::Scalar(scalar) if scalar.is_float() => "1.0".to_owned(),
