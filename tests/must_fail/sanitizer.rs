@@ -658,7 +658,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
     let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
     assert!(!order.holds && order.location == "<append>:4:17", "{order}");
-    let says = "in Karat's engine it isn't so that elements agree within abs 0. Each order";
+    let says = "in Karat's engine it isn't so that elements agree within abs 0. But each order";
     assert!(order.to_string().contains(says), "{order}");
     let seen = passes("lost").after("count").unrecorded().try_agrees_with([8_u32], Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Order(_))), "one after the other leaves 8: {seen:?}");
