@@ -625,7 +625,10 @@ impl Assertion {
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
                 let own = left.into_iter().find(|one| is_called(&one.name, &self.variable));
                 let names = names.iter().map(String::as_str);
-                let unknown = || no_such("written resource", &self.variable, names);
+                let unknown = || {
+                    let message = no_such("written resource", &self.variable, names);
+                    Misdeclared::of_result(&self.variable)(message)
+                };
                 Ok(own.ok_or_else(unknown)?)
             }
         }

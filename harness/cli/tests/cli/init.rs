@@ -294,7 +294,7 @@ fn a_pass_gets_a_test_of_what_it_writes() {
     let text = std::fs::read_to_string(matrices.path().join("m.test.toml"));
     let text = text.expect("it is written");
     assert!(text.contains("dims = { m = 16, n = 16, k = 16 }"), "{text}");
-    assert!(text.contains("written = true\nfinite = true\n"), "{text}");
+    assert!(text.contains("[compute.after.c]\nfinite = true\n"), "{text}");
     // Nothing is left of a test that doesn't hold.
     let alone = tempfile::tempdir().expect("a temporary folder");
     let leak = "@group(0) @binding(0) var<storage, read_write> sums: array<f32>;

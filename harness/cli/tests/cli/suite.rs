@@ -349,7 +349,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         (
             "brdf.test.toml",
             "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
-            "holds for every bool",
+            "it returns no float",
         ),
         (
             "brdf.test.toml",
