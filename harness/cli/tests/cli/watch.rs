@@ -344,7 +344,7 @@ fn wakes_once(manifest: &str, end: &str) {
     let mut shell = Command::new("/bin/sh");
     // Its own group: all that it starts ends with it.
     shell.args(["-c", &format!("exec 3>&1; {line}")]).current_dir(path).stdin(Stdio::null());
-    shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "1");
+    shell.env("KARAT", env!("CARGO_BIN_EXE_karat")).env("KARAT_TIMEOUT", "10");
     shell.stdout(Stdio::piped()).stderr(Stdio::null());
     let mut child = std::os::unix::process::CommandExt::process_group(&mut shell, 0)
         .spawn()
