@@ -3,7 +3,7 @@
 use karat::unstable::hazards::Kind;
 use shaders::PBR;
 
-/// What isn't argued is a hazard; and the documents' formulas light up: what their tests show is found without a test.
+/// The library has no hazard without a reason. The documents' formulas light up: `hazards` finds the faults that their tests show.
 #[test]
 fn the_library_has_none_that_is_not_argued() {
     let hazards = PBR.hazards().with_accepted().run().expect("each declaration is true");

@@ -627,7 +627,7 @@ fn faults_of_another_order_alone() {
             "{found}"
         );
     }
-    seen("in_order", 1, &["flag"]).expect("barriers order it, whoever comes first");
+    seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
 /// A driver may leave what is asserted where the engine doesn't: it rounds otherwise, or its subgroups are of another
@@ -667,7 +667,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
         .unrecorded()
         .try_satisfies("is 8", |count: &[u32]| count == [8]);
     assert!(matches!(seen, Err(ComputeError::Order(_))), "it holds in one order: {seen:?}");
-    // What no order changes differs by its numbers alone.
+    // A result that no order changes differs by its numbers alone.
     let seen = passes("own").after("out").unrecorded().try_agrees_with(others, Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Differs(_))), "{seen:?}");
 }

@@ -141,7 +141,7 @@ impl Request {
     }
 }
 
-/// What a violation is about. Those of indices have no variable, and say whether they read or write.
+/// The subject of a violation. Indices have no variable, and their headline says whether they read or write.
 fn subject(one: &Violation) -> (ViolationKind, &str) {
     let of_index = one.kind.is_of_index();
     (one.kind, if of_index { &one.headline } else { &one.variable })
@@ -156,10 +156,6 @@ fn add_kinds<'v>(all: &mut Vec<Violation>, more: impl Iterator<Item = &'v Violat
     }
 }
 
-/// Other orders of invocations that are compared: the reverse one, three in which each invocation runs to its next
-/// barrier by itself, and two in which chance decides whose turn it is at each atomic.
-const ORDERS: u64 = 6;
-
 /// The change in an order of invocations that left the same as the usual one before the edit.
 fn ordered(
     (old, new): (&Passes, &Passes),
@@ -169,7 +165,7 @@ fn ordered(
     let run =
         |passes: &Passes, order| in_order_of(passes, order).map_err(|error| error.to_string());
     let usual = run(old, None)?;
-    for seed in 0..ORDERS {
+    for seed in 0..OrderOf::KINDS {
         let order = OrderOf::whole(new, seed);
         // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
         let Some(was) = run(old, Some(order)).ok().filter(|was| *was == usual) else { continue };

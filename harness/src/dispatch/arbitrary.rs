@@ -71,8 +71,8 @@ impl Usual {
         self.workgroups
     }
 
-    /// What a whole number of this name is, or a lane of a vector, if the name says a size: `width` in a pass over 16 columns
-    /// is 16.
+    /// The whole number that a name stands for, or a lane of a vector, if the name says a size: `width` in a pass over
+    /// 16 columns is 16.
     #[cfg(feature = "engine")]
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {

@@ -1,4 +1,4 @@
-//! What vertex functions take at locations is an attribute of a mesh.
+//! The inputs of vertex functions at locations are attributes of a mesh.
 
 use super::DrawError;
 use super::drawing::Scene;

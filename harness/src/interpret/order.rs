@@ -25,6 +25,10 @@ pub(crate) struct OrderOf {
 }
 
 impl OrderOf {
+    /// The first orders, which have one of each kind: the reverse one, three in which each invocation runs to its next
+    /// barrier by itself, a shuffled one, and one in which chance decides whose turn it is at each atomic.
+    pub(crate) const KINDS: u64 = 6;
+
     /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
     /// their numbers and once backwards: any two of them meet in both orders, wherever their statements stand. The others
     /// have workgroups run beside each other. In the first of them, and in every other one, invocations keep their statements

@@ -212,9 +212,6 @@ fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
-/// Orders of invocations that are tried: backwards, one after the other, shuffled, and in turns.
-const ORDERS: u64 = 6;
-
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
 /// they depend on what is read or written outside of an array, on the order of invocations or on the size of subgroups, or are
 /// floats that aren't finite.
@@ -225,7 +222,7 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
         let words = in_order_of(passes, order).ok()?;
         Some(words.into_iter().flat_map(|(_, words)| words).collect::<Vec<u32>>())
     };
-    // What doesn't run in a moment differs in no order.
+    // A pass that doesn't run in a moment differs in no order.
     let usual = left(None).unwrap_or_default();
     if passes.has_subgroups() {
         // Each order has another size of subgroups; without its swaps it has nothing else.
@@ -238,7 +235,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
         }
     }
     // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
-    for words in (0..ORDERS).filter_map(|number| left(Some(OrderOf::whole(passes, number)))) {
+    for words in (0..OrderOf::KINDS).filter_map(|number| left(Some(OrderOf::whole(passes, number))))
+    {
         let mut begin = 0;
         for (_, own) in writable(passes) {
             let own = begin..begin + own.len();

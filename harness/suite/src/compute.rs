@@ -627,7 +627,7 @@ impl Assertion {
                 let names = names.iter().map(String::as_str);
                 let unknown = || {
                     let message = no_such("written resource", &self.variable, names);
-                    Misdeclared::of_result(&self.variable)(message)
+                    Misdeclared::from(message).below(&format!("after.{}", self.variable))
                 };
                 Ok(own.ok_or_else(unknown)?)
             }

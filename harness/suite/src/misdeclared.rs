@@ -46,11 +46,6 @@ impl Misdeclared {
         move |message| Self { key: Some(format!("with.{name}")), message, place: None }
     }
 
-    /// Of what a resource holds afterwards.
-    pub(crate) fn of_result(name: &str) -> impl Fn(String) -> Self {
-        move |message| Self { key: Some(format!("after.{name}")), message, place: None }
-    }
-
     /// The same of a table below a key.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
