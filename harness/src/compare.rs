@@ -3,7 +3,7 @@
 //! Functions and entry points whose linked text is the same aren't run. Other functions are called with
 //! arguments that names and types suggest, and so are entry points of draws. Compute passes are dispatched over
 //! made-up resources. Results are compared bit by bit; all NaNs are one value. A function without a result
-//! isn't judged.
+//! isn't judged. Where each result is the same, lines of the edit that no input came to are told: of these nothing is known.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -23,10 +23,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
-use crate::dispatch::Violation;
+use crate::dispatch::{Passes, Violation};
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
+use crate::interpret::Reach;
+pub use crate::interpret::Unreached;
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
@@ -91,6 +93,9 @@ pub struct Compared {
     /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
+    /// Where nothing changed: lines of the edit that no input came to, before it or after it. Of these nothing is known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unreached: Vec<Unreached>,
 }
 
 /// What an edit did to a function.
@@ -166,10 +171,9 @@ pub struct WordChange {
 
 impl Compared {
     fn of(function: &str, change: Change) -> Self {
-        let (location, interface, drawn, violations) = Default::default();
-        let function = function.to_owned();
-        let dispatched = None;
-        Self { function, location, change, interface, drawn, cut: 0, dispatched, violations }
+        let (location, interface, drawn, violations, unreached) = Default::default();
+        let (function, dispatched, cut) = (function.to_owned(), None, 0);
+        Self { function, location, change, interface, drawn, cut, dispatched, violations, unreached }
     }
 }
 
@@ -309,10 +313,14 @@ impl Request {
                 Err(_) => {}
             }
         }
-        let Ran { drawn, cut } = ran;
+        let unreached = match change {
+            Change::Same { .. } if violations.is_empty() => ran.reached.unreached(),
+            _ => Vec::new(),
+        };
+        let Ran { drawn, cut, .. } = ran;
         let interface =
             [interface_of_stage, interface(Side::of(&before), Side::of(&after))].concat();
-        Compared { location, interface, drawn, cut, violations, ..compared(change) }
+        Compared { location, interface, drawn, cut, violations, unreached, ..compared(change) }
     }
 
     /// Runs both on each path, over each content of buffers.
@@ -333,15 +341,17 @@ impl Request {
             let new = Resources::of(after, &ranges, variant)?;
             hold_the_same(&mut old.fixtures, &new.fixtures, before, after);
             ran.drawn.merge(new.drawn);
+            let varies = old.varies || new.varies;
             let members = new.members;
+            let held = [old.fixtures, new.fixtures];
             for path in &self.paths {
                 let both = || -> Result<_, ProbeError> {
                     let executor = executor::of(*path)?;
-                    let old = Caller::new(executor, Cow::Borrowed(before), &old.fixtures, count)?;
-                    Ok((old, Caller::new(executor, Cow::Borrowed(after), &new.fixtures, count)?))
+                    let old = Caller::new(executor, Cow::Borrowed(before), &held[0], count)?;
+                    Ok((old, Caller::new(executor, Cow::Borrowed(after), &held[1], count)?))
                 };
                 let (old, new) = both().map_err(|error| error.to_string())?;
-                let mut tried = count;
+                let mut tried = (count, Cow::Borrowed(&*rows));
                 let change = match changed(&old, &new, &arguments, &rows, count) {
                     // A loop that counts to a large number ends, but not here. One that ended before the edit is
                     // another thing.
@@ -350,21 +360,24 @@ impl Request {
                             return Err("after the edit a loop of it doesn't end".to_owned());
                         }
                         let few = arguments.few(&rows);
-                        tried = few.len() / (rows.len() / count).max(1);
-                        ran.cut += count - tried;
-                        changed(&old, &new, &arguments, &few, tried)
+                        tried = (few.len() / (rows.len() / count).max(1), Cow::Owned(few));
+                        ran.cut += count - tried.0;
+                        changed(&old, &new, &arguments, &tried.1, tried.0)
                     }
                     other => other,
                 };
-                cases += tried;
-                let Some(mut change) = change.map_err(|error| error.to_string())? else { continue };
+                cases += tried.0;
+                let Some(mut change) = change.map_err(|error| error.to_string())? else {
+                    ran.reached.add_calls([before, after], &held, (tried.0, &tried.1));
+                    continue;
+                };
                 change.arguments.extend_from_slice(&members);
                 match paths.iter_mut().find(|known| known.path == change.path) {
                     Some(known) => known.add(change),
                     None => paths.push(change),
                 }
             }
-            if !(old.varies || new.varies) {
+            if !varies {
                 break;
             }
         }
@@ -385,6 +398,31 @@ impl Request {
 struct Ran {
     drawn: Drawn,
     cut: usize,
+    reached: Both,
+}
+
+/// What inputs come to before the edit and after it.
+#[derive(Default)]
+struct Both([Reach; 2]);
+
+impl Both {
+    /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
+    fn add_calls(&mut self, sides: [&Probed; 2], fixtures: &[Fixtures; 2], rows: (usize, &[u32])) {
+        for ((reach, side), fixtures) in self.0.iter_mut().zip(sides).zip(fixtures) {
+            let _ = reach.add_calls(side, fixtures, rows);
+        }
+    }
+
+    fn add_passes(&mut self, sides: [&Passes; 2]) {
+        for (reach, side) in self.0.iter_mut().zip(sides) {
+            let _ = reach.add_passes(side);
+        }
+    }
+
+    fn unreached(&self) -> Vec<Unreached> {
+        let [before, after] = &self.0;
+        [after.unreached_beside(before), before.unreached_beside(after)].concat()
+    }
 }
 
 /// A function or an entry point on one side of an edit, with its resources.
@@ -657,6 +695,32 @@ mod tests {
         assert!(matches!(of("other"), Change::Signature { .. }));
         let untouched = changes(before, &before.replace("// old", "// a comment"));
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
+    }
+
+    /// Of a function, and of one that writes what others see.
+    #[test]
+    fn lines_that_no_argument_comes_to_are_told() {
+        let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
+            fn f(x: f32) -> f32 {
+                if x == 1234.5 { return 2.0; }
+                return x;
+            }
+            fn g(x: f32) -> f32 {
+                if x == 1234.5 {
+                    seen[0] = 2.0;
+                }
+                return x + 1.0;
+            }";
+        let after = before.replace("2.0", "3.0").replace("x + 1.0", "1.0 + x");
+        let [before, after] = [before, &after].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        assert!(all.iter().all(|one| matches!(one.change, Change::Same { .. })), "{all:?}");
+        let lines = |one: &Compared| {
+            one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
+        };
+        let of_f = ["if x == 1234.5 { return 3.0; }", "if x == 1234.5 { return 2.0; }"];
+        assert_eq!(lines(&all[0]), of_f, "{all:?}");
+        assert_eq!(lines(&all[1]), ["seen[0] = 3.0;", "seen[0] = 2.0;"], "{all:?}");
     }
 
     #[test]

@@ -200,8 +200,9 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
             let extents = ranges.extents.filter(|_| whole || scalar == Scalar::F32)?;
             let size = extents.size(own, lane, shape.lanes().len(), whole);
-            let unknown = extents.unknown.filter(|_| whole && meaning == Meaning::Any);
-            let size = f64::from(size.or(unknown)?);
+            let is_unknown = whole && meaning == Meaning::Any;
+            let unknown = || extents.unknown(own, lane).filter(|_| is_unknown);
+            let size = f64::from(size.or_else(unknown)?);
             Some(Meaning::Range(size, size))
         };
         let meaning = match declared {

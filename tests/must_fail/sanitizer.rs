@@ -331,11 +331,14 @@ fn a_reversal_without_a_barrier() {
 fn an_index_one_beyond_the_end() {
     let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
     let violations = races(&blur("data[id.x + 1u]"), 2);
-    let [Violation { kind: ViolationKind::Outside, count: 1, accesses, .. }] = &*violations else {
+    let [Violation { kind: ViolationKind::Outside, count: 1, accesses, headline, .. }] =
+        &*violations
+    else {
         panic!("{violations:?}");
     };
+    assert!(headline.contains("reads outside of `data`, and"), "{headline}");
     assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "has index 128, of 128 elements");
+    assert_eq!(accesses[0].does, "has index 128, and `data` has 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // A kind of element, which only one number means.

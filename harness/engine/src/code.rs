@@ -130,6 +130,25 @@ pub(crate) enum Op {
     Halt,
 }
 
+impl Op {
+    /// True of what ends a part of a branch, a loop or a call: it runs, and has the place of some operation before it, which
+    /// may not have.
+    pub(crate) fn is_an_end(self) -> bool {
+        matches!(
+            self,
+            Self::Else
+                | Self::EndIf
+                | Self::Case(_)
+                | Self::EndSwitch
+                | Self::Continuing
+                | Self::EndLoop
+                | Self::Skip
+                | Self::EndCall
+                | Self::Halt
+        )
+    }
+}
+
 /// One operation, where its registers are, where it jumps to and where it comes from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {

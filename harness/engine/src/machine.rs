@@ -18,7 +18,7 @@ use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Fault, Faulty, Lanes, Missing, Observer, case_of};
 use crate::options::Options;
-use crate::races::{Bounds, Detector};
+use crate::races::{Beyond, Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
@@ -282,6 +282,9 @@ impl<'p, A: Rules> Machine<'p, A> {
             let instruction = &code.instructions[at];
             at += 1;
             self.site = instruction.site;
+            if SEEN && !instruction.op.is_an_end() {
+                observer.reached(instruction.site as usize);
+            }
             let start = instruction.at as usize;
             let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
@@ -718,10 +721,12 @@ impl<'p, A: Rules> Machine<'p, A> {
             let bounds = self.bounds(instruction.op);
             let first = self.strayed.first();
             let index = first.and_then(|lane| self.beyond(instruction, registers, *lane, memory));
+            let (variable, nested) = self.array_of(instruction.op);
+            let beyond = Beyond { writes, bounds, variable, nested, index };
             let Some(detector) = &mut self.detector else { return };
             detector.run(self.site, lanes);
             for lane in &self.strayed {
-                detector.leaves(self.code, self.site, *lane, (writes, bounds, index));
+                detector.leaves(self.code, self.site, *lane, beyond);
             }
         }
         self.strayed.clear();

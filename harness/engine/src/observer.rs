@@ -110,6 +110,12 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
+    /// Some lane comes to an operation, whose place has this number among the program's
+    /// [`sites`](crate::Program::sites).
+    fn reached(&self, site: usize) {
+        let _ = site;
+    }
+
     /// An operation has operands that are a fault: called for each case of each such operation.
     fn fault(&self, fault: &Faulty<'_>) {
         let _ = fault;

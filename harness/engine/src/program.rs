@@ -121,6 +121,13 @@ impl Program {
         &self.code.sites
     }
 
+    /// The numbers of sites that have an operation, of which [`Observer::reached`](crate::Observer::reached) may tell. Others
+    /// have a constant.
+    pub fn operations(&self) -> impl Iterator<Item = usize> {
+        let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
+        all.map(|one| one.site as usize)
+    }
+
     /// Where an interval became unbounded, when this program computed it.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {

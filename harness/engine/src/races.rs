@@ -146,6 +146,10 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of what it leaves.
     pub bounds: Bounds,
+    /// The buffer, the workgroup's variable or the texture that the array is or is in; `None`: a variable of the invocation.
+    pub variable: Option<String>,
+    /// True of an array within others, or within a structure.
+    pub nested: bool,
     /// The index of that invocation, and the elements of the array, if it is in a buffer; of an index that wraps the
     /// number that it is without an end, and the one that it is.
     pub index: Option<(i64, u64)>,
@@ -153,6 +157,16 @@ pub struct Outside {
     pub of: u64,
     /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
     pub number: u32,
+}
+
+/// What an operation does beyond what.
+#[derive(Clone, Copy)]
+pub(crate) struct Beyond<'c> {
+    pub(crate) writes: bool,
+    pub(crate) bounds: Bounds,
+    pub(crate) variable: Option<&'c str>,
+    pub(crate) nested: bool,
+    pub(crate) index: Option<(i64, u64)>,
 }
 
 /// The findings of a dispatch.
@@ -476,8 +490,9 @@ impl Detector {
         code: &Code,
         site: u32,
         lane: usize,
-        (writes, bounds, index): (bool, Bounds, Option<(i64, u64)>),
+        beyond: Beyond<'_>,
     ) {
+        let Beyond { writes, bounds, variable, nested, index } = beyond;
         let invocation = self.of_lane(lane);
         let new = || Outside {
             site: code.sites[site as usize].clone(),
@@ -485,6 +500,8 @@ impl Detector {
             count: 0,
             writes,
             bounds,
+            variable: variable.map(str::to_owned),
+            nested,
             index,
             of: 0,
             number: site,

@@ -1,7 +1,7 @@
 //! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
 use super::{
-    Change, Compared, PathChange, Request, Side, WordChange, distance, interface, renamed,
+    Both, Change, Compared, PathChange, Request, Side, WordChange, distance, interface, renamed,
 };
 use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
@@ -45,6 +45,7 @@ impl Request {
         let mut words = 0;
         // Indices over any sizes and numbers, which count where nothing else tells the edit: a guard that is gone.
         let mut late = Vec::new();
+        let mut reached = Both::default();
         for variant in 0..Extents::VARIANTS {
             let made = |package: &Package, given: &Fixtures| {
                 Passes::arbitrary(package, name, Some(usual), &ranges, (variant, given))
@@ -102,6 +103,9 @@ impl Request {
             if is_silent && variant < Extents::LIKELY {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
             }
+            if paths.is_empty() && compared.violations.is_empty() {
+                reached.add_passes([&old, &new]);
+            }
             if !made.varies {
                 break;
             }
@@ -114,6 +118,9 @@ impl Request {
         }
         if paths.is_empty() && compared.violations.is_empty() {
             compared.violations = late;
+        }
+        if paths.is_empty() && compared.violations.is_empty() {
+            compared.unreached = reached.unreached();
         }
         let each = words / self.paths.len().max(1);
         paths.iter_mut().for_each(|path| path.cases.1 = each);
@@ -394,6 +401,39 @@ mod tests {
         // An edit that removes the dependence on order is no change.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
+    /// A host's row and mode say where a pass writes, and no name says these.
+    #[test]
+    fn lines_that_no_invocation_comes_to_are_told() {
+        let text = "struct P { width: u32, mode: u32 }
+            @group(0) @binding(0) var<storage, read_write> d: array<f32>;
+            @group(0) @binding(1) var<uniform> p: P;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                if g.x >= arrayLength(&d) { return; }
+                let row = g.x / p.width;
+                d[g.x] += 2.0 * f32(row); // a row
+                if p.mode == 77u {
+                    d[g.x] = 3.0;
+                }
+            }";
+        let compared = |edited: &str| {
+            let [before, after] = [text, edited].map(|text| Package::from_source("p", text));
+            let mut all = Request::new(before, after).run().expect("both are valid");
+            all.pop().expect("the pass")
+        };
+        let lines = |one: &super::Compared| {
+            one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
+        };
+        let row = compared(&text.replace("2.0 *", "3.0 *"));
+        assert!(matches!(row.change, Change::Changed { .. }), "rows differ: {row:?}");
+        let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
+        assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
+        assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
+        // A line that is gone is one of the edit.
+        assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
+        let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
+        assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
+    }
+
     /// A workgroup a row: the texture has no row that none of them takes.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {

@@ -150,7 +150,7 @@ pub fn trace(
     Ok(crate::interpret::trace::trace_pass(&compute.passes()?, invocation)?)
 }
 
-/// Faults inside of the passes: the place of each in the author's file, and what it is.
+/// Faults inside of the passes: the kind of each, its place in the author's file, and what it is.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -165,12 +165,14 @@ pub fn trace(
 /// # Errors
 /// If Karat's engine can't run them.
 #[cfg(feature = "engine")]
-pub fn hazards(compute: &Compute<'_>) -> Result<Vec<(String, String)>, ComputeError> {
+pub fn hazards(
+    compute: &Compute<'_>,
+) -> Result<Vec<(crate::interpret::hazards::Kind, String, String)>, ComputeError> {
     let all = crate::interpret::passes::hazards(&compute.passes()?)?;
     let one = |hazard: crate::interpret::passes::FoundInPass| {
         let found = hazard.found;
         let what = format!("{} at `{}` of {}", found.kind.name(), found.text, hazard.invocation);
-        (found.span.to_string(), what)
+        (found.kind, found.span.to_string(), what)
     };
     Ok(all.into_iter().map(one).collect())
 }

@@ -14,7 +14,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
     DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
 };
-use crate::output::headline;
+use crate::output::{counted, headline};
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
 
@@ -395,7 +395,13 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
 fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
     let pass = examining.pass;
     let reads = "and the words that the passes leave depend on it";
-    let of = if one.bounds == Bounds::Texture { "a texture" } else { "an array" };
+    let name = one.variable.as_ref().map(|variable| named(&pass.program, variable, "").1);
+    let of = match (name, one.bounds, one.nested) {
+        (Some(name), _, false) => format!("`{name}`"),
+        (Some(name), ..) => format!("an array in `{name}`"),
+        (None, Bounds::Texture, _) => "a texture".to_owned(),
+        (None, ..) => "an array".to_owned(),
+    };
     let headline = match (one.writes, one.bounds) {
         (_, Bounds::Wrapped) => format!("`{}` has an index that wraps around", pass.name),
         (true, _) => format!("`{}` writes outside of {of}", pass.name),
@@ -417,14 +423,17 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
             format!("means element {meant}, and finds {index}")
         }
         Some((index, length)) if one.bounds == Bounds::Texture => {
-            format!("means a texel beyond its edge: {index}, of {length}")
+            format!("means texel {index} of {length}")
         }
-        Some((index, length)) => format!("has index {index}, of {length} elements"),
+        Some((index, length)) => {
+            let owner = if one.nested || one.variable.is_none() { "the array" } else { &of };
+            format!("has index {index}, and {owner} has {}", counted(length, "element"))
+        }
         None => beyond.to_owned(),
     };
     let does = match one.count {
         1 => beyond,
-        count => format!("{beyond}, the first of {count}"),
+        count => format!("{beyond}, the first such index of {count}"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {

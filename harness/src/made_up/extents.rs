@@ -50,18 +50,24 @@ pub(crate) struct Extents {
     pub(crate) workgroups: [u32; 3],
     /// How elements of arrays of integers are numbered; `None`: they are drawn.
     pub(crate) numbered: Option<Numbered>,
-    /// A whole number of which the name says nothing; `None`: it is drawn.
-    pub(crate) unknown: Option<u32>,
+    /// The least of whole numbers of which the name says nothing; `None`: they are drawn.
+    least: Option<u32>,
+    /// True if texels are as often below 0 as above it.
+    pub(super) signed: bool,
 }
 
 impl Extents {
     /// Contents that are tried.
     #[cfg(feature = "engine")]
-    pub(crate) const VARIANTS: usize = 8;
+    pub(crate) const VARIANTS: usize = 9;
 
     /// In the first so many all sizes follow from what is dispatched.
     #[cfg(feature = "engine")]
     pub(crate) const SIZED: usize = 2;
+
+    /// In these a line of elements has several rows: as many elements as there are invocations, and twice as many.
+    #[cfg(feature = "engine")]
+    const ROWS: [usize; 2] = [6, 7];
 
     /// The one of them in which numbers of elements repeat.
     #[cfg(feature = "engine")]
@@ -100,7 +106,14 @@ impl Extents {
                 count => count,
             });
         }
-        let (numbered, unknown) = match variant % Self::ZEROS {
+        if let [count, 1, 1] = elements
+            && let Some(number) = Self::ROWS.iter().position(|own| *own == variant % Self::ZEROS)
+        {
+            let count = count.saturating_mul(1 + number as u32);
+            let rows = (1..=count.isqrt()).rev().find(|rows| count % rows == 0).unwrap_or(1);
+            elements = [count / rows, rows, 1];
+        }
+        let (numbered, least) = match variant % Self::ZEROS {
             0 => (Some(Numbered::Forwards), Some(1)),
             1 => (Some(Numbered::Backwards), Some(1)),
             2 => (Some(Numbered::Backwards), Some(2)),
@@ -109,6 +122,7 @@ impl Extents {
             5 => (Some(Numbered::Forwards), Some(0)),
             // More than a tile of 8 or 16 has: a loop over tiles goes round several times.
             6 => (Some(Numbered::Forwards), Some(33)),
+            7 => (Some(Numbered::Backwards), Some(1)),
             _ => (None, None),
         };
         let numbered = match variant / Self::ZEROS {
@@ -116,7 +130,21 @@ impl Extents {
             1 => Some(Numbered::Zero),
             _ => Some(Numbered::Apart),
         };
-        Self { elements, workgroups, numbered, unknown }
+        let signed = variant % Self::ZEROS == Self::ROWS[1];
+        Self { elements, workgroups, numbered, least, signed }
+    }
+
+    /// A whole number of which the name says nothing. From 2 to 4 upwards some have others than their neighbours, so that one
+    /// that is taken for another is seen.
+    pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
+        const APART: std::ops::RangeInclusive<u32> = 2..=4;
+        let least = self.least?;
+        if !APART.contains(&least) {
+            return Some(least);
+        }
+        // Other bits for each of the three.
+        let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
+        Some(least + u32::from(own) + lane as u32)
     }
 
     /// Refuses more elements than buffers are made up for: 2^22, of which each may have some words.
@@ -194,5 +222,20 @@ mod tests {
         assert!((24..40).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
         assert_eq!(Extents::of([64, 1, 1], [2, 1, 1], 1).elements, [125, 1, 1]);
         assert_eq!(Extents::of([1, 1, 1], [64, 1, 1], 1).elements, [64, 1, 1]);
+        let rows = [6, 7].map(|variant| Extents::of([64, 1, 1], [2, 1, 1], variant).elements);
+        assert_eq!(rows, [[16, 8, 1], [16, 16, 1]]);
+        assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], 7).elements, [16, 8, 1]);
+    }
+
+    #[test]
+    fn unknown_numbers_differ_from_each_other() {
+        let all = [0, 2, 3, 4, 5].map(|variant| {
+            let extents = Extents::of([64, 1, 1], [2, 1, 1], variant);
+            ["a", "b", "mode", "step"].map(|name| extents.unknown(name, 0))
+        });
+        assert_eq!((all[0], all[4]), ([Some(1); 4], [Some(0); 4]));
+        for (one, other) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            assert!(all.iter().any(|own| own[one] != own[other]), "{all:?}, {one} and {other}");
+        }
     }
 }

@@ -368,12 +368,14 @@ fn texture_or_sampler(
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, variant % 2 == 1));
-            texture((kind.dimension, kind.arrayed), sides, kind.texels, samples, own).into()
+            let signed = extents.is_some_and(|extents| extents.signed);
+            let of = (kind.dimension, kind.arrayed);
+            texture(of, sides, (kind.texels, signed), samples, own).into()
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();
             let own = is_own.then_some((&mut source, variant % 2 == 1));
-            texture((dimension, arrayed), sides, texels, 1, own).without_mips().into()
+            texture((dimension, arrayed), sides, (texels, false), 1, own).without_mips().into()
         }
         BindingKind::Sampler { comparison: false } if !is_own => Sampler::LINEAR.into(),
         BindingKind::Sampler { comparison: true } if !is_own => {
@@ -404,11 +406,11 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 }
 
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
-/// curved, too, so that levels differ; and may be transparent.
+/// curved, too, so that levels differ; and may be transparent. Floats may be below 0.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
-    texels: Texels,
+    (texels, signed): (Texels, bool),
     samples: u32,
     own: Option<(&mut Source, bool)>,
 ) -> Texture {
@@ -422,7 +424,7 @@ fn texture(
         let z = z as f32 / LAYERS as f32;
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
-        let texel = held_by_halves(texel);
+        let texel = held_by_halves(if signed { texel - 0.5 } else { texel });
         // A shader that divides by alpha meets 0.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
@@ -498,7 +500,7 @@ mod tests {
     #[test]
     fn textures_of_any_size_have_levels() {
         for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
-            let made = texture((Dimension::D2, false), sides, Texels::Float, 1, None);
+            let made = texture((Dimension::D2, false), sides, (Texels::Float, false), 1, None);
             let fixture = Fixture::from(made);
             let levels = fixture.view().map(|view| view.levels.len());
             assert_eq!(levels, Some(count), "{sides:?}");

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
+use karat::check::HazardKind;
 use karat::compute::{After, Compute, ComputeAgreement, ComputeError};
 use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place};
 use karat::unstable::diagnostic::{read_file, shown};
@@ -12,7 +13,7 @@ use karat::{Goldens, Package, Path as Route, Tolerance};
 use serde::Deserialize;
 use toml::Value;
 
-use crate::declared::{GOLDEN, Keys, OverrideValue};
+use crate::declared::{GOLDEN, Keys, NoHazards, OverrideValue};
 use crate::domains::no_such;
 use crate::fixtures::fixture;
 use crate::misdeclared::Misdeclared;
@@ -47,7 +48,7 @@ pub(crate) struct Declared {
     accept_equal_writes: BTreeMap<String, String>,
     #[serde(default)]
     after: BTreeMap<String, Expected>,
-    no_hazards: Option<bool>,
+    no_hazards: Option<NoHazards>,
 }
 
 /// One of several passes.
@@ -121,7 +122,7 @@ pub(crate) enum What {
     Written,
     InRange(Range),
     Finite,
-    NoHazards,
+    NoHazards(Option<Vec<HazardKind>>),
 }
 
 /// An assertion of a `[[compute]]`.
@@ -156,7 +157,7 @@ impl What {
             Self::Written => "written",
             Self::InRange(_) => "in_range",
             Self::Finite => "finite",
-            Self::NoHazards => "no_hazards",
+            Self::NoHazards(_) => "no_hazards",
         }
     }
 
@@ -185,6 +186,22 @@ fn switched(key: &'static str, value: Option<bool>) -> Result<bool, Misdeclared>
             Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
         }
         on => Ok(on.is_some()),
+    }
+}
+
+/// Refuses a kind of hazard that passes aren't looked through for: nothing would ever fail.
+fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
+    let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
+    match kind {
+        HazardKind::Nan
+        | HazardKind::Infinite
+        | HazardKind::ByZero
+        | HazardKind::Saturated
+        | HazardKind::EdgesReversed => Ok(()),
+        HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
+            wrong("passes aren't looked through for this kind")
+        }
+        _ => wrong("each [[compute]] is looked through for this kind: leave it out"),
     }
 }
 
@@ -313,8 +330,9 @@ impl Declared {
                 add(variable, what, Some(expected));
             }
         }
-        if switched("no_hazards", self.no_hazards)? {
-            add("", What::NoHazards, None);
+        if let Some(NoHazards(kinds)) = &self.no_hazards {
+            kinds.iter().flatten().try_for_each(|kind| expect_inside(*kind))?;
+            add("", What::NoHazards(kinds.clone()), None);
         }
         match all.is_empty() {
             true => Err(Misdeclared::from(format!(
@@ -471,12 +489,13 @@ impl Assertion {
     }
 
     fn judge(&self, package: &Package, compute: &Compute<'_>) -> Result<ComputeAgreement, Stop> {
-        if matches!(self.what, What::NoHazards) {
-            let found = untyped::hazards(compute)?;
+        if let What::NoHazards(kinds) = &self.what {
+            let mut found = untyped::hazards(compute)?;
+            found.retain(|(kind, ..)| kinds.as_ref().is_none_or(|kinds| kinds.contains(kind)));
             // The passes are the subject: what they write first stands for them.
             let left = untyped::left(compute, Route::CPU)?;
             let variable = left.first().ok_or("the passes write nothing")?.name.clone();
-            let first = found.first().map(|(place, what)| Element {
+            let first = found.first().map(|(_, place, what)| Element {
                 place: Place::Whole(place.clone()),
                 actual: what.clone(),
                 expected: "numbers that are finite".to_owned(),
@@ -484,8 +503,15 @@ impl Assertion {
             });
             let broken = first.map(|first| Broken { failures: found.len(), first: Some(first) });
             let after = compute.clone().after(&variable);
-            let text = "inside, each float is finite, and integers are divided and converted in their range";
-            return concluded(untyped::settled(&after, text, broken));
+            let named = |kind: &HazardKind| kind.name();
+            let text = match kinds {
+                None => "inside, each float is finite, and integers are divided and converted in their range".to_owned(),
+                Some(kinds) => {
+                    let named: Vec<&str> = kinds.iter().map(named).collect();
+                    format!("inside, none of: {}", named.join(", "))
+                }
+            };
+            return concluded(untyped::settled(&after, &text, broken));
         }
         let after = compute.clone().after(&self.variable);
         let after = if self.up_to_order { after.up_to_order() } else { after };
@@ -611,7 +637,7 @@ impl Assertion {
                 let texts = ("no number is NaN or infinite", "a finite number");
                 self.each((&after, &content), texts, &is_finite)
             }
-            What::NoHazards => unreachable!("it is no resource's"),
+            What::NoHazards(_) => unreachable!("it is no resource's"),
         }
     }
 

@@ -75,7 +75,7 @@
 //! | `written = true` | some invocation writes each element of the buffer, or texel of the texture: the last ones, too |
 //! | `in_range = [0, 1]`, `finite = true` | as of functions |
 //!
-//! `no_hazards = true` beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides
+//! `no_hazards = true`, or a list of kinds, beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides
 //! by 0. Without a `tolerance` numbers are exact. The sanitizer looks through the passes of each test.
 
 use std::collections::BTreeMap;
@@ -196,7 +196,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
 /// `true`: of any kind; or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
-struct NoHazards(Option<Vec<HazardKind>>);
+pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
 
 impl TryFrom<Value> for NoHazards {
     type Error = String;

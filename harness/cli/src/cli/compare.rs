@@ -1,12 +1,13 @@
 //! `karat compare`
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
-use karat::unstable::compare::{Change, Compared, PathChange, Request, WordChange};
+use karat::unstable::compare::{Change, Compared, PathChange, Request, Unreached, WordChange};
 use karat::unstable::output::{counted, tell, visible};
 
 use super::project::Project;
@@ -53,7 +54,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         let request = Request::new(before, after.clone());
         let request = request.only(args.only.iter().map(String::as_str));
-        all.extend(request.cases(args.cases as usize).paths(paths.clone()).run()?);
+        let mut compared = request.cases(args.cases as usize).paths(paths.clone()).run()?;
+        // Of a revision the files are elsewhere for a moment: git's name of it says more.
+        let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
+        for line in compared.iter_mut().flat_map(|one| &mut one.unreached) {
+            if let Some(own) = line.place.strip_prefix(&written) {
+                line.place = format!("{}:{own}", args.before);
+            }
+        }
+        all.extend(compared);
     }
     let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
     ensure!(
@@ -75,6 +84,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let good = |one: &Compared| {
         one.interface.is_empty()
             && one.violations.is_empty()
+            && one.unreached.is_empty()
             && matches!(one.change, Change::Untouched | Change::Same { .. })
     };
     let good = all.iter().all(good) && broken.is_empty();
@@ -126,7 +136,7 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0);
-    let (mut cut, mut moved, mut brought) = (0, 0, 0);
+    let (mut cut, mut moved, mut brought, mut unreached) = (0, 0, 0, BTreeSet::new());
     for one in all {
         let Compared { function, location, change, interface, drawn, violations, .. } = one;
         cut += one.cut;
@@ -174,6 +184,10 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         for line in drawn.lines(usize::MAX) {
             writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
         }
+        for Unreached { place, text } in &one.unreached {
+            unreached.insert(place);
+            writeln!(out, "    {KNOWN}no input came to{KNOWN:#} {place}: {text}")?;
+        }
         brought += violations.len();
         for violation in violations {
             writeln!(out, "    {BAD}new{BAD:#}: {}", violation.headline)?;
@@ -186,7 +200,10 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
         }
     }
-    let style = if changed + unjudged + moved + brought == 0 { GOOD } else { BAD };
+    let style = match changed + unjudged + moved + brought + unreached.len() {
+        0 => GOOD,
+        _ => BAD,
+    };
     write!(out, "{style}{changed} changed{style:#}, ")?;
     if moved > 0 {
         write!(out, "{moved} with other bindings or layouts, ")?;
@@ -198,6 +215,10 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         write!(out, "{unjudged} edited and not judged, ")?;
     }
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
+    if !unreached.is_empty() {
+        let lines = counted(unreached.len(), "line");
+        write!(out, "; no input came to {lines} of the edits")?;
+    }
     if cut > 0 {
         write!(out, "; {} not run: their loops are too long", counted(cut, "input"))?;
     }

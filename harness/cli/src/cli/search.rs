@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
@@ -76,7 +76,13 @@ impl Project {
             }
             found.push(Found::stated(package));
         } else if let Some(folder) = &args.package {
-            found.push(Found::stated(Package::open(folder).context(hint)?));
+            let is_toml = folder.is_file() && folder.extension().is_some_and(|end| end == "toml");
+            ensure!(
+                !is_toml,
+                "`{}` has no shaders: name a folder of WGSL modules, or one of them; `karat test` takes files of tests",
+                folder.display()
+            );
+            found.push(Found::stated(Package::open(folder)?));
         } else if !self.is_cargo() {
             // As it is seen from here, in messages and replays.
             let folder = shown(&stands_for(self.root())?);

@@ -67,6 +67,20 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
+    // What no input came to is the same only because it didn't run.
+    let bounded = "fn bounded(x: f32) -> f32 {\n    if x == 1234.5 {\n        return 2.0;\n    }\n    return x;\n}\n";
+    write(alone.path(), "calc.wgsl", &bounded.replace("2.0", "3.0"));
+    let old = tempfile::tempdir().expect("a temporary folder");
+    write(old.path(), "calc.wgsl", bounded);
+    let ran = karat(alone.path(), &["compare", &old.path().display().to_string()]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "same       calc::bounded",
+        "    no input came to calc.wgsl:3:9: return 3.0;\n",
+        "0 changed, 1 edited with the same results, 0 untouched; no input came to 2 lines of the edits\n",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
+    }
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),

@@ -452,6 +452,12 @@ fn wrong_passes_fail_with_the_element() {
         ("root", root, "[compute.after.out]\nfinite = true", ["actual = NaN", "m.wgsl:12:"]),
         ("root", root, "no_hazards = true", ["NaN at `sqrt(out[i])`", "m.wgsl:12:"]),
         (
+            "root",
+            root,
+            "no_hazards = [\"by_zero\", \"nan\"]",
+            ["NaN at `sqrt(out[i])`", "none of: by zero, NaN"],
+        ),
+        (
             "wait",
             "{ keys = [9, 9] }",
             "[compute.after.keys]\nin_range = [0, 9]",
@@ -524,6 +530,18 @@ fn wrong_passes_fail_with_the_element() {
             input,
             "[compute.after.keys]\nagrees_with = \"reverse\"",
             ["compared with itself", "m.test.toml:6:1"],
+        ),
+        (
+            "root",
+            root,
+            "no_hazards = [\"nam\"]",
+            ["did you mean `nan`", "m.test.toml:5:14"],
+        ),
+        (
+            "root",
+            root,
+            "no_hazards = [\"race\"]",
+            ["race: each [[compute]] is looked through for this kind", "m.test.toml:5:1"],
         ),
     ] {
         let said = of(entry, with, after);

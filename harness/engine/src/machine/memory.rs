@@ -167,7 +167,7 @@ macro_rules! scattered {
     }};
 }
 
-impl<A: Rules> Machine<'_, A> {
+impl<'p, A: Rules> Machine<'p, A> {
     /// Notes that the index of a lane leaves its array. In intervals, what comes of that is anything: the
     /// specification lets an implementation read any element, or zero, and write any.
     pub(super) fn leave(&mut self, lane: usize) {
@@ -210,6 +210,24 @@ impl<A: Rules> Machine<'_, A> {
             let length = step.length(bytes);
             (index < 0 || index.cast_unsigned() >= length).then_some((index, length))
         })
+    }
+
+    /// The variable whose elements an operation finds by index, and whether these are a part of it.
+    pub(super) fn array_of(&self, op: Op) -> (Option<&'p str>, bool) {
+        let code = self.code;
+        let (slot, nested) = match op {
+            Op::Load(_, walk) | Op::Atomic(walk) | Op::Write(_, walk) => {
+                let walk = &code.walks[walk as usize];
+                (Some(walk.buffer), walk.steps.len() > 1 || walk.offset > 0)
+            }
+            Op::Wrap(wrap) => (code.wraps[wrap as usize].buffer, false),
+            Op::Image(image) => {
+                let slot = code.images[image as usize].texture as usize;
+                return (Some(&code.textures[slot].name), false);
+            }
+            _ => (None, false),
+        };
+        (slot.map(|slot| &*code.buffers[slot as usize].name), nested)
     }
 
     /// The number that stands for what the operation that runs reads outside of an array.
