@@ -173,7 +173,17 @@ impl Compared {
     fn of(function: &str, change: Change) -> Self {
         let (location, interface, drawn, violations, unreached) = Default::default();
         let (function, dispatched, cut) = (function.to_owned(), None, 0);
-        Self { function, location, change, interface, drawn, cut, dispatched, violations, unreached }
+        Self {
+            function,
+            location,
+            change,
+            interface,
+            drawn,
+            cut,
+            dispatched,
+            violations,
+            unreached,
+        }
     }
 }
 
@@ -715,9 +725,8 @@ mod tests {
         let [before, after] = [before, &after].map(|text| Package::from_source("p", text));
         let all = Request::new(before, after).run().expect("they read");
         assert!(all.iter().all(|one| matches!(one.change, Change::Same { .. })), "{all:?}");
-        let lines = |one: &Compared| {
-            one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
-        };
+        let lines =
+            |one: &Compared| one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
         let of_f = ["if x == 1234.5 { return 3.0; }", "if x == 1234.5 { return 2.0; }"];
         assert_eq!(lines(&all[0]), of_f, "{all:?}");
         assert_eq!(lines(&all[1]), ["seen[0] = 3.0;", "seen[0] = 2.0;"], "{all:?}");

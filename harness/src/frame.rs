@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
 
+use crate::dispatch::Watched;
 use crate::draw::{Blend, Draw, DrawError, Drawing, Format, Mesh, Scene, Source};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Texture};
@@ -772,6 +773,17 @@ impl<'a> Frame<'a> {
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         executor::or_selected(&self.executors)
     }
+}
+
+/// What no sanitizer looks through: pixels that write what others see.
+fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
+    let all = drawing.all_bindings();
+    let written = all.iter().find(|binding| binding.kind.is_written())?;
+    let reason = format!(
+        "the pixels of a draw write `{}`, and `karat hazards` is what looks for their races",
+        written.name()
+    );
+    Some(Watched { reason, ..Watched::default() })
 }
 
 /// What an executor draws, as large as it should be.

@@ -104,6 +104,9 @@ pub struct Hazard {
     /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
     #[serde(skip)]
     of_made_up_size: bool,
+    /// True of an index in a pass that leaves its array only where the elements are no multiple of the workgroup.
+    #[serde(skip)]
+    at_tail: bool,
     /// Why `karat.toml` accepts it, where those are asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
@@ -622,6 +625,7 @@ impl Look<'_> {
                             idiom: one.idiom,
                             by_contents: BTreeSet::new(),
                             of_made_up_size: one.of_given_size,
+                            at_tail: false,
                             accepted: None,
                             lowered: None,
                             also: Vec::new(),
@@ -677,6 +681,7 @@ fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) 
         idiom: None,
         by_contents: BTreeSet::new(),
         of_made_up_size: false,
+        at_tail: false,
         accepted: None,
         lowered: None,
         also: Vec::new(),
@@ -822,6 +827,9 @@ impl Hazard {
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
         let counted = match (is_pass, &self.violation) {
             // Elements, of which an invocation has several, or several have one.
+            (true, Some(_)) if self.at_tail => {
+                format!("in {of} invocations, where the elements are no multiple of the workgroup")
+            }
             (true, Some(one)) if self.kind == Kind::OutOfRange && !one.of_fixed_length => {
                 format!("in {of} invocations, over sizes that are made up")
             }

@@ -43,8 +43,8 @@ pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub use reach::Unreached;
 pub(crate) use reach::Reach;
+pub use reach::Unreached;
 pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
 pub(crate) use written::written;
 

@@ -273,10 +273,7 @@ fn call_explains_wrong_arguments() {
         ),
         (&["calc::double", "1", "--path", "vulcan"], "did you mean `vulkan`?"),
         (&["calc::double", "1", "--out", "out.csv"], "--out needs a table: --table IN.CSV"),
-        (
-            &["calc::double", "1", "--shaders", "nowhere"],
-            "name the shader folder with --shaders DIR",
-        ),
+        (&["calc::double", "1", "--shaders", "nowhere"], "there is no folder or file `nowhere`"),
         (&["calc::add", "-1,2,3", "4"], "to pass '-1' as a value, use '-- -1'"),
     ] {
         let error = karat(project.path(), &[&["call"], arguments].concat()).error();

@@ -485,13 +485,7 @@ impl Detector {
     }
 
     /// The index of a lane leaves its array.
-    pub(crate) fn leaves(
-        &mut self,
-        code: &Code,
-        site: u32,
-        lane: usize,
-        beyond: Beyond<'_>,
-    ) {
+    pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, beyond: Beyond<'_>) {
         let Beyond { writes, bounds, variable, nested, index } = beyond;
         let invocation = self.of_lane(lane);
         let new = || Outside {

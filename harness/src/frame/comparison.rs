@@ -74,7 +74,7 @@ impl Frame<'_> {
         &self,
         goldens: &Goldens,
         case: &str,
-        Report { paths: records, read, .. }: &mut Report,
+        Report { paths: records, read, watched, .. }: &mut Report,
     ) -> Result<FrameAgreement, FrameError> {
         replay::begin_frame(case)?;
         self.known_issues.expect_sound::<FrameError>(case)?;
@@ -91,6 +91,7 @@ impl Frame<'_> {
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
             read.extend(drawing.read());
+            *watched = super::unwatched(&drawing);
             read.extend(goldens.files(case, adapter));
             let tolerance = self.tolerance_of(path, adapter);
             let frame = Rendered {

@@ -84,7 +84,7 @@ impl Frame<'_> {
         rect: Rect,
         expected: [f64; 3],
         tolerance: &Tolerance,
-        Report { paths: records, read, .. }: &mut Report,
+        Report { paths: records, read, watched, .. }: &mut Report,
     ) -> Result<FrameMean, FrameError> {
         if let Some(bound) = tolerance.unusable() {
             return Err(FrameError::Tolerance(format!(
@@ -102,6 +102,7 @@ impl Frame<'_> {
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
             read.extend(drawing.read());
+            *watched = super::unwatched(&drawing);
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
             let measured = lanes.map(|(lane, (m, e))| tolerance.measure_sum(lane, *m, e));

@@ -121,6 +121,7 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             idiom: None,
             by_contents: BTreeSet::new(),
             of_made_up_size: false,
+            at_tail: false,
             accepted: None,
             lowered: None,
             also: Vec::new(),
@@ -199,6 +200,9 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             let likely = likely && !by_size && !by_dispatch && !of_content;
             let to = if likely { &mut found } else { &mut rare };
             let hidden = hazard.hidden;
+            let of_runtime_length = hazard.kind == Kind::OutOfRange && !is_beyond;
+            let at_tail = of_runtime_length && likely && variant == Extents::TAIL;
+            let hazard = Hazard { at_tail, ..hazard };
             let known = to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
             known.hidden &= hidden;
         }

@@ -92,7 +92,8 @@ fn add(
         headline(&error.to_string()).clone_into(&mut own.watched.reason);
     }
     for (violation, diagnostic) in std::mem::take(&mut own.violations) {
-        let places = |one: &Violation| -> Vec<String> {
+        // The access that comes second in one order comes first in another.
+        let places = |one: &Violation| -> BTreeSet<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
         let subject = |one: &Violation| (one.entry_point.clone(), one.kind, one.variable.clone());
@@ -423,7 +424,7 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
             format!("means element {meant}, and finds {index}")
         }
         Some((index, length)) if one.bounds == Bounds::Texture => {
-            format!("means texel {index} of {length}")
+            format!("means texel {index}, and {of} has {length} in that direction")
         }
         Some((index, length)) => {
             let owner = if one.nested || one.variable.is_none() { "the array" } else { &of };

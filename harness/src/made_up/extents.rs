@@ -65,6 +65,10 @@ impl Extents {
     #[cfg(feature = "engine")]
     pub(crate) const SIZED: usize = 2;
 
+    /// The one of them whose elements are no multiple of the workgroup.
+    #[cfg(feature = "engine")]
+    pub(crate) const TAIL: usize = 1;
+
     /// In these a line of elements has several rows: as many elements as there are invocations, and twice as many.
     #[cfg(feature = "engine")]
     const ROWS: [usize; 2] = [6, 7];
@@ -90,7 +94,7 @@ impl Extents {
     #[cfg(feature = "engine")]
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
         /// The invocations of the last workgroup without an element.
-        const TAIL: u32 = 3;
+        const LESS: u32 = 3;
         /// Elements of arrays, at least.
         const LEAST: u32 = 64;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
@@ -98,11 +102,11 @@ impl Extents {
         if total < LEAST {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
-        if variant % Self::ZEROS == 1 {
+        if variant % Self::ZEROS == Self::TAIL {
             // A host has no reason to round up workgroups of one.
             let of_one = size.map(|count| count == 1);
             elements = [0, 1, 2].map(|k| match elements[k] {
-                count if count > TAIL && !of_one[k] => count - TAIL,
+                count if count > LESS && !of_one[k] => count - LESS,
                 count => count,
             });
         }

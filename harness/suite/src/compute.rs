@@ -38,9 +38,9 @@ pub(crate) struct Declared {
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
     #[serde(default)]
-    fails_on: BTreeMap<String, String>,
+    pub(crate) fails_on: BTreeMap<String, String>,
     #[serde(default)]
-    refused_on: BTreeMap<String, String>,
+    pub(crate) refused_on: BTreeMap<String, String>,
     /// Variables whose races are meant, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
@@ -135,7 +135,7 @@ pub(crate) struct Assertion {
     variable: String,
     what: What,
     tolerance: Option<String>,
-    tolerance_on: BTreeMap<String, String>,
+    pub(crate) tolerance_on: BTreeMap<String, String>,
     /// True if elements are compared whatever their order is.
     up_to_order: bool,
     /// Tables and images are relative to it.

@@ -123,14 +123,6 @@ pub(crate) fn frame_diagnostic_of(error: &FrameError) -> Option<&Diagnostic> {
 /// The key that a check's failure is about; `None`: the assertion's own.
 pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'static str> {
     let test = &assertion.test;
-    let of_paths = [
-        ("fails_on", &test.fails_on),
-        ("refused_on", &test.refused_on),
-        ("tolerance_on", &test.tolerance_on),
-    ];
-    let wrong = |paths: &BTreeMap<String, String>| {
-        paths.keys().any(|path| !Selector::from(&**path).is_known())
-    };
     match failure {
         Failure::Domain { reason, .. } => match **reason {
             Vacuous::NoCases | Vacuous::TooManyCases(_) => Some("cases"),
@@ -140,9 +132,11 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
         },
         Failure::Declaration(wrong) => Some(of_declaration(wrong)),
         Failure::Probe(ProbeError::Reflect(ReflectError::Override(_))) => Some("override"),
-        Failure::Probe(ProbeError::Path(_)) => {
-            of_paths.into_iter().find(|(_, paths)| wrong(paths)).map(|(key, _)| key)
-        }
+        Failure::Probe(ProbeError::Path(_)) => of_unknown_path([
+            ("fails_on", &test.fails_on),
+            ("refused_on", &test.refused_on),
+            ("tolerance_on", &test.tolerance_on),
+        ]),
         Failure::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, failure)| failure);
             let mut all = paths.failures.iter().chain(stopped);
@@ -150,6 +144,15 @@ pub(crate) fn key_of(assertion: &Assertion, failure: &Failure) -> Option<&'stati
         }
         _ => None,
     }
+}
+
+/// Values by the names of paths.
+type ByPath = BTreeMap<String, String>;
+
+/// The key that names a path which isn't one.
+fn of_unknown_path<const N: usize>(keys: [(&'static str, &ByPath); N]) -> Option<&'static str> {
+    let is_unknown = |path: &String| !Selector::from(&**path).is_known();
+    keys.into_iter().find(|(_, paths)| paths.keys().any(is_unknown)).map(|(key, _)| key)
 }
 
 /// The key of a declaration that doesn't hold.
@@ -179,14 +182,12 @@ pub(crate) fn frame_key_of<'k>(
     unknown: Option<&'k str>,
     error: &FrameError,
 ) -> Option<&'k str> {
-    let wrong = |paths: &BTreeMap<String, String>| {
-        paths.keys().any(|path| !Selector::from(&**path).is_known())
-    };
     match error {
         FrameError::Tolerance(_) => Some("tolerance"),
         FrameError::Declaration(wrong) => Some(of_declaration(wrong)),
-        FrameError::Draw(DrawError::Path(_)) if wrong(&frame.refused_on) => Some("refused_on"),
-        FrameError::Draw(DrawError::Path(_)) if wrong(&frame.fails_on) => Some("fails_on"),
+        FrameError::Draw(DrawError::Path(_)) => {
+            of_unknown_path([("refused_on", &frame.refused_on), ("fails_on", &frame.fails_on)])
+        }
         FrameError::Draw(DrawError::Size { .. }) => Some("size"),
         FrameError::Draw(DrawError::Unsound { setting, .. }) => Some(setting),
         FrameError::Draw(DrawError::Fixture(_)) => Some("with"),
@@ -239,8 +240,16 @@ pub(crate) fn missing_entry_of(error: &ComputeError) -> Option<&str> {
 }
 
 /// The key that an error of passes is about; `None`: the assertion's own.
-pub(crate) fn compute_key_of(error: &ComputeError) -> Option<&'static str> {
+pub(crate) fn compute_key_of(
+    assertion: &crate::compute::Assertion,
+    error: &ComputeError,
+) -> Option<&'static str> {
     match error {
+        ComputeError::Dispatch(DispatchError::Path(_)) => of_unknown_path([
+            ("fails_on", &assertion.declared.fails_on),
+            ("refused_on", &assertion.declared.refused_on),
+            ("tolerance_on", &assertion.tolerance_on),
+        ]),
         ComputeError::Declaration(wrong) => Some(of_declaration(wrong)),
         ComputeError::Dispatch(DispatchError::Fixture(_)) => Some("with"),
         ComputeError::Dispatch(
@@ -255,7 +264,8 @@ pub(crate) fn compute_key_of(error: &ComputeError) -> Option<&'static str> {
         ComputeError::Accepted { verb, .. } => Some(verb),
         ComputeError::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
-            paths.failures.iter().chain(stopped).find_map(compute_key_of)
+            let mut all = paths.failures.iter().chain(stopped);
+            all.find_map(|error| compute_key_of(assertion, error))
         }
         _ => None,
     }

@@ -210,7 +210,7 @@ impl Suite {
                         return told(error, found);
                     }
                     let entry = missing_entry_of(error).map(|entry| assertion.key_of_entry(entry));
-                    let key = entry.as_deref().or_else(|| compute_key_of(error));
+                    let key = entry.as_deref().or_else(|| compute_key_of(assertion, error));
                     let span = place_of(key).unwrap_or_else(|| whole.clone());
                     match found {
                         Some(found) => Wrong::from(found.clone().at(span, "")),

@@ -33,7 +33,11 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     let (first, rest) = trimmed.split_once(' ').unwrap_or((trimmed, ""));
     match granting(first, rest)? {
         Some(granting) => Ok(granting.into()),
-        None => Ok(tolerance(text)?.into()),
+        None => match tolerance(text) {
+            Ok(all) => Ok(all.into()),
+            Err(wrong) if wrong == unknown(text) => Err(format!("{wrong}; or `spec`")),
+            Err(wrong) => Err(wrong),
+        },
     }
 }
 
@@ -89,7 +93,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
 }
 
 fn unknown(text: &str) -> String {
-    format!("`{text}` is no tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6`, `exact` or `spec`")
+    format!("`{text}` is no tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6` or `exact`")
 }
 
 #[cfg(test)]

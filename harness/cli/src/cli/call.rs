@@ -141,10 +141,18 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             "--invocation says whose steps are shown: add --trace, or --html FILE"
         );
         let compute = compute.dispatch(&args.function, groups);
-        let ending = dispatch::run(&compute, &paths, out)?;
         let invocation = args.invocation.unwrap_or_default();
-        let steps = || Ok(karat::unstable::compute::trace(&compute, invocation)?);
-        args.show_steps(&args.function, &steps, out)?;
+        // An invocation that isn't there is told before all else.
+        let steps = match args.trace || args.html.is_some() {
+            true => karat::unstable::compute::trace(&compute, invocation)?,
+            false => Vec::new(),
+        };
+        let ending = dispatch::run(&compute, &paths, out)?;
+        if args.trace {
+            let [x, y, z] = invocation;
+            write!(out, "\n{DIM}what invocation ({x}, {y}, {z}) computes:{DIM:#}")?;
+        }
+        args.show_steps(&args.function, &|| Ok(steps.clone()), out)?;
         return Ok(ending);
     }
     if let Some(Some(plot)) = &args.plot {

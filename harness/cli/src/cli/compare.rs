@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         one.interface.is_empty()
             && one.violations.is_empty()
             && one.unreached.is_empty()
-            && matches!(one.change, Change::Untouched | Change::Same { .. })
+            && matches!(one.change, Change::Untouched | Change::Same { .. } | Change::Added)
     };
     let good = all.iter().all(good) && broken.is_empty();
     Ok(if good { Ending::Good } else { Ending::Bad })
@@ -135,7 +135,7 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 }
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let (mut changed, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0);
+    let (mut changed, mut added, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0, 0);
     let (mut cut, mut moved, mut brought, mut unreached) = (0, 0, 0, BTreeSet::new());
     for one in all {
         let Compared { function, location, change, interface, drawn, violations, .. } = one;
@@ -170,10 +170,13 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
                 writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}")?;
                 writeln!(out, "    {before}\n    {after}")?;
             }
-            Change::Added | Change::Removed => {
+            Change::Added => {
+                added += 1;
+                writeln!(out, "{DIM}added{DIM:#}      {function}")?;
+            }
+            Change::Removed => {
                 changed += 1;
-                let word = if *change == Change::Added { "added    " } else { "removed  " };
-                writeln!(out, "{KNOWN}{word}{KNOWN:#}  {function}")?;
+                writeln!(out, "{BAD}removed{BAD:#}    {function}")?;
             }
             Change::Unjudged { reason } => {
                 unjudged += 1;
@@ -205,6 +208,9 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         _ => BAD,
     };
     write!(out, "{style}{changed} changed{style:#}, ")?;
+    if added > 0 {
+        write!(out, "{added} added, ")?;
+    }
     if moved > 0 {
         write!(out, "{moved} with other bindings or layouts, ")?;
     }
@@ -232,6 +238,7 @@ const INPUTS: usize = 12;
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words } = change;
     let by = match (ulp, relative) {
+        (Some(0), _) => ", by the sign of a zero".to_owned(),
         (Some(ulp), Some(relative)) => format!(", by up to {ulp} ulp (rel {relative:.2e})"),
         (Some(ulp), None) => format!(", by up to {ulp} ulp"),
         // Integers, or a NaN: the values say it.

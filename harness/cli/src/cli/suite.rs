@@ -3,6 +3,7 @@
 //! It is a process of its own, as Cargo's test programs are: a shader that hangs or crashes a driver ends
 //! it, and not whoever waits for the verdicts. It prints what Rust's test runner prints.
 
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -119,8 +120,19 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort();
         writeln!(out, "\nfailures:\n")?;
+        // A race fails each assertion of its passes, and one message says it.
+        let mut told: HashMap<&str, &str> = HashMap::new();
         for (name, message) in &failures {
-            writeln!(out, "---- {name} ----\n{}\n", message.trim_end())?;
+            let message = message.trim_end();
+            let (body, replay) =
+                message.split_at(message.rfind("\n  replay: ").unwrap_or(message.len()));
+            match (told.get(body), body.split_once('\n')) {
+                (Some(other), Some((first, _))) => {
+                    writeln!(out, "---- {name} ----\n{first}\n  as under `{other}`{replay}\n")?;
+                }
+                _ => writeln!(out, "---- {name} ----\n{message}\n")?,
+            }
+            told.entry(body).or_insert(name);
         }
     }
     let word = if failures.is_empty() { "ok" } else { "FAILED" };

@@ -81,6 +81,13 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
+    // A function that nothing called before changes nothing.
+    write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
+    let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
+    assert!(
+        more.contains("added      calc::more\n0 changed, 1 added, 0 edited with the same"),
+        "{more}"
+    );
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),

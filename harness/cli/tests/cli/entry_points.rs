@@ -215,6 +215,7 @@ fn a_pass_is_dispatched_and_looked_through() {
         added.next().is_some_and(|line| line.contains(&format!("  {number}  ")))
     };
     assert!(step(&first, "1") && step(&last, "37"), "{first}\n{last}");
+    assert!(last.contains("\nwhat invocation (8, 0, 0) computes:\n"), "{last}");
     assert_eq!(traced(&[]).good(), first);
     let page = std::fs::read_to_string(&page).expect("it was written");
     assert!(page.contains("m::add") && page.contains("atomicAdd"), "{page}");
@@ -532,11 +533,18 @@ fn wrong_passes_fail_with_the_element() {
             ["compared with itself", "m.test.toml:6:1"],
         ),
         (
-            "root",
-            root,
-            "no_hazards = [\"nam\"]",
-            ["did you mean `nan`", "m.test.toml:5:14"],
+            "reverse",
+            input,
+            "fails_on = { vulcan = \"no\" }\n[compute.after.keys]\nequals = 0",
+            ["did you mean `vulkan`", "m.test.toml:5:1"],
         ),
+        (
+            "reverse",
+            input,
+            "[compute.after.keys]\nequals = 0\ntolerance = \"4 upl\"",
+            ["`abs 1e-6` or `exact`\n", "m.test.toml:7:1"],
+        ),
+        ("root", root, "no_hazards = [\"nam\"]", ["did you mean `nan`", "m.test.toml:5:14"]),
         (
             "root",
             root,
@@ -547,6 +555,40 @@ fn wrong_passes_fail_with_the_element() {
         let said = of(entry, with, after);
         assert!(parts.iter().all(|part| said.contains(part)), "{entry} {with} {after}: {said}");
     }
+}
+
+/// A race fails each assertion of its passes, in whatever order they run.
+#[test]
+fn one_race_has_one_message() {
+    let folder = shaders(
+        "[[compute]]\nentry = \"wait\"\nworkgroups = 1\nwith = { keys = [9, 9] }\n\
+         [compute.after.keys]\nin_range = [0, 9]\nwritten = true\n",
+    );
+    let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
+    assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n  replay: "), "{}", ran.out);
+}
+
+/// A sanitizer looks through passes, and not through draws: the last line says it of those that write.
+#[test]
+fn draws_that_write_are_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;\n\
+                @fragment fn collect() -> @location(0) vec4f {\n    \
+                atomicAdd(&count, 1u);\n    return vec4f(1.0);\n}\n\
+                @fragment fn plain() -> @location(0) vec4f { return vec4f(1.0); }\n";
+    write(folder.path(), "m.wgsl", text);
+    let last = |fragment: &str, with: &str| {
+        let frame =
+            format!("[[frame]]\nname = \"f\"\nfragment = \"{fragment}\"\nsize = [8, 8]\n{with}");
+        write(folder.path(), "m.test.toml", &frame);
+        let ran = karat(folder.path(), &["test", ".", "--paths", "vulkan"]);
+        assert!(ran.out.contains("1 check, 1 failed"), "no golden is there yet: {ran:?}");
+        ran.out.contains("; 1 check of passes or draws wasn't looked through by the sanitizer")
+    };
+    assert!(last("collect", "with = { count = 0 }\n"));
+    assert!(!last("plain", ""));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::unstable::output::{Style, counted, one_line};
-use karat::unstable::record::{Record, Run, Verdict};
+use karat::unstable::record::{Record, Run, Subject, Verdict};
 
 use super::{is_failure, outside};
 use crate::cli::Ending;
@@ -35,7 +35,7 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Checks of compute passes that weren't looked through by the sanitizer, or not whole, with their first reason; their
+/// Checks of compute passes, and of draws that write storage, that weren't looked through by the sanitizer, or not whole, with their first reason; their
 /// records have the others.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
@@ -51,14 +51,22 @@ fn unwatched(records: &[Record]) -> Option<String> {
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes {were} looked through by the sanitizer, or not whole: {first}{others}"
+        "{checks} of passes or draws {were} looked through by the sanitizer, or not whole: {first}{others}"
     ))
 }
 
 /// Races of compute passes that are accepted.
 fn accepted(records: &[Record]) -> Option<String> {
-    let watched = records.iter().filter_map(|record| record.watched.as_ref());
-    let count: usize = watched.map(|watched| watched.accepted.len()).sum();
+    // Each assertion about one pass accepts the race that its declaration does.
+    let of = |record: &Record| {
+        let name = match &record.subject {
+            Subject::Function { function, .. } => function.clone(),
+            Subject::Frame { golden, .. } => golden.clone(),
+        };
+        let watched = record.watched.clone().unwrap_or_default();
+        watched.accepted.into_iter().map(move |one| (name.clone(), one))
+    };
+    let count = records.iter().flat_map(of).collect::<BTreeSet<_>>().len();
     (count > 0).then(|| counted(count, "accepted race"))
 }
 
@@ -212,14 +220,13 @@ mod tests {
         let remarks = |records: &[Record]| Sum::of(records, Some(&Run::default())).remarks();
         assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
-        let expected =
-            "; 2 checks of passes weren't looked through by the sanitizer, or not whole: too large";
+        let expected = "; 2 checks of passes or draws weren't looked through by the sanitizer, or not whole: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
         watched.accepted.push(("any".to_owned(), "whichever comes last will do".to_owned()));
-        assert_eq!(remarks(&[accepting]), "; 1 accepted race");
+        assert_eq!(remarks(&[accepting.clone(), accepting]), "; 1 accepted race");
     }
 
     #[test]
