@@ -434,6 +434,66 @@ mod tests {
         assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
     }
 
+    const LIFE: &str = "
+        struct Grid { width: u32, height: u32 }
+        @group(0) @binding(0) var<uniform> grid: Grid;
+        @group(0) @binding(1) var<storage, read> cells: array<u32>;
+        @group(0) @binding(2) var<storage, read_write> next: array<u32>;
+        fn at(x: u32, y: u32) -> u32 { return cells[(y % grid.height) * grid.width + x % grid.width]; }
+        @compute @workgroup_size(64) fn life(@builtin(global_invocation_id) g: vec3u) {
+          if g.x >= grid.width * grid.height { return; }
+          let x = g.x % grid.width; let y = g.x / grid.width;
+          var n = 0u;
+          for (var dy = 0u; dy < 3u; dy++) { for (var dx = 0u; dx < 3u; dx++) {
+            if dx == 1u && dy == 1u { continue; }
+            n += at(x + dx + grid.width - 1u, y + dy + grid.height - 1u);
+          } }
+          next[g.x] = select(u32(n == 3u), u32(n == 2u || n == 3u), cells[g.x] == 1u);
+        }";
+
+    const PAIRS: &str = "
+        @group(0) @binding(0) var<storage, read> input: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+        @compute @workgroup_size(64) fn pairs(@builtin(global_invocation_id) g: vec3u, @builtin(workgroup_id) w: vec3u) {
+            let first = 2u * g.x;
+            if first + 1u >= arrayLength(&input) || g.x >= arrayLength(&sums) { return; }
+            sums[g.x] = input[first] + input[first + 1u] + select(0u, 1u, w.x > 0u);
+        }";
+
+    const TONEMAP: &str = "
+        @group(0) @binding(0) var src: texture_2d<f32>;
+        @group(0) @binding(1) var dst: texture_storage_2d<rgba16float, write>;
+        @compute @workgroup_size(8, 8) fn tonemap(@builtin(global_invocation_id) g: vec3u) {
+          let size = textureDimensions(dst);
+          if any(g.xy >= size) { return; }
+          let c = max(textureLoad(src, g.xy, 0).rgb, vec3f(0.0));
+          textureStore(dst, g.xy, vec4f(c / (1.0 + c), 1.0));
+        }";
+
+    /// What only some rows show, twice as many elements as invocations, or a colour below 0.
+    #[test]
+    fn edits_that_few_contents_show_are_told() {
+        for (text, from, to) in [
+            (LIFE, "n == 2u || n == 3u", "n == 2u || n == 4u"),
+            (LIFE, "u32(n == 3u),", "u32(n == 2u),"),
+            (LIFE, "dy + grid.height - 1u", "dy + grid.height"),
+            (LIFE, "let y = g.x / grid.width;", "let y = g.x / grid.height;"),
+            (PAIRS, "select(0u, 1u, w.x > 0u)", "0u"),
+            (
+                TONEMAP,
+                "max(textureLoad(src, g.xy, 0).rgb, vec3f(0.0))",
+                "textureLoad(src, g.xy, 0).rgb",
+            ),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let edited = text.replace(from, to);
+            let [before, after] = [text, &edited].map(|text| Package::from_source("m", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let pass = all.iter().find(|one| one.dispatched.is_some()).expect("it has a pass");
+            assert!(matches!(pass.change, Change::Changed { .. }), "{to}: {pass:?}");
+        }
+    }
+
     /// A workgroup a row: the texture has no row that none of them takes.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {

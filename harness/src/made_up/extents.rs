@@ -36,8 +36,13 @@ impl Numbered {
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
-            // Bits of the golden ratio's multiples: none of the short periods that a stencil would hide in.
-            Self::Bits => element.wrapping_mul(0x9e37_79b9) >> 31,
+            // Hashed, by the finalizer of MurmurHash3, so that each neighbourhood comes; three of eight bits are set.
+            Self::Bits => {
+                let mut bits = element.wrapping_mul(0x9e37_79b9);
+                bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
+                bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
+                u32::from((bits ^ bits >> 16) & 7 < 3)
+            }
         }
     }
 }
@@ -69,9 +74,13 @@ impl Extents {
     #[cfg(feature = "engine")]
     pub(crate) const TAIL: usize = 1;
 
-    /// In these a line of elements has several rows: as many elements as there are invocations, and twice as many.
+    /// In these a line of elements has several rows. No race of another variant comes of it.
     #[cfg(feature = "engine")]
-    const ROWS: [usize; 2] = [6, 7];
+    const ROWS: [usize; 3] = [Self::REPEATED, 6, Self::TWICE];
+
+    /// The one of these that has twice as many elements as there are invocations.
+    #[cfg(feature = "engine")]
+    const TWICE: usize = 7;
 
     /// The one of them in which numbers of elements repeat.
     #[cfg(feature = "engine")]
@@ -102,7 +111,8 @@ impl Extents {
         if total < LEAST {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
-        if variant % Self::ZEROS == Self::TAIL {
+        let own = variant % Self::ZEROS;
+        if own == Self::TAIL {
             // A host has no reason to round up workgroups of one.
             let of_one = size.map(|count| count == 1);
             elements = [0, 1, 2].map(|k| match elements[k] {
@@ -111,13 +121,13 @@ impl Extents {
             });
         }
         if let [count, 1, 1] = elements
-            && let Some(number) = Self::ROWS.iter().position(|own| *own == variant % Self::ZEROS)
+            && Self::ROWS.contains(&own)
         {
-            let count = count.saturating_mul(1 + number as u32);
+            let count = count.saturating_mul(if own == Self::TWICE { 2 } else { 1 });
             let rows = (1..=count.isqrt()).rev().find(|rows| count % rows == 0).unwrap_or(1);
             elements = [count / rows, rows, 1];
         }
-        let (numbered, least) = match variant % Self::ZEROS {
+        let (numbered, least) = match own {
             0 => (Some(Numbered::Forwards), Some(1)),
             1 => (Some(Numbered::Backwards), Some(1)),
             2 => (Some(Numbered::Backwards), Some(2)),
@@ -126,7 +136,7 @@ impl Extents {
             5 => (Some(Numbered::Forwards), Some(0)),
             // More than a tile of 8 or 16 has: a loop over tiles goes round several times.
             6 => (Some(Numbered::Forwards), Some(33)),
-            7 => (Some(Numbered::Backwards), Some(1)),
+            Self::TWICE => (Some(Numbered::Backwards), Some(1)),
             _ => (None, None),
         };
         let numbered = match variant / Self::ZEROS {
@@ -134,7 +144,7 @@ impl Extents {
             1 => Some(Numbered::Zero),
             _ => Some(Numbered::Apart),
         };
-        let signed = variant % Self::ZEROS == Self::ROWS[1];
+        let signed = own == Self::TWICE;
         Self { elements, workgroups, numbered, least, signed }
     }
 
@@ -223,11 +233,11 @@ mod tests {
         assert_eq!(extents.size("resolution", 1, 2, false), Some(24));
         assert_eq!(extents.size("width", 0, 1, false), None, "of a line");
         let bits: Vec<u32> = (0..64).map(|at| Numbered::Bits.of(at, 64)).collect();
-        assert!((24..40).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
+        assert!((16..32).contains(&bits.iter().sum::<u32>()) && bits.iter().all(|bit| *bit < 2));
         assert_eq!(Extents::of([64, 1, 1], [2, 1, 1], 1).elements, [125, 1, 1]);
         assert_eq!(Extents::of([1, 1, 1], [64, 1, 1], 1).elements, [64, 1, 1]);
-        let rows = [6, 7].map(|variant| Extents::of([64, 1, 1], [2, 1, 1], variant).elements);
-        assert_eq!(rows, [[16, 8, 1], [16, 16, 1]]);
+        let rows = [3, 6, 7].map(|variant| Extents::of([64, 1, 1], [2, 1, 1], variant).elements);
+        assert_eq!(rows, [[16, 8, 1], [16, 8, 1], [16, 16, 1]]);
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], 7).elements, [16, 8, 1]);
     }
 
