@@ -245,7 +245,7 @@ pub struct Run {
     /// Tests that failed, as far as their runner named them, whether or not a check of theirs did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
-    /// Modules that aren't valid, whether or not a test uses them; a package that has none goes by its name.
+    /// Modules that aren't valid, whether or not a test uses them; and `package NAME` of one where no module is to blame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
     /// Remarks that fail nothing: modules that Tint rejects, or why it wasn't asked.

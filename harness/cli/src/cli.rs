@@ -88,7 +88,7 @@ struct NotThere(String);
     name = "karat",
     version,
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
-    after_help = "Start with `karat doctor`, then `karat test`.\n\
+    after_help = "Start with `karat init`, then `karat watch`; `karat doctor` says which drivers open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \

@@ -28,7 +28,7 @@ const VARIABLES: [(&str, &str); 16] = [
         "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between several. Each is a path, `process@NAME` (none)",
     ),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
-    (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
+    (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
     (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
     (
         SCHEDULES,

@@ -119,6 +119,9 @@ fn said(name: &str, interval: &Interval) -> String {
         0.0 => "nothing that passes".to_owned(),
         part => format!("{} % of what passes", share(*part)),
     };
+    if *failing == 1.0 && *passing == 0.0 {
+        return format!("where {name} {place}, and nowhere else");
+    }
     format!("where {name} {place} ({fails}, {passes})")
 }
 
@@ -291,7 +294,7 @@ mod tests {
             ("x: f32, y: f32", "x > 0.25", "where x is at least 0.25"),
             ("x: f32, y: f32", "x <= 0.25", "where x is at most 0.2"),
             ("x: f32, y: f32", "y > 0.25 && y < 0.5", "where y is from 0.25"),
-            ("x: f32, y: f32", "x == 0.0", "where x is 0 (all that fails, nothing that passes)"),
+            ("x: f32, y: f32", "x == 0.0", "where x is 0, and nowhere else"),
             (
                 "x: f32, y: f32",
                 "x / max(y, 1e-9) > 0.2 && x / max(y, 1e-9) < 1.0",
@@ -305,10 +308,10 @@ mod tests {
         let told_of = told("n: vec3f, l: vec3f", "dot(n, l) < -0.5", (UnitVector, UnitVector));
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
-        assert_eq!(told_of.as_deref(), Some("where i is 3 (all that fails, nothing that passes)"));
+        assert_eq!(told_of.as_deref(), Some("where i is 3, and nowhere else"));
         // Of many cases none is left out where it ends.
         let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
-        let least = "where i is at least 1 (all that fails, nothing that passes)";
+        let least = "where i is at least 1, and nowhere else";
         assert_eq!(told_of.as_deref(), Some(least));
     }
 

@@ -16,7 +16,7 @@ pub enum PackageError {
     )]
     Missing(String),
     /// The folder has no module.
-    #[error("the shader folder `{0}` has no .wgsl or .wesl file")]
+    #[error("the shader folder `{0}` has no .wgsl or .wesl file: name the folder that has them")]
     Empty(String),
     /// A module can't be read.
     #[error("can't read `{file}`: {cause}")]

@@ -51,7 +51,8 @@ impl Contents {
             let is_shader = super::EXTENSIONS.iter().any(|known| extension == *known);
             if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
                 let reason =
-                    "only the one in the package's own folder is read: move it there".to_owned();
+                    "only the one in the package's own folder is read: move it there, or name this folder"
+                        .to_owned();
                 return Err(PackageError::Manifest { file: shown(&path), reason });
             }
             let part = if path.is_dir() { path.file_name() } else { path.file_stem() };
@@ -64,10 +65,8 @@ impl Contents {
             let name =
                 if prefix.is_empty() { part.to_owned() } else { format!("{prefix}::{part}") };
             if path.is_dir() {
-                // Cargo's output holds no modules of the author.
-                let is_output = part == "target" && path.join("CACHEDIR.TAG").is_file();
                 match path.is_symlink() {
-                    _ if is_output => {}
+                    _ if is_of_others(&path) => {}
                     true => self.links.push((path, name)),
                     false => self.enter(&path, &name)?,
                 }
@@ -85,4 +84,10 @@ impl Contents {
         }
         Ok(())
     }
+}
+
+/// True of a folder that holds nothing of the author: what Cargo builds, and packages of npm.
+fn is_of_others(folder: &Path) -> bool {
+    folder.ends_with("node_modules")
+        || folder.ends_with("target") && folder.join("CACHEDIR.TAG").is_file()
 }

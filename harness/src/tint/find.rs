@@ -73,7 +73,7 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     match browser() {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
-            reason: format!("{other}, but in a browser, which takes a second"),
+            reason: format!("{other}, but in a browser, which is asked where karat.toml says so"),
             remedy: format!(
                 "`[compilers] require = [\"tint\"]` in karat.toml asks the browser; or {REMEDY}"
             ),

@@ -394,6 +394,22 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
+    /// The entry points that it draws with, with their module.
+    pub(crate) fn entries(&self) -> Vec<String> {
+        let module = self.module.as_deref().filter(|module| !module.is_empty());
+        let named = |name: String| match module {
+            Some(module) if !name.contains("::") => format!("{module}::{name}"),
+            _ => name,
+        };
+        let draws = self.draws().unwrap_or_default();
+        draws
+            .into_iter()
+            .flat_map(|draw| [draw.vertex, draw.fragment])
+            .flatten()
+            .map(named)
+            .collect()
+    }
+
     /// The subject of its record, where it couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {

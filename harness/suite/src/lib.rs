@@ -101,6 +101,12 @@ impl Test {
         passes.into_iter().flat_map(|passes| passes.entries())
     }
 
+    /// The entry points that it draws with, if it is a frame.
+    pub fn draws(&self) -> impl Iterator<Item = String> {
+        let frame = if let Kind::Frame(frame) = &self.kind { Some(frame) } else { None };
+        frame.into_iter().flat_map(|frame| frame.entries())
+    }
+
     /// Whether its name has this in it, or that of a function that it calls, or of its golden.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {

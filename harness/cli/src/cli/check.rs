@@ -154,7 +154,10 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// The modules of packages that aren't valid; a package that has none goes by its own name.
+/// What the name of a package begins with, among those of modules.
+pub(super) const OF_PACKAGE: &str = "package ";
+
+/// The modules of packages that aren't valid, and packages of which no module is to blame: `package shaders`.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
     let mut names = Vec::new();
     for (package, invalid) in invalid {
@@ -162,7 +165,7 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
             Invalid::Modules { errors, .. } => {
                 names.extend(errors.iter().map(|(module, _)| name(module).into_owned()));
             }
-            _ => names.push(name(package).into_owned()),
+            _ => names.push(format!("{OF_PACKAGE}{}", name(package))),
         }
     }
     names.dedup();

@@ -80,7 +80,10 @@ fn absent(folder: &Path, others: &[String]) -> String {
         others => format!(" (there is `{others}`)"),
     };
     let folder = folder.display();
-    format!("there is no folder `{folder}`; name the folder of goldens with --goldens DIR{others}")
+    format!(
+        "there is no folder `{folder}`: no frame was drawn yet, or its golden is elsewhere: name the folder of goldens with \
+         --goldens DIR{others}"
+    )
 }
 
 fn has_pending(folder: &str) -> bool {
@@ -147,7 +150,7 @@ pub(super) struct AcceptArgs {
     #[arg(required = true)]
     frames: Vec<String>,
     /// Why the new image is right; kept with the golden
-    #[arg(long, value_name = "REASON")]
+    #[arg(long, value_name = "REASON", alias = "reason")]
     because: String,
     /// Who accepts [default: Git's user.name, else the login name]
     #[arg(long, value_name = "NAME")]

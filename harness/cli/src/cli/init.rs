@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::hazards::Kind;
@@ -22,7 +22,7 @@ use karat::value::{Scalar, Shape};
 use super::doctor::profile::unoptimised;
 use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
-use super::project::{Project, text_of};
+use super::project::{self, Project, text_of};
 use super::table::{DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, check};
 
@@ -44,8 +44,9 @@ pub(super) struct Args {
 /// Functions that are tried until a test of one passes.
 const TRIED: usize = 40;
 
-/// Where roughness and cosines leave out 0, at which lobes and divisions are infinite.
-const AWAY: &str = "0.01..1";
+/// Where numbers of which nothing is known are tried. Roughness and cosines leave out 0 at last, at which lobes and divisions
+/// are infinite.
+const RANGES: [&str; 2] = ["0..1", "0.01..1"];
 
 /// What runs leave behind and nobody commits.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
@@ -60,18 +61,19 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => usual_folder()?,
     };
     ensure!(folder.is_dir(), "there is no folder `{}`", folder.display());
+    expect_no_package_around(&folder)?;
     let package = Package::open(&folder)?;
     let mut invalid = Vec::new();
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
     ensure!(valid, "mend these modules first: a test of them can't pass");
-    let items = callable(&package)?;
-    let passes = compute_entry_points(&package)?;
+    let mut items = callable(&package)?;
+    // A fragment or vertex function is called as any other, where there is none.
+    items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
+    let passes = entry_points(&package, |stage| stage == Stage::Compute)?;
     ensure!(
         !items.is_empty() || !passes.is_empty(),
-        "no function of `{0}` takes what a first test can give, and there is no compute entry point. Entry points of \
-         draws are tested by a [[frame]] of a *.test.toml, and by `karat hazards {0}` and `karat compare HEAD` without a \
-         test",
+        "`{}` has no function and no entry point: write one, and run this again",
         folder.display()
     );
     // Who has tests in Rust and asks for a workflow wants that alone.
@@ -118,6 +120,29 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// A folder is one package by its karat.toml, and none within it has another one.
+fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
+    let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
+    let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));
+    let mut packages = around.filter(|around| around.join(project::MANIFEST).is_file());
+    match packages.next() {
+        Some(package) => bail!(
+            "`{0}` is a package by its {1}, and `{2}` is a part of it: run `karat init {0}`",
+            shown(&relative(package, &here)),
+            project::MANIFEST,
+            folder.display()
+        ),
+        None => Ok(()),
+    }
+}
+
+fn relative(folder: &Path, here: &Path) -> PathBuf {
+    match folder.strip_prefix(here) {
+        Ok(own) if !own.as_os_str().is_empty() => own.to_owned(),
+        _ => PathBuf::from("."),
+    }
 }
 
 /// The folder whose tests `karat test` runs here, if there is one.
@@ -247,11 +272,14 @@ fn race_in(package: &Package, name: &str) -> Option<String> {
     races.filter_map(|one| one.violation).map(|one| one.headline).next()
 }
 
-/// The compute entry points of a package.
-fn compute_entry_points(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
+/// The entry points of some stages in a package.
+fn entry_points(
+    package: &Package,
+    of: impl Fn(Stage) -> bool,
+) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
-    Ok(functions.flatten().filter(|item| item.entry_point == Some(Stage::Compute)).collect())
+    Ok(functions.flatten().filter(|item| item.entry_point.is_some_and(&of)).collect())
 }
 
 /// A module's file without its extension, and that of its tests.
@@ -348,7 +376,7 @@ const SHOWN: usize = 4;
 enum Attempt {
     /// It is finite for arguments that names and types suggest.
     Names,
-    /// The same, away from the ends.
+    /// The same, where floats are from 0 to 1, or a step away from 0.
     Away,
     /// It returns what it returns now, as a table.
     Table,
@@ -387,27 +415,40 @@ fn try_test(
     }
     let float = |shape: &Shape| matches!(shape, Shape::Scalar(scalar) if scalar.is_float());
     let numbers = function.parameters.iter().filter(|(_, shape)| float(shape));
-    let over: Vec<String> = numbers.map(|(name, _)| format!("{name} = \"{AWAY}\"")).collect();
-    let away = attempt == Attempt::Away;
-    if away && over.is_empty() {
-        return Ok(None);
-    }
-    let over = match away {
-        true => format!(
-            "# Where arguments come from; what isn't named comes from its name and type. Where names and \
-             types decide alone,\n# some results aren't finite.\nover = {{ {} }}",
-            over.join(", ")
-        ),
-        false => "# Where arguments come from; what isn't named comes from its name and type:\n\
-                  # over = { x = \"0..1\" }"
-            .to_owned(),
+    let numbers: Vec<&str> = numbers.map(|(name, _)| name.as_str()).collect();
+    let over: Vec<String> = match attempt {
+        Attempt::Away if numbers.is_empty() => return Ok(None),
+        Attempt::Away => RANGES
+            .iter()
+            .map(|range| {
+                let over = numbers.iter().map(|name| format!("{name} = \"{range}\""));
+                format!(
+                    "# Where arguments come from; what isn't named comes from its name and type. Over all that names \
+                     and types allow\n# some results are NaN or infinite: `karat hazards` shows them.\nover = {{ {} }}\n",
+                    over.collect::<Vec<_>>().join(", ")
+                )
+            })
+            .collect(),
+        _ => {
+            let is_of_floats = |shape: &Shape| shape.lanes().iter().all(|lane| lane.is_float());
+            let mut own = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
+            let line = own.next().map_or_else(String::new, |(name, _)| {
+                format!(
+                    "# Where arguments come from; what isn't named comes from its name and type:\n\
+                     # over = {{ {name} = \"0..1\" }}\n"
+                )
+            });
+            vec![line]
+        }
     };
-    for assertion in ["in_range = [0, 1]\n", ""] {
-        let text = format!(
-            "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
-        );
-        if passes(item, attempt, &file, (&before, &text), folder)?.is_ok() {
-            return Ok(Some(file));
+    for over in over {
+        for assertion in ["in_range = [0, 1]\n", ""] {
+            let text = format!(
+                "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}finite = true\n{assertion}"
+            );
+            if passes(item, attempt, &file, (&before, &text), folder)?.is_ok() {
+                return Ok(Some(file));
+            }
         }
     }
     Ok(None)
@@ -445,7 +486,7 @@ fn passes(
         let first = faults.map(|fault| fault.headline).next();
         let told = |first| {
             format!(
-                "over the resources that it makes up, {first} (`karat hazards {}` may say where)",
+                "over the resources that it makes up, {first} (`karat hazards {} --all` says where)",
                 folder.display()
             )
         };
@@ -617,18 +658,19 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes a file unless it is there.
+/// Writes a file for CI unless it is there.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
-        writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?;
-        return Ok(());
+        return Ok(writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?);
     }
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;
     }
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
-    Ok(())
+    // What somebody has to do before it runs.
+    let hint = "edit the address in it: Karat isn't released yet, and this one is a placeholder";
+    Ok(writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?)
 }
 
 fn with_folder(template: &str, folder: &Path) -> String {

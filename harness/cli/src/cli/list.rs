@@ -194,26 +194,30 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// Functions that have tests, with those that tests in WGSL call, and entry points whose passes come before another one.
+/// Functions that have tests, with those that tests in WGSL call, entry points whose passes come before another one, and those
+/// that frames draw.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
     let tests = || suite.iter().flat_map(|suite| &suite.tests);
-    let called = tests().filter(|test| ran.contains(&test.name)).flat_map(Test::calls);
+    let have_run = || tests().filter(|test| ran.contains(&test.name));
+    let called = have_run().flat_map(Test::calls).map(str::to_owned);
+    let drawn = have_run().flat_map(Test::draws);
     let of_ran = |test: &&Test| test.dispatches().last().is_some_and(|last| ran.contains(last));
     let dispatched = tests().filter(of_ran).flat_map(Test::dispatches);
-    called.chain(dispatched).map(str::to_owned).chain(ran.iter().cloned()).collect()
+    let dispatched = dispatched.map(str::to_owned);
+    called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
 }
 
-/// The functions that the last run checked; none if there was no run.
+/// The functions that the last run checked, and the tests that drew frames; none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
     let functions = records
         .into_iter()
         .filter(|record| record.overlay.is_none())
-        .filter_map(|record| match record.subject {
-            Subject::Function { function, .. } => Some(function),
-            Subject::Frame { .. } => None,
+        .map(|record| match record.subject {
+            Subject::Function { function, .. } => function,
+            Subject::Frame { .. } => record.test,
         })
         .collect();
     Ok(functions)

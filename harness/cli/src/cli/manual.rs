@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut asked = Command::new(&cargo);
     let asked = asked.args(["metadata", "--format-version", "1"]).stderr(Stdio::inherit());
     let output =
-        asked.output().context("`cargo` doesn't run: the manual is made of karat's sources")?;
+        asked.output().context("`cargo` doesn't run, and makes the manual of karat's sources: read `docs/guide` in karat's repository")?;
     ensure!(
         output.status.success(),
         "`cargo metadata` fails: run `karat manual` in a Cargo project that uses karat"

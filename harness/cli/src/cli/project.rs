@@ -11,6 +11,9 @@ use serde::Deserialize;
 
 use super::search::SHADERS;
 
+/// The file that makes a folder a package.
+pub(super) const MANIFEST: &str = "karat.toml";
+
 mod members;
 
 /// The `metadata.karat` table of a Cargo.toml.
@@ -78,6 +81,53 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     }
 }
 
+/// What lies below a person's folder, or the whole disk, is no project of its own.
+fn is_no_project(folder: &Path) -> bool {
+    std::env::home_dir().is_some_and(|home| home == folder) || folder.parent().is_none()
+}
+
+/// The folder below this one that has all of its modules and tests. One that is called `shaders`, or has a karat.toml, is it,
+/// whatever lies below.
+fn narrowed(folder: &Path) -> PathBuf {
+    let mut at = folder.to_owned();
+    loop {
+        if at.ends_with(SHADERS) || at.join(MANIFEST).is_file() {
+            return at;
+        }
+        let own = |path: &PathBuf| holds(path, DEEPEST);
+        match &visible(&at).filter(own).collect::<Vec<_>>()[..] {
+            [one] if one.is_dir() && !one.is_symlink() => at = one.clone(),
+            _ => return at,
+        }
+    }
+}
+
+/// How far below a folder modules are looked for.
+const DEEPEST: usize = 8;
+
+/// True of a file that a package is made of, and of a folder with one. Links aren't followed: they may lead in a circle.
+fn holds(path: &Path, depth: usize) -> bool {
+    if !path.is_dir() {
+        let ending = path.extension().unwrap_or_default();
+        let is_module = ending == "wgsl" || ending == "wesl";
+        return is_module || path.ends_with(MANIFEST) || karat_suite::is_meant(path);
+    }
+    let inside = |path: PathBuf| path.is_dir() && path.is_symlink() || holds(&path, depth - 1);
+    depth > 0 && !is_of_others(path) && visible(path).any(inside)
+}
+
+/// What a folder has that isn't hidden.
+fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let shown = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
+    shown.map(|entry| entry.path())
+}
+
+/// True of a folder that holds nothing of the author: packages of npm, and what Cargo builds.
+pub(super) fn is_of_others(folder: &Path) -> bool {
+    folder.ends_with("node_modules") || folder.join("CACHEDIR.TAG").is_file()
+}
+
 fn here() -> anyhow::Result<PathBuf> {
     std::env::current_dir().context("the working directory is gone")
 }
@@ -101,11 +151,17 @@ impl Project {
         Self::at(&here()?)
     }
 
-    /// The project around a folder. Without Cargo it is the folder's `shaders`, where there is one.
+    /// The project around a folder. Without Cargo it is the folder's `shaders`, where there is one, or else the folder below it
+    /// that has all modules and tests.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
         let shaders = folder.join(SHADERS);
-        Ok(if !own.cargo && shaders.is_dir() { Self::plain(shaders) } else { own })
+        Ok(match () {
+            () if own.cargo => own,
+            () if shaders.is_dir() => Self::plain(shaders),
+            () if is_no_project(folder) => own,
+            () => Self::plain(narrowed(folder)),
+        })
     }
 
     /// The project whose last run commands tell of: without Cargo it is the folder that was tested last, of the
@@ -121,9 +177,7 @@ impl Project {
             return Ok(own);
         }
         let mut tested = Vec::new();
-        // What lies below a person's folder, or the whole disk, is no project of its own.
-        let is_home = std::env::home_dir().is_some_and(|home| home == folder);
-        let depth = if is_home || folder.parent().is_none() { 0 } else { DEPTH };
+        let depth = if is_no_project(folder) { 0 } else { DEPTH };
         tested_below(folder, depth, &mut tested);
         let last = tested.into_iter().max_by_key(|(ran, _)| *ran);
         Ok(last.map_or(own, |(_, root)| Self::plain(root)))

@@ -21,7 +21,7 @@ use karat::unstable::record::{Record, Recorded, Subject};
 use karat_suite::{Broken, Suite};
 
 use super::PackageArgs;
-use super::project::Project;
+use super::project::{MANIFEST, Project, is_of_others};
 use super::table::HEAD;
 use super::test::subjects::Subjects;
 
@@ -192,7 +192,7 @@ impl Project {
 
 /// True of a folder without a module, in which nothing was meant for Karat.
 fn is_empty(package: &Package) -> bool {
-    let is_for_karat = |file: &PathBuf| file.ends_with("karat.toml") || karat_suite::is_meant(file);
+    let is_for_karat = |file: &PathBuf| file.ends_with(MANIFEST) || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
@@ -201,7 +201,7 @@ fn is_empty(package: &Package) -> bool {
 /// is a package by its own karat.toml; or else itself.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
-    let declares = |folder: &Path| folder.join("karat.toml").is_file();
+    let declares = |folder: &Path| folder.join(MANIFEST).is_file();
     let stands = declares(&shaders) && !declares(folder) && outside(folder)?.is_empty();
     Ok(if stands { shaders } else { folder.to_owned() })
 }
@@ -216,7 +216,7 @@ pub(super) fn outside(folder: &Path) -> anyhow::Result<Vec<Package>> {
         let is_ours = name != SHADERS && !name.to_string_lossy().starts_with('.');
         let ending = path.extension().unwrap_or_default();
         let holds = match path.is_dir() {
-            true => !path.is_symlink() && !path.join("CACHEDIR.TAG").is_file(),
+            true => !path.is_symlink() && !is_of_others(&path),
             false => ending == "wgsl" || ending == "wesl",
         };
         if is_ours && holds {

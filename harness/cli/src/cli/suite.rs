@@ -32,7 +32,7 @@ pub(super) struct Args {
     exact: bool,
     /// Leave frames out
     #[arg(long)]
-    functions: bool,
+    no_frames: bool,
     /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
     #[arg(long, hide = true)]
     serve: bool,
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         Some(filter) => test.is_about(filter),
         None => true,
     };
-    let frames = !args.functions;
+    let frames = !args.no_frames;
     let tests: Vec<&Test> =
         suite.tests.iter().filter(|test| wanted(test) && (frames || !test.is_frame())).collect();
     if args.list {

@@ -431,7 +431,8 @@ impl<'a> Asked<'a> {
                 );
                 return NotThere(none);
             }
-            let none = "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project";
+            let none = "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project; `karat init` writes a \
+                        first one";
             return NotThere(none.to_owned());
         };
         let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
@@ -449,7 +450,8 @@ impl<'a> Asked<'a> {
         let is_so = if self.args.exact { "is called" } else { "has a name with" };
         NotThere(match (names.len(), self.folder.is_some()) {
             (0, true) => {
-                "there are no tests: no function with `@test`, and no `*.test.toml`".to_owned()
+                "there are no tests: no function with `@test`, and no `*.test.toml`; `karat init` writes a first one"
+                    .to_owned()
             }
             (0, false) => {
                 format!("there is no folder or file `{filter}`{near}; and there are no tests")
@@ -720,7 +722,7 @@ fn write_untested(
         let name = package.name();
         writeln!(
             out,
-            "\n{DIM}{name}: which functions have no test isn't known before its modules are valid{DIM:#}"
+            "\n{DIM}{name}: which functions have no test isn't known before it is valid{DIM:#}"
         )?;
     }
     Ok(())

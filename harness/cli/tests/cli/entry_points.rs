@@ -588,7 +588,19 @@ fn draws_that_write_are_counted() {
         ran.out.contains("; 1 check of passes or draws wasn't looked through by the sanitizer")
     };
     assert!(last("collect", "with = { count = 0 }\n"));
+    // What needs no frame runs without.
+    let test = "[[test]]\nfunction = \"plain\"\nfinite = true\n";
+    let declared = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("written");
+    write(folder.path(), "m.test.toml", &format!("{declared}{test}"));
+    let ran = karat(folder.path(), &["test", ".", "--paths", "cpu", "--no-frames"]).good();
+    assert!(ran.contains("1 check, 0 failed") && ran.contains("frames were left out"), "{ran}");
     assert!(!last("plain", ""));
+    // What a frame draws with has a test.
+    let list = karat(folder.path(), &["list"]).good();
+    let has = |name: &str, word: &str| {
+        list.lines().any(|line| line.contains(name) && line.contains(word))
+    };
+    assert!(has("m::plain", "  yes  ") && has("m::collect", "  no  "), "{list}");
 }
 
 #[test]

@@ -139,12 +139,9 @@ fn what_has_nothing_to_test_is_told() {
     assert!(init().contains("has no .wgsl or .wesl file"), "{}", init());
     write(folder.path(), "a.wgsl", "@compute @workgroup_size(1) fn main() {}\n");
     assert!(init().contains("`a::main`") && init().contains("nothing is written"), "{}", init());
-    write(
-        folder.path(),
-        "a.wgsl",
-        "@vertex fn main() -> @builtin(position) vec4f { return vec4f(); }\n",
-    );
-    assert!(init().contains("no function of `.` takes what a first test can give"), "{}", init());
+    write(folder.path(), "a.wgsl", "struct A { x: f32 }\n");
+    let nothing = karat(folder.path(), &["init"]);
+    assert!(nothing.code == Some(2) && nothing.out.contains("declares no function"), "{nothing:?}");
     write(folder.path(), "a.wgsl", "fn f(x: f32) -> f32 { return sqrt(-1.0 - x * x); }\n");
     assert!(init().contains("karat hazards"), "{}", init());
     // Where no test passes nothing is written: not even what goes with it.
@@ -432,4 +429,40 @@ fn a_project_for_the_web_gets_a_script() {
     init().good();
     let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     assert_eq!(again, manifest, "once is enough");
+}
+
+/// What npm installed is nobody's here, and the folder with all modules is the package, by whatever command.
+#[test]
+fn the_folder_that_has_all_modules_is_found() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "package.json", "{}\n");
+    write(path, "node_modules/a/shaders/lib.wgsl", "fn broken( {\n");
+    let draws = "@fragment fn main(@location(0) uv: vec2f) -> @location(0) vec4f {\n    \
+                 return vec4f(fract(uv), 0.0, 1.0);\n}\n";
+    write(path, "src/shaders/draw.wgsl", draws);
+    let run = |arguments: &[&str]| {
+        let mut command = command(path, arguments);
+        output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
+    };
+    // A module of entry points alone has a test, too.
+    let said = run(&["init"]).good();
+    assert!(said.contains("wrote src/shaders/draw.test.toml, a test of `draw::main`"), "{said}");
+    assert!(said.contains("karat watch src/shaders"), "{said}");
+    // Imports begin at that folder, for each command.
+    write(
+        path,
+        "src/shaders/noise.wgsl",
+        "import package::draw::main;\nfn one() -> f32 { return 1.0; }\n",
+    );
+    let list = run(&["list"]).good();
+    assert!(list.contains("noise::one() -> f32") && !list.contains("src::"), "{list}");
+    let row = list.lines().find(|line| line.contains("draw::main")).unwrap_or_default();
+    assert!(row.contains("  yes  "), "the record of its test is found: {list}");
+    run(&["test"]).good();
+    run(&["hazards", "--only", "one"]).good();
+    // A package within a package would be no command's.
+    write(path, "karat.toml", "");
+    let error = run(&["init", "src/shaders"]).error();
+    assert!(error.contains("`src/shaders` is a part of it: run `karat init .`"), "{error}");
 }

@@ -114,7 +114,7 @@ fn a_syntax_error_makes_no_function_untested() {
     {
         write(folder.path(), "brdf.wgsl", &broken);
         let ran = cpu(folder.path(), &["--html", "report.html"]);
-        let told = "which functions have no test isn't known before its modules are valid";
+        let told = "which functions have no test isn't known before it is valid";
         assert!(!ran.out.contains(listed) && ran.out.contains(told), "{ran:?}");
     }
 }
@@ -952,9 +952,9 @@ fn the_readme_shows_what_its_first_test_says() {
     let readme = readme.expect("the repository's");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut files = 0;
-    for block in readme.split("```wgsl\n// ").skip(1) {
+    for (before, block) in readme.split("```wgsl\n").zip(readme.split("```wgsl\n").skip(1)) {
         let text = block.split("```").next().unwrap_or_default();
-        let (name, text) = text.split_once('\n').expect("a name, and its text");
+        let name = before.trim_end().trim_end_matches("`:").rsplit('`').next().expect("a name");
         let path = folder.path().join(name);
         write(
             path.parent().expect("a folder"),

@@ -9,6 +9,7 @@ use std::io::Write;
 use karat::unstable::output::{Style, counted, one_line};
 use karat::unstable::record::{Record, Run, Subject, Verdict};
 
+use super::super::check::OF_PACKAGE;
 use super::{is_failure, outside};
 use crate::cli::Ending;
 use crate::cli::table::{BAD, GOOD};
@@ -91,10 +92,16 @@ impl Sum {
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
         };
-        if !run.invalid.is_empty() {
-            let are = if run.invalid.len() == 1 { "isn't" } else { "aren't" };
-            let modules = counted(run.invalid.len(), "module");
-            sum = sum.with(format!("{modules} {are} valid: {}", first(&run.invalid)));
+        let of_package = |name: &String| name.starts_with(OF_PACKAGE);
+        let (packages, modules): (Vec<_>, Vec<_>) =
+            run.invalid.iter().cloned().partition(of_package);
+        if !modules.is_empty() {
+            let are = if modules.len() == 1 { "isn't" } else { "aren't" };
+            let counted = counted(modules.len(), "module");
+            sum = sum.with(format!("{counted} {are} valid: {}", first(&modules)));
+        }
+        for package in packages {
+            sum = sum.with(format!("{} isn't valid", one_line(&package)));
         }
         if run.not_run > 0 {
             let tests = counted(run.not_run, "test");
@@ -249,6 +256,8 @@ mod tests {
             "1 module isn't valid: a::b; 1 check passed, 1 known issue"
         );
         assert_eq!(line(one, Some(&invalid)), "1 module isn't valid: a::b; 1 check, 1 failed");
+        let of_package = Run { invalid: names(&["package p"]), ..red.clone() };
+        assert_eq!(line(one, Some(&of_package)), "package p isn't valid; 1 check, 1 failed");
         let other = Run { failed: names(&["other"]), ..red.clone() };
         assert_eq!(
             line(&[], Some(&other)),

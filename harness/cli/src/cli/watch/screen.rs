@@ -231,7 +231,7 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
             (BAD, format!("{path}: not valid; {pass}; {ran} ran  {took}"))
         }
         (.., 0) if *count == 0 && *idle == 0 => match lane.alone {
-            true => (BAD, format!("{path}: there are no tests")),
+            true => (BAD, format!("{path}: there are no tests: `karat init` writes a first one")),
             false => (DIM, format!("{path}: no tests here  {took}")),
         },
         (.., 0) if *ran == 0 => {
