@@ -23,12 +23,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
-use crate::dispatch::{Passes, Violation};
+use crate::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
 use crate::interpret::Reach;
-pub use crate::interpret::Unreached;
+pub use crate::interpret::{Unreached, Way};
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
@@ -43,6 +43,9 @@ const CASES: usize = 4096;
 
 /// The same arguments in every run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
+
+/// The last corner of the twelve triangles of a box.
+const LAST_VERTEX: f64 = 35.0;
 
 /// Rounds in which a changed input is made simpler.
 const ROUNDS: usize = 64;
@@ -93,7 +96,8 @@ pub struct Compared {
     /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// Where nothing changed: lines of the edit that no input came to, before it or after it. Of these nothing is known.
+    /// Where nothing changed: lines of the edit, before it or after it, that no input came to, and conditions that each input
+    /// decided alike. Of these nothing is known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unreached: Vec<Unreached>,
 }
@@ -323,6 +327,9 @@ impl Request {
                 Err(_) => {}
             }
         }
+        if matches!(change, Change::Same { .. }) && violations.is_empty() {
+            violations.extend(ran.reached.outside(name));
+        }
         let unreached = match change {
             Change::Same { .. } if violations.is_empty() => ran.reached.unreached(),
             _ => Vec::new(),
@@ -335,7 +342,14 @@ impl Request {
 
     /// Runs both on each path, over each content of buffers.
     fn run_both(&self, before: &Probed, after: &Probed, ran: &mut Ran) -> Result<Change, String> {
-        let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        // A shader may look its corners up: one of 3 is as right as one of 36, and both sides have the same.
+        for (path, builtin) in &after.function.form.builtins {
+            if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
+            {
+                ranges.declare(path, 0.0, LAST_VERTEX)?;
+            }
+        }
         let arguments = Arguments::of(&after.function, &ranges)?;
         ran.drawn = arguments.drawn();
         let (count, rows) = arguments.rows(SEED, self.cases);
@@ -348,8 +362,8 @@ impl Request {
             let (count, rows) = arguments.part(&rows, count, variant);
             // What one of them reads and the other doesn't is made up for the one that reads it.
             let mut old = Resources::of(before, &ranges, variant)?;
-            let new = Resources::of(after, &ranges, variant)?;
-            hold_the_same(&mut old.fixtures, &new.fixtures, before, after);
+            let mut new = Resources::of(after, &ranges, variant)?;
+            hold_the_same([&mut old.fixtures, &mut new.fixtures], before, after);
             ran.drawn.merge(new.drawn);
             let varies = old.varies || new.varies;
             let members = new.members;
@@ -413,25 +427,47 @@ struct Ran {
 
 /// What inputs come to before the edit and after it.
 #[derive(Default)]
-struct Both([Reach; 2]);
+struct Both {
+    sides: [Reach; 2],
+    /// True if a result depends on an index outside after the edit, and doesn't before it.
+    strays: bool,
+}
 
 impl Both {
     /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
     fn add_calls(&mut self, sides: [&Probed; 2], fixtures: &[Fixtures; 2], rows: (usize, &[u32])) {
-        for ((reach, side), fixtures) in self.0.iter_mut().zip(sides).zip(fixtures) {
-            let _ = reach.add_calls(side, fixtures, rows);
+        let mut strays = [Vec::new(), Vec::new()];
+        for number in 0..sides.len() {
+            let reach = &mut self.sides[number];
+            let own = reach.add_calls(sides[number], &fixtures[number], rows);
+            strays[number] = own.unwrap_or_default();
         }
+        let [before, after] = strays;
+        self.strays |= after.iter().zip(&before).any(|(after, before)| *after && !before);
     }
 
     fn add_passes(&mut self, sides: [&Passes; 2]) {
-        for (reach, side) in self.0.iter_mut().zip(sides) {
+        for (reach, side) in self.sides.iter_mut().zip(sides) {
             let _ = reach.add_passes(side);
         }
     }
 
     fn unreached(&self) -> Vec<Unreached> {
-        let [before, after] = &self.0;
+        let [before, after] = &self.sides;
         [after.unreached_beside(before), before.unreached_beside(after)].concat()
+    }
+
+    /// The index outside that an edit brings to a function, and that its results depend on.
+    fn outside(&self, function: &str) -> Option<Violation> {
+        let [before, after] = &self.sides;
+        let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
+        let headline = format!(
+            "`{function}` has an index outside of an array or a texture, and its results depend on it"
+        );
+        let does = "has an index beyond the array, or its texture's edge".to_owned();
+        let (place, invocation) = (place.to_string(), "a call".to_owned());
+        let access = ViolationAccess { place, invocation, does };
+        Some(Violation::new(function, ViolationKind::Outside, (headline, 1), vec![access]))
     }
 }
 
@@ -477,13 +513,26 @@ fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
     after.bindings.iter().filter_map(of).collect()
 }
 
-/// A resource with another name holds the same: contents come from names.
-fn hold_the_same(old: &mut Fixtures, new: &Fixtures, before: &Probed, after: &Probed) {
+/// A resource with another name holds the same: contents come from names. One that is written on one side is as long as that
+/// side's on both.
+fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
+    let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     for (was, is) in renamed(Side::of(before), Side::of(after)) {
-        let of =
-            |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
         if let (Some(from), Some(to)) = (of(new, &is), of(old, &was)) {
             old[to].1 = new[from].1.clone();
+        }
+    }
+    let written = |side: &Probed, path: &str| {
+        let mut bindings = side.function.bindings.iter();
+        bindings.any(|one| one.path == path && one.kind.is_written())
+    };
+    for at in 0..old.len() {
+        let path = old[at].0.clone();
+        let Some(other) = of(new, &path) else { continue };
+        match (written(before, &path), written(after, &path)) {
+            (true, false) => new[other].1 = old[at].1.clone(),
+            (false, true) => old[at].1 = new[other].1.clone(),
+            _ => {}
         }
     }
 }
@@ -509,7 +558,12 @@ fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
             all.push(format!("`{name}` is bound at {}, and was at {}", at(new), at(old)));
         }
         if old.kind != new.kind {
-            all.push(format!("`{name}` is a {}, and was a {}", new.kind, old.kind));
+            let [was, is] = [old, new].map(|binding| binding.kind.to_string());
+            let access = |one: &Binding| if one.kind.is_written() { "read_write" } else { "read" };
+            all.push(match was == is {
+                true => format!("`{name}` is {}, and was {}", access(new), access(old)),
+                false => format!("`{name}` is a {is}, and was a {was}"),
+            });
         }
         let bytes = |side: Side<'_>, binding: &Binding| side.program.least_bytes(binding);
         if bytes(before, old) != bytes(after, new) {

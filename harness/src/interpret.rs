@@ -44,7 +44,7 @@ pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
 pub(crate) use reach::Reach;
-pub use reach::Unreached;
+pub use reach::{Unreached, Way};
 pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
 pub(crate) use written::written;
 
@@ -179,15 +179,19 @@ impl Interpreted {
     /// on a derivative, or a texture that is sampled by one, whose errors have no bound (15.7.4).
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        let words = |rows: &[u32], outside| {
-            let options = Options { outside, ..self.options() };
-            self.words_of(self.call_with::<F32>(cases, rows, &options)?)
-        };
-        let mut open = differing(|outside| words(arguments, outside))?;
+        let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
-            quads.open(arguments, &mut open, |rows| words(rows, None))?;
+            quads.open(arguments, &mut open, |rows| self.words(cases, rows))?;
         }
         Ok(open)
+    }
+
+    /// The lanes of the results that depend on a read or a write outside of an array or a texture.
+    fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
+        differing(|outside| {
+            let options = Options { outside, ..self.options() };
+            self.words_of(self.call_with::<F32>(cases, arguments, &options)?)
+        })
     }
 
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
@@ -465,7 +469,6 @@ pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
 const OUTSIDE: [u8; 3] = [0, 47, u8::MAX];
 
 /// Which words of runs differ with what is read outside of arrays.
-#[cfg(feature = "routes")]
 fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(None)?;
     let mut differs = vec![false; usual.len()];

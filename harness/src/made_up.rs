@@ -72,7 +72,7 @@ impl Ranges {
     }
 
     /// The range of a path such as `params.groups`.
-    fn get(&self, path: &str) -> Option<(f64, f64)> {
+    pub(crate) fn get(&self, path: &str) -> Option<(f64, f64)> {
         let own = path.rsplit('.').next().unwrap_or(path);
         self.declared.get(path).or_else(|| self.declared.get(own)).copied()
     }

@@ -282,11 +282,11 @@ impl<'p, A: Rules> Machine<'p, A> {
             let instruction = &code.instructions[at];
             at += 1;
             self.site = instruction.site;
+            let start = instruction.at as usize;
+            let registers = &code.pool[start..start + instruction.count as usize];
             if SEEN && !instruction.op.is_an_end() {
                 observer.reached(instruction.site as usize);
             }
-            let start = instruction.at as usize;
-            let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
                 Op::Float(rule) => {
                     if SEEN {

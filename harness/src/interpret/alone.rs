@@ -91,14 +91,22 @@ impl Alone {
     /// that is.
     #[cfg(feature = "routes")]
     pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
-        let words = |rows: &[u32], outside| {
-            self.words_with(cases, rows, &Options { outside, ..Options::default() })
-        };
-        let mut open = super::differing(|outside| words(arguments, outside))?;
+        let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
-            quads.open(arguments, &mut open, |rows| words(rows, None))?;
+            quads.open(arguments, &mut open, |rows| self.words(cases, rows))?;
         }
         Ok(open)
+    }
+
+    /// The words that depend on a read or a write outside of an array or a texture.
+    pub(super) fn of_outside(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+    ) -> Result<Vec<bool>, ProbeError> {
+        super::differing(|outside| {
+            self.words_with(cases, arguments, &Options { outside, ..Options::default() })
+        })
     }
 
     /// For each case the words of what the function returns, of what its pointers point to and of the

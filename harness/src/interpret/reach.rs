@@ -1,9 +1,9 @@
-//! The operations that inputs come to.
+//! The operations that inputs come to, and the ways that they take from there.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use karat_engine::{F32, Observer, Program as Lowered};
+use karat_engine::{F32, Fault, Faulty, Lanes, Observer, Program as Lowered, Site};
 
 use super::dispatch::in_order;
 use super::sanitizer::made_up_options;
@@ -15,108 +15,200 @@ use crate::fixture::Fixtures;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// The places of operations, and whether some input came there.
+/// The places of operations, and what inputs do there.
 #[derive(Debug, Default)]
 pub(crate) struct Reach {
-    by_place: BTreeMap<(String, usize, usize), (Span, bool)>,
+    by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
-/// An operation that no input came to.
+/// What inputs do at a place.
+#[derive(Debug)]
+struct Seen {
+    span: Span,
+    reached: bool,
+    /// Of a condition.
+    is_true: bool,
+    is_false: bool,
+    /// True if an index left its array.
+    outside: bool,
+}
+
+impl Seen {
+    fn at(span: Span) -> Self {
+        Self { span, reached: false, is_true: false, is_false: false, outside: false }
+    }
+}
+
+/// A part of an edit that inputs don't show.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Unreached {
     /// `file:line:column`
     pub place: String,
     /// Its line, as the author wrote it.
     pub text: String,
+    /// What no input does there.
+    pub why: Way,
 }
 
-/// Sites by their numbers.
-struct Reached(Vec<AtomicBool>);
+/// What no input does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Way {
+    /// It comes there.
+    There,
+    /// It makes a condition true.
+    True,
+    /// It makes a condition false.
+    False,
+}
 
-impl Observer<F32> for Reached {
+/// What lanes do at a site.
+#[derive(Default)]
+struct Ways {
+    reached: AtomicBool,
+    is_true: AtomicBool,
+    is_false: AtomicBool,
+    outside: AtomicBool,
+}
+
+/// The same of all sites, by their numbers.
+struct AllWays {
+    all: Vec<Ways>,
+    /// The address of the first site, which stand one behind the other.
+    first: usize,
+}
+
+impl Observer<F32> for AllWays {
     fn reached(&self, site: usize) {
-        self.0[site].store(true, Ordering::Relaxed);
+        self.all[site].reached.store(true, Ordering::Relaxed);
+    }
+
+    fn others(&self, lanes: &Lanes<'_, F32>) {
+        let ways = self.of_site(lanes.site);
+        for values in lanes.bools {
+            for (&is, _) in values.iter().zip(lanes.active).filter(|(_, active)| **active) {
+                let way = if is { &ways.is_true } else { &ways.is_false };
+                way.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+
+    fn fault(&self, one: &Faulty<'_>) {
+        if let Fault::Index(_) = one.fault {
+            self.of_site(one.site).outside.store(true, Ordering::Relaxed);
+        }
     }
 }
 
-impl Reached {
+impl AllWays {
     fn of(lowered: &Lowered) -> Self {
-        Self(lowered.sites().iter().map(|_| AtomicBool::new(false)).collect())
+        let all = lowered.sites().iter().map(|_| Ways::default()).collect();
+        Self { all, first: lowered.sites().as_ptr().addr() }
+    }
+
+    fn of_site(&self, site: &Site) -> &Ways {
+        &self.all[(std::ptr::from_ref(site).addr() - self.first) / size_of::<Site>()]
     }
 }
 
 impl Reach {
-    /// Adds what calls of a function come to.
+    /// Adds what calls of a function come to. Returns the lanes of the results that depend on what is read outside of arrays.
     pub(crate) fn add_calls(
         &mut self,
         probed: &Probed,
         fixtures: &Fixtures,
         (count, rows): (usize, &[u32]),
-    ) -> Result<(), ProbeError> {
+    ) -> Result<Vec<bool>, ProbeError> {
         match probed.function().form.alone {
             false => {
                 let called = Interpreted::new(probed, fixtures)?;
-                let reached = Reached::of(called.parts().0);
-                called.observed(count, rows, &called.options(), &reached)?;
-                self.add(called.parts(), &reached);
+                let ways = AllWays::of(called.parts().0);
+                called.observed(count, rows, &called.options(), &ways)?;
+                self.add(called.parts(), &ways);
+                called.of_outside(count, rows)
             }
             true => {
                 let called = Alone::new(probed, fixtures)?;
-                let reached = Reached::of(called.parts().0);
+                let ways = AllWays::of(called.parts().0);
                 let width = rows.len() / count.max(1);
                 for case in 0..count {
-                    called.run(&rows[case * width..][..width], &reached)?;
+                    called.run(&rows[case * width..][..width], &ways)?;
                 }
-                self.add(called.parts(), &reached);
+                self.add(called.parts(), &ways);
+                called.of_outside(count, rows)
             }
         }
-        Ok(())
     }
 
     /// Adds what the invocations of passes over made-up resources come to.
     pub(crate) fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
-            let reached = Reached::of(lowered);
-            lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &reached)?;
-            self.add((lowered, &pass.program), &reached);
+            let ways = AllWays::of(lowered);
+            lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &ways)?;
+            self.add((lowered, &pass.program), &ways);
             Ok(true)
         })?;
         Ok(())
     }
 
-    fn add(&mut self, (lowered, program): (&Lowered, &Program), reached: &Reached) {
-        for site in lowered.operations().collect::<BTreeSet<_>>() {
-            let reached = &reached.0[site];
-            if let Some(span) = statement_of(program, &lowered.sites()[site]) {
-                let place = (span.file.name.clone(), span.range.start, span.range.end);
-                let known = self.by_place.entry(place).or_insert((span, false));
-                known.1 |= reached.load(Ordering::Relaxed);
-            }
+    fn add(&mut self, (lowered, program): (&Lowered, &Program), ways: &AllWays) {
+        let is = |way: &AtomicBool| way.load(Ordering::Relaxed);
+        for number in lowered.operations().collect::<BTreeSet<_>>() {
+            let site = &lowered.sites()[number];
+            let Some(span) = statement_of(program, site) else { continue };
+            let place = (span.file.name.clone(), span.range.start, span.range.end);
+            let known = self.by_place.entry(place).or_insert_with(|| Seen::at(span));
+            let own = &ways.all[number];
+            known.reached |= is(&own.reached);
+            known.is_true |= is(&own.is_true);
+            known.is_false |= is(&own.is_false);
+            known.outside |= is(&own.outside);
         }
     }
 
-    /// The lines that no input came to, of operations that the other side of an edit has fewer of.
+    /// The lines that no input came to, and conditions that each input decided alike, of operations that the other side of
+    /// an edit has fewer of.
     pub(crate) fn unreached_beside(&self, other: &Self) -> Vec<Unreached> {
-        let mut more = BTreeMap::<String, i64>::new();
-        self.spans().for_each(|span| *more.entry(plain(span)).or_default() += 1);
-        other.spans().for_each(|span| *more.entry(plain(span)).or_default() -= 1);
         let mut lines: Vec<Unreached> = Vec::new();
         let mut known = None;
-        for (span, reached) in self.by_place.values() {
-            if *reached || more[&plain(span)] <= 0 {
-                continue;
-            }
+        for seen in self.more_than(other, |_| true) {
+            let why = match (seen.reached, seen.is_true, seen.is_false) {
+                (false, ..) => Way::There,
+                (true, false, true) => Way::True,
+                (true, true, false) => Way::False,
+                _ => continue,
+            };
+            let span = &seen.span;
             let (line, _) = span.file.line_column(span.range.start);
             if known.replace((&span.file.name, line)) != Some((&span.file.name, line)) {
                 let text = span.file.text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
-                lines.push(Unreached { place: span.to_string(), text: text.trim().to_owned() });
+                let (place, text) = (span.to_string(), text.trim().to_owned());
+                lines.push(Unreached { place, text, why });
             }
         }
         lines
     }
 
-    fn spans(&self) -> impl Iterator<Item = &Span> {
-        self.by_place.values().map(|(span, _)| span)
+    /// The places whose indices leave their arrays here, and not on the other side.
+    pub(crate) fn outside_beside(&self, other: &Self) -> Vec<Span> {
+        self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
+    }
+
+    /// The places of a kind whose text the other side has less often.
+    fn more_than<'r>(
+        &'r self,
+        other: &Self,
+        is: impl Fn(&Seen) -> bool + Copy + 'r,
+    ) -> impl Iterator<Item = &'r Seen> {
+        let mut more = BTreeMap::<String, i64>::new();
+        let of = |reach: &Self| -> Vec<String> {
+            let all = reach.by_place.values().filter(|seen| is(seen));
+            all.map(|seen| plain(&seen.span)).collect()
+        };
+        of(self).into_iter().for_each(|text| *more.entry(text).or_default() += 1);
+        of(other).into_iter().for_each(|text| *more.entry(text).or_default() -= 1);
+        let own = self.by_place.values().filter(move |seen| is(seen));
+        own.filter(move |seen| more[&plain(&seen.span)] > 0)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The sizes of what a compute pass is dispatched over.
 
 use super::meaning::words;
+use super::resources::hashed;
 
 /// Words of names that mean a number of elements, of integers.
 const ELEMENTS: [&str; 10] =
@@ -36,13 +37,8 @@ impl Numbered {
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
-            // Hashed, by the finalizer of MurmurHash3, so that each neighbourhood comes; three of eight bits are set.
-            Self::Bits => {
-                let mut bits = element.wrapping_mul(0x9e37_79b9);
-                bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
-                bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
-                u32::from((bits ^ bits >> 16) & 7 < 3)
-            }
+            // So that each neighbourhood comes; three of eight are set.
+            Self::Bits => u32::from(hashed(0, element) & 7 < 3),
         }
     }
 }
@@ -57,8 +53,12 @@ pub(crate) struct Extents {
     pub(crate) numbered: Option<Numbered>,
     /// The least of whole numbers of which the name says nothing; `None`: they are drawn.
     least: Option<u32>,
-    /// True if texels are as often below 0 as above it.
-    pub(super) signed: bool,
+    /// True if texels are noise, of which many are below 0.
+    pub(super) noise: bool,
+    /// True if floats of arrays are below 0, where nothing says what they are.
+    pub(super) negative: bool,
+    /// The byte of names' hashes by which some arrays without a length are shorter; `None`: they aren't.
+    shorter: Option<usize>,
 }
 
 impl Extents {
@@ -73,6 +73,10 @@ impl Extents {
     /// The one of them whose elements are no multiple of the workgroup.
     #[cfg(feature = "engine")]
     pub(crate) const TAIL: usize = 1;
+
+    /// Another one: its floats are below 0, so that an element that isn't there is seen among them.
+    #[cfg(feature = "engine")]
+    const NEGATIVE: usize = 4;
 
     /// In these a line of elements has several rows. No race of another variant comes of it.
     #[cfg(feature = "engine")]
@@ -102,8 +106,6 @@ impl Extents {
     /// workgroup. The others try the numbers that a parameter may be compared with, and then draws.
     #[cfg(feature = "engine")]
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
-        /// The invocations of the last workgroup without an element.
-        const LESS: u32 = 3;
         /// Elements of arrays, at least.
         const LEAST: u32 = 64;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
@@ -112,11 +114,17 @@ impl Extents {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         let own = variant % Self::ZEROS;
-        if own == Self::TAIL {
+        // The invocations of the last workgroup without an element: an odd number, or an even one.
+        let less = match own {
+            Self::TAIL => 3,
+            Self::NEGATIVE => 4,
+            _ => 0,
+        };
+        if less > 0 {
             // A host has no reason to round up workgroups of one.
             let of_one = size.map(|count| count == 1);
             elements = [0, 1, 2].map(|k| match elements[k] {
-                count if count > LESS && !of_one[k] => count - LESS,
+                count if count > less && !of_one[k] => count - less,
                 count => count,
             });
         }
@@ -132,7 +140,7 @@ impl Extents {
             1 => (Some(Numbered::Backwards), Some(1)),
             2 => (Some(Numbered::Backwards), Some(2)),
             Self::REPEATED => (Some(Numbered::Bits), Some(3)),
-            4 => (Some(Numbered::Forwards), Some(4)),
+            Self::NEGATIVE => (Some(Numbered::Forwards), Some(4)),
             5 => (Some(Numbered::Forwards), Some(0)),
             // More than a tile of 8 or 16 has: a loop over tiles goes round several times.
             6 => (Some(Numbered::Forwards), Some(33)),
@@ -144,8 +152,9 @@ impl Extents {
             1 => Some(Numbered::Zero),
             _ => Some(Numbered::Apart),
         };
-        let signed = own == Self::TWICE;
-        Self { elements, workgroups, numbered, least, signed }
+        let (noise, negative) = (own == Self::TWICE, own == Self::NEGATIVE);
+        let shorter = matches!(own, 6 | 8).then_some(own);
+        Self { elements, workgroups, numbered, least, noise, negative, shorter }
     }
 
     /// A whole number of which the name says nothing. From 2 to 4 upwards some have others than their neighbours, so that one
@@ -176,6 +185,15 @@ impl Extents {
         }
     }
 
+    /// The elements of an array without a length.
+    pub(super) fn elements_of(&self, name: &str) -> u32 {
+        /// Eighths of all: what appends each other element goes beyond some.
+        const EIGHTHS: [u32; 4] = [8, 5, 3, 2];
+        let hash = blake3::hash(name.as_bytes());
+        let own = self.shorter.map_or(0, |byte| usize::from(hash.as_bytes()[byte]));
+        self.total().saturating_mul(EIGHTHS[own % EIGHTHS.len()]) / 8
+    }
+
     /// All elements.
     pub(crate) fn total(&self) -> u32 {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
@@ -197,7 +215,7 @@ impl Extents {
         Some(match () {
             () if has(&["offset", "start", "first", "base", "begin"]) => 0,
             () if has(&["channels", "components"]) => 1,
-            () if has(&["width", "columns", "stride", "pitch"]) => self.elements[0],
+            () if has(&["width", "columns", "cols", "stride", "pitch"]) => self.elements[0],
             () if has(&["height", "rows"]) => self.elements[1],
             () if has(&["groups", "workgroups"]) => match lanes {
                 1 => self.workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count)),

@@ -117,8 +117,13 @@ impl Resources {
     ) -> Result<Self, String> {
         let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
         let mut named = Vec::new();
-        let elements = ranges.extents.map_or(ELEMENTS, |extents| extents.total() as usize);
         for binding in bindings {
+            let elements = match ranges.extents {
+                Some(extents) => extents.elements_of(&binding.path) as usize,
+                // What is written is as long as the results that are read back.
+                None if binding.kind.is_written() => ELEMENTS,
+                None => LENGTHS[variant % LENGTHS.len()],
+            };
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     Some(
@@ -213,8 +218,10 @@ impl Resources {
                                 lanes.extend(parts.iter().map(|_| how.of(at, *length)));
                                 continue;
                             }
+                            let first = lanes.len();
                             let values = parts.iter().map(|one| one.part.value(index, source));
                             lanes.extend(values.flatten().flatten());
+                            ranges.negate(&parts, &mut lanes[first..]);
                         }
                     }
                 }
@@ -238,7 +245,11 @@ impl Resources {
                         continue;
                     }
                     self.note(&one);
+                    let first = lanes.len();
                     lanes.extend(one.part.value(index, source).unwrap_or_default());
+                    if self.depth > 0 {
+                        ranges.negate(std::slice::from_ref(&one), &mut lanes[first..]);
+                    }
                 }
                 self.members.push((path.to_owned(), other.format(&lanes[start..])));
                 Ok(())
@@ -252,6 +263,21 @@ impl Ranges {
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
+    }
+
+    /// Makes floats negative where that is wanted, and nothing says what they are.
+    fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
+        const SIGN: u32 = 1 << 31;
+        if !self.extents.is_some_and(|extents| extents.negative) {
+            return;
+        }
+        let scalars =
+            parts.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, scalar)));
+        for (lane, (one, scalar)) in lanes.iter_mut().zip(scalars) {
+            if one.guessed && *scalar == Scalar::F32 {
+                *lane |= SIGN;
+            }
+        }
     }
 
     fn numbered(&self) -> Option<Numbered> {
@@ -326,6 +352,12 @@ const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 /// Elements of an array whose length the shader doesn't say.
 const ELEMENTS: usize = 64;
 
+/// The same in each variant, of an array that is read: a guard that is left out shows where it is short.
+const LENGTHS: [usize; VARIANTS] = [ELEMENTS, ELEMENTS, 16, ELEMENTS, 3, ELEMENTS];
+
+/// The variant whose textures are noise, of functions.
+const NOISE: usize = VARIANTS - 1;
+
 /// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
 fn source_of(path: &str, variant: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
@@ -350,6 +382,11 @@ fn texture_or_sampler(
     let is_own = content == Content::Own;
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
+    // A pass meets colours below 0.
+    let noise = match extents {
+        Some(extents) => extents.noise.then_some(-0.5),
+        None => (variant == NOISE).then_some(0.0),
+    };
     let sides = match extents {
         // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
@@ -368,14 +405,13 @@ fn texture_or_sampler(
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, variant % 2 == 1));
-            let signed = extents.is_some_and(|extents| extents.signed);
             let of = (kind.dimension, kind.arrayed);
-            texture(of, sides, (kind.texels, signed), samples, own).into()
+            texture(of, sides, (kind.texels, noise), samples, own).into()
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();
             let own = is_own.then_some((&mut source, variant % 2 == 1));
-            texture((dimension, arrayed), sides, (texels, false), 1, own).without_mips().into()
+            texture((dimension, arrayed), sides, (texels, noise), 1, own).without_mips().into()
         }
         BindingKind::Sampler { comparison: false } if !is_own => Sampler::LINEAR.into(),
         BindingKind::Sampler { comparison: true } if !is_own => {
@@ -398,6 +434,14 @@ fn texture_or_sampler(
     })
 }
 
+/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
+pub(super) fn hashed(bits: u32, number: u32) -> u32 {
+    let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
+    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
+    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
+    bits ^ bits >> 16
+}
+
 /// The nearest numbers that textures of 16-bit floats hold, too, which GL filters in place of 32-bit ones.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
     /// Steps of halves below 8.
@@ -406,11 +450,12 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 }
 
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
-/// curved, too, so that levels differ; and may be transparent. Floats may be below 0.
+/// curved, too, so that levels differ; and may be transparent. They may be noise instead, so that each order of neighbours
+/// comes.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
-    (texels, signed): (Texels, bool),
+    (texels, noise): (Texels, Option<f32>),
     samples: u32,
     own: Option<(&mut Source, bool)>,
 ) -> Texture {
@@ -419,14 +464,30 @@ fn texture(
         let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
         (source.unit() as f32, whole)
     });
+    // Of each texel and channel another one: of what is its own alone.
+    let noise = noise.filter(|_| own > 0.0);
+    let drawn = |at: [u32; 3], channel: u32| {
+        let bits = [at[0], at[1], at[2], channel].into_iter().fold(own.to_bits(), hashed);
+        (bits >> 8) as f32 / (1 << 24) as f32
+    };
     let wave = |x: u32, y: u32, z: u32| {
+        if let Some(least) = noise {
+            let texel =
+                glam::Vec4::from_array([0, 1, 2, 3].map(|channel| drawn([x, y, z], channel)));
+            let color = held_by_halves(texel.truncate() * (1.0 - least) + least);
+            return color.extend(if transparent { texel.w } else { 1.0 });
+        }
         let [x, y] = [(x, sides[0]), (y, sides[1])].map(|(n, side)| n as f32 / side as f32);
         let z = z as f32 / LAYERS as f32;
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
-        let texel = held_by_halves(if signed { texel - 0.5 } else { texel });
+        let texel = held_by_halves(texel);
         // A shader that divides by alpha meets 0.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
+    };
+    let number = |x: u32, y: u32, z: u32| match noise {
+        Some(_) => (drawn([x, y, z], 0) * MOST as f32) as u32 + whole,
+        None => x + y + z + whole,
     };
     match texels {
         Texels::Float => {
@@ -449,13 +510,14 @@ fn texture(
                 _ => texture,
             }
         }
-        Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| {
-            0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32
+        Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| match noise {
+            Some(_) => drawn([x, y, z], 0),
+            None => 0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32,
         }),
-        Texels::Sint => made(dimension, arrayed, sides, samples, |x, y, z| {
-            (x + y + z + whole).cast_signed() - 4
-        }),
-        Texels::Uint => made(dimension, arrayed, sides, samples, |x, y, z| x + y + z + whole),
+        Texels::Sint => {
+            made(dimension, arrayed, sides, samples, |x, y, z| number(x, y, z).cast_signed() - 4)
+        }
+        Texels::Uint => made(dimension, arrayed, sides, samples, number),
     }
 }
 
@@ -500,7 +562,7 @@ mod tests {
     #[test]
     fn textures_of_any_size_have_levels() {
         for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
-            let made = texture((Dimension::D2, false), sides, (Texels::Float, false), 1, None);
+            let made = texture((Dimension::D2, false), sides, (Texels::Float, None), 1, None);
             let fixture = Fixture::from(made);
             let levels = fixture.view().map(|view| view.levels.len());
             assert_eq!(levels, Some(count), "{sides:?}");

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
-use karat::unstable::compare::{Change, Compared, PathChange, Request, Unreached, WordChange};
+use karat::unstable::compare::{Change, Compared, PathChange, Request, Unreached, Way, WordChange};
 use karat::unstable::output::{counted, tell, visible};
 
 use super::project::Project;
@@ -187,9 +187,14 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         for line in drawn.lines(usize::MAX) {
             writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
         }
-        for Unreached { place, text } in &one.unreached {
+        for Unreached { place, text, why } in &one.unreached {
             unreached.insert(place);
-            writeln!(out, "    {KNOWN}no input came to{KNOWN:#} {place}: {text}")?;
+            let what = match why {
+                Way::There => "no input came to",
+                Way::True => "no input made it true:",
+                Way::False => "each input made it true:",
+            };
+            writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
         }
         brought += violations.len();
         for violation in violations {
@@ -223,7 +228,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
     if !unreached.is_empty() {
         let lines = counted(unreached.len(), "line");
-        write!(out, "; no input came to {lines} of the edits")?;
+        write!(out, "; inputs say nothing of {lines} of the edits")?;
     }
     if cut > 0 {
         write!(out, "; {} not run: their loops are too long", counted(cut, "input"))?;

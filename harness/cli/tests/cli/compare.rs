@@ -77,7 +77,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     for part in [
         "same       calc::bounded",
         "    no input came to calc.wgsl:3:9: return 3.0;\n",
-        "0 changed, 1 edited with the same results, 0 untouched; no input came to 2 lines of the edits\n",
+        "0 changed, 1 edited with the same results, 0 untouched; inputs say nothing of 2 lines of the edits\n",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
