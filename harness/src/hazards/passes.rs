@@ -176,7 +176,10 @@ fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
             let meets = !hazard.violation.as_ref().is_some_and(are_writes)
                 || apart.as_ref().is_none_or(|places| places.contains(&hazard.location));
             let surely = surely.contains(&(key.0.clone(), key.1, one_workgroup));
-            let of_content = by_index && !(meets && surely);
+            // Where numbers are all different no content makes two accesses of a workgroup's memory meet: it says which come.
+            // Of a buffer the places may be a sum of such numbers.
+            let in_order = hazard.kind == Kind::Race && in_workgroup && variant < Extents::SIZED;
+            let of_content = by_index && !(meets && surely) && !in_order;
             if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
                 let known = alone.entry(key).or_insert_with(|| Some((race.element.clone(), 0)));
                 let same =

@@ -305,8 +305,8 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         }
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
-            "the second access is of a later round of the loop, and a barrier between both lines orders those of one round: put \
-             a `{barrier}()` at the loop's end, too"
+            "the second access is of a later round of the loop, or of a later call, and a barrier between both lines orders \
+             those of one: put a `{barrier}()` at the end of the loop or of the function, too"
         )
     } else {
         format!(
@@ -488,8 +488,8 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     let (place, invocation) =
         (examining.span(&one.access.site), examining.invocation(one.access.invocation));
     let does = match one.count {
-        1 => "reads it".to_owned(),
-        count => format!("reads it, the first of {count} such reads by this line"),
+        1 => format!("reads `{element}`"),
+        count => format!("reads `{element}`, the first of {count} such reads by this line"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {

@@ -108,23 +108,28 @@ impl Extents {
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], variant: usize) -> Self {
         /// Elements of arrays, at least.
         const LEAST: u32 = 64;
+        /// Invocations along a side of two workgroups of 8 x 8.
+        const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
         if total < LEAST {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         let own = variant % Self::ZEROS;
-        // The invocations of the last workgroup without an element: an odd number, or an even one.
-        let less = match own {
+        // The invocations of the last workgroup without an element: an odd number, or an even one. Few of a short side, so
+        // that most have one.
+        let less = |count: u32| match own {
+            Self::TAIL if count <= SHORT => 1,
             Self::TAIL => 3,
+            Self::NEGATIVE if count <= SHORT => 2,
             Self::NEGATIVE => 4,
             _ => 0,
         };
-        if less > 0 {
+        if less(elements[0]) > 0 {
             // A host has no reason to round up workgroups of one.
             let of_one = size.map(|count| count == 1);
             elements = [0, 1, 2].map(|k| match elements[k] {
-                count if count > less && !of_one[k] => count - less,
+                count if count > less(count) && !of_one[k] => count - less(count),
                 count => count,
             });
         }

@@ -498,7 +498,7 @@ impl Assertion {
             let first = found.first().map(|(_, place, what)| Element {
                 place: Place::Whole(place.clone()),
                 actual: what.clone(),
-                expected: "numbers that are finite".to_owned(),
+                expected: "no such hazard".to_owned(),
                 error: String::new(),
             });
             let broken = first.map(|first| Broken { failures: found.len(), first: Some(first) });

@@ -207,6 +207,9 @@ impl TryFrom<Value> for NoHazards {
             Value::Boolean(false) => {
                 Err("`no_hazards = false` asserts nothing: leave it out".to_owned())
             }
+            Value::Array(kinds) if kinds.is_empty() => {
+                Err("`no_hazards = []` asserts nothing: name kinds, or write `true`".to_owned())
+            }
             Value::Array(kinds) => {
                 let kind = |kind: Value| {
                     let known = kind.try_into();
@@ -510,6 +513,7 @@ fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
     match unknown.and_then(|unknown| nearest(unknown, names)) {
+        Some(_) if message.contains("did you mean") => message.to_owned(),
         Some(near) => format!("{message}; did you mean `{near}`?"),
         None => message.to_owned(),
     }
@@ -826,6 +830,7 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
+            ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = \"nan\"\n", "or a list such as [\"nan\"]"),
             (
                 "[[test]]\nfunction = \"f\"\nfinite = true\naccept_hazard = { \"1 / x\" = \"why\" }\n",

@@ -135,7 +135,8 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 }
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let (mut changed, mut added, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0, 0);
+    let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
+        (0, 0, 0, 0, 0, 0);
     let (mut cut, mut moved, mut brought, mut unreached) = (0, 0, 0, BTreeSet::new());
     for one in all {
         let Compared { function, location, change, interface, drawn, violations, .. } = one;
@@ -175,7 +176,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
                 writeln!(out, "{DIM}added{DIM:#}      {function}")?;
             }
             Change::Removed => {
-                changed += 1;
+                removed += 1;
                 writeln!(out, "{BAD}removed{BAD:#}    {function}")?;
             }
             Change::Unjudged { reason } => {
@@ -208,13 +209,15 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
         }
     }
-    let style = match changed + unjudged + moved + brought + unreached.len() {
+    let style = match changed + removed + unjudged + moved + brought + unreached.len() {
         0 => GOOD,
         _ => BAD,
     };
     write!(out, "{style}{changed} changed{style:#}, ")?;
-    if added > 0 {
-        write!(out, "{added} added, ")?;
+    for (count, what) in [(added, "added"), (removed, "removed")] {
+        if count > 0 {
+            write!(out, "{count} {what}, ")?;
+        }
     }
     if moved > 0 {
         write!(out, "{moved} with other bindings or layouts, ")?;

@@ -182,7 +182,7 @@ fn write_text(
         let shown = if all { "above" } else { "--all shows them" };
         writeln!(
             out,
-            "{DIM}{} in fewer than 1 of 100 inputs, with arguments that were drawn by their types alone, or over \
+            "{DIM}{}, of few inputs whose arguments were drawn by their types alone, or over \
              sizes and indices that a host may never give: {shown}; --input NAME=LEAST..MOST says what they are{DIM:#}",
             counted(rare.len(), "rarer hazard")
         )?;
