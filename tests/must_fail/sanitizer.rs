@@ -80,7 +80,7 @@ data[id.x] = tile[i];"
     let compute = package.compute().with("data", Storage::new((0..64_u32).map(|i| i + 1)));
     let after = compute.dispatch("main", [1, 1, 1]).after("data").unrecorded();
     let seen = after.try_satisfies("is anything", |_: &[u32]| true).expect_err("it races");
-    assert!(seen.to_string().contains("at the loop's end, too"), "{seen}");
+    assert!(seen.to_string().contains("at the end of the loop or of the function, too"), "{seen}");
 }
 
 #[test]

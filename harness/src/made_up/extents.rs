@@ -1,7 +1,6 @@
 //! The sizes of what a compute pass is dispatched over.
 
 use super::meaning::words;
-use super::resources::hashed;
 
 /// Words of names that mean a number of elements, of integers.
 const ELEMENTS: [&str; 10] =
@@ -158,7 +157,8 @@ impl Extents {
             _ => Some(Numbered::Apart),
         };
         let (noise, negative) = (own == Self::TWICE, own == Self::NEGATIVE);
-        let shorter = matches!(own, 6 | 8).then_some(own);
+        // A draw's buffers have an element for each pixel.
+        let shorter = (matches!(own, 6 | 8) && size != [1; 3]).then_some(own);
         Self { elements, workgroups, numbered, least, noise, negative, shorter }
     }
 
@@ -234,6 +234,14 @@ impl Extents {
             () => return None,
         })
     }
+}
+
+/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
+pub(super) fn hashed(bits: u32, number: u32) -> u32 {
+    let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
+    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
+    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
+    bits ^ bits >> 16
 }
 
 #[cfg(test)]

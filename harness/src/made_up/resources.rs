@@ -1,6 +1,6 @@
 //! Contents of the buffers and textures, and the samplers, that a function asks for.
 
-use super::extents::Numbered;
+use super::extents::{Numbered, hashed};
 use super::{Described, Drawn, Extents, Ranges, described};
 use crate::domain::Source;
 use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
@@ -432,14 +432,6 @@ fn texture_or_sampler(
         | BindingKind::Immediate
         | BindingKind::Other => return None,
     })
-}
-
-/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
-pub(super) fn hashed(bits: u32, number: u32) -> u32 {
-    let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
-    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
-    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
-    bits ^ bits >> 16
 }
 
 /// The nearest numbers that textures of 16-bit floats hold, too, which GL filters in place of 32-bit ones.

@@ -283,7 +283,22 @@ fn the_guide_has_these_shaders() {
             assert!(own.contains(&plain(sample)), "{chapter}: not tested here:\n{sample}");
         }
     }
-    assert_eq!(count, 3);
+    assert_eq!(count, 5);
+}
+
+/// The pass of the page about tests without Rust does what its test says.
+#[test]
+fn the_pass_without_rust_sorts() {
+    let keys: Vec<u32> = (0..64).map(|at| at * 37 % 50).collect();
+    let mut sorted = keys.clone();
+    sorted.sort_unstable();
+    functions::SHADERS
+        .compute()
+        .with("keys", Storage::new(keys))
+        .dispatch("sort::sort", [1, 1, 1])
+        .after("keys")
+        .unrecorded()
+        .agrees_with(sorted, Abs(0.0));
 }
 
 /// Chapters, and files that they link to, are there; the index and mdBook's summary name each chapter.
