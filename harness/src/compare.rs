@@ -526,12 +526,11 @@ fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed
         let mut bindings = side.function.bindings.iter();
         bindings.any(|one| one.path == path && one.kind.is_written())
     };
-    for at in 0..old.len() {
-        let path = old[at].0.clone();
-        let Some(other) = of(new, &path) else { continue };
-        match (written(before, &path), written(after, &path)) {
-            (true, false) => new[other].1 = old[at].1.clone(),
-            (false, true) => old[at].1 = new[other].1.clone(),
+    for (path, was) in old {
+        let Some(at) = of(new, path) else { continue };
+        match (written(before, path), written(after, path)) {
+            (true, false) => new[at].1 = was.clone(),
+            (false, true) => *was = new[at].1.clone(),
             _ => {}
         }
     }
