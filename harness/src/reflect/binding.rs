@@ -158,8 +158,13 @@ impl Program {
 
     /// Where an entry point is declared, by its name in the text: its name and what is in front of it.
     pub(crate) fn entry_point_span(&self, name: &str) -> Option<Span> {
-        let at = self.text().find(&format!("fn {name}("))?;
-        self.resolve(at..at + "fn ".len() + name.len())
+        let text = self.text();
+        // Its name ends where its parameters begin, behind blanks or not.
+        let begins =
+            |(at, head): &(usize, &str)| text[at + head.len()..].trim_start().starts_with('(');
+        let head = format!("fn {name}");
+        let (at, head) = text.match_indices(&*head).find(begins)?;
+        self.resolve(at..at + head.len())
     }
 
     /// The bytes that a buffer's type takes, with one element of an array without a length.

@@ -529,7 +529,13 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
     let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let parsed: File = toml::from_str(&source.text).map_err(|error| {
         let place = at(error.span().unwrap_or(0..0));
-        Diagnostic::new(with_nearest(error.message())).at(place, "")
+        let message = match error.message() {
+            "invalid type: map, expected a sequence" => {
+                "a test begins with double brackets: [[test]], [[frame]] or [[compute]]".to_owned()
+            }
+            message => with_nearest(message),
+        };
+        Diagnostic::new(message).at(place, "")
     })?;
     if parsed.tests.is_empty() && parsed.frames.is_empty() && parsed.compute.is_empty() {
         let empty = "declares no test: write [[test]], [[frame]] or [[compute]]";
@@ -831,6 +837,7 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
+            ("[compute]\nentry = \"f\"\n", "begins with double brackets"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = \"nan\"\n", "or a list such as [\"nan\"]"),
             (
                 "[[test]]\nfunction = \"f\"\nfinite = true\naccept_hazard = { \"1 / x\" = \"why\" }\n",
