@@ -785,6 +785,67 @@ mod tests {
         assert_eq!(lines(&all[1]), ["seen[0] = 3.0;", "seen[0] = 2.0;"], "{all:?}");
     }
 
+    fn compared(before: &str, after: &str) -> Compared {
+        let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+        let mut all = Request::new(before, after).run().expect("they read");
+        all.pop().expect("a function")
+    }
+
+    /// What each input decides alike says nothing of the other way.
+    #[test]
+    fn conditions_that_each_input_decides_alike_are_told() {
+        let text = "fn key(x: u32, y: u32) -> u32 {
+                let far = select(0u, 2u, y != 7654321u);
+                if x > 3u && y >= 0u { return far; }
+                return 1u;
+            }";
+        let ways = |from: &str, to: &str| {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            one.unreached.iter().map(|line| line.why).collect::<Vec<_>>()
+        };
+        assert_eq!(ways("7654321u", "7654320u"), [Way::False; 2]);
+        assert_eq!(ways("y >= 0u", "y + 0u >= 0u"), [Way::False; 2]);
+        assert_eq!(ways("x > 3u", "3u < x"), []);
+    }
+
+    /// Where an index leaves its array the engine reads as drivers may: the last element, which a guard chose, too.
+    #[test]
+    fn an_index_outside_that_an_edit_brings_is_told() {
+        let of = |value: &str| {
+            format!(
+                "fn pick(i: u32) -> f32 {{
+                    var all = array<f32, 4>(1.0, 2.0, 3.0, 4.0);
+                    return {value};
+                }}"
+            )
+        };
+        let [guarded, bare] = [of("all[min(i, 3u)]"), of("all[i]")];
+        let one = compared(&guarded, &bare);
+        let [brought] = &one.violations[..] else { panic!("{one:?}") };
+        assert_eq!(brought.kind, ViolationKind::Outside);
+        assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
+        assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
+        // What is read outside, and given up, matters to nobody.
+        let given_up = compared(
+            &of("select(0.0, all[min(i, 3u)], i < 4u)"),
+            &of("select(0.0, all[i], i < 4u)"),
+        );
+        assert!(given_up.violations.is_empty(), "{given_up:?}");
+    }
+
+    /// A quad has more corners than a triangle.
+    #[test]
+    fn each_corner_of_a_quad_is_compared() {
+        let text = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+                var corners = array<vec2f, 6>(vec2f(-1.0, -1.0), vec2f(1.0, -1.0), vec2f(-1.0, 1.0),
+                    vec2f(-1.0, 1.0), vec2f(1.0, -1.0), vec2f(1.0, 1.0));
+                return vec4f(corners[i], 0.0, 1.0);
+            }";
+        let one = compared(text, &text.replace("vec2f(1.0, 1.0)", "vec2f(1.0, 0.0)"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+    }
+
     #[test]
     fn a_change_is_told_by_the_simplest_arguments() {
         let before = "fn f(a: f32, b: f32) -> f32 { return a + b; }\n\

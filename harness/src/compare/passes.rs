@@ -488,6 +488,44 @@ mod tests {
           textureStore(dst, g.xy, vec4f(c / (1.0 + c), 1.0));
         }";
 
+    const MEDIAN: &str = "
+        @group(0) @binding(0) var src: texture_2d<f32>;
+        @group(0) @binding(1) var dst: texture_storage_2d<r32float, write>;
+        fn at(p: vec2u) -> f32 { return textureLoad(src, min(p, textureDimensions(src) - 1u), 0).r; }
+        @compute @workgroup_size(8, 8) fn median(@builtin(global_invocation_id) g: vec3u) {
+            let p = g.xy;
+            let a = at(p); let b = at(p + vec2u(0u, 1u)); let c = at(p + vec2u(0u, 2u));
+            if any(p >= textureDimensions(dst)) { return; }
+            textureStore(dst, p, vec4f(max(min(a, b), min(max(a, b), c))));
+        }";
+
+    const MAXIMUM: &str = "
+        @group(0) @binding(0) var<storage, read> v: array<f32>;
+        @group(0) @binding(1) var<storage, read_write> most: array<f32>;
+        var<workgroup> t: array<f32, 64>;
+        @compute @workgroup_size(64) fn maximum(@builtin(global_invocation_id) g: vec3u,
+            @builtin(local_invocation_index) i: u32, @builtin(workgroup_id) w: vec3u) {
+            var x = -3.0e38;
+            if g.x < arrayLength(&v) { x = v[g.x]; }
+            t[i] = x;
+            workgroupBarrier();
+            for (var s = 32u; s > 0u; s /= 2u) {
+                if i < s { t[i] = max(t[i], t[i + s]); }
+                workgroupBarrier();
+            }
+            if i == 0u { most[w.x] = t[0]; }
+        }";
+
+    const TICKETS: &str = "
+        @group(0) @binding(0) var<storage, read_write> ticket: atomic<u32>;
+        @group(0) @binding(1) var<storage, read_write> starts: array<u32>;
+        var<workgroup> own: u32;
+        @compute @workgroup_size(32) fn starts_of(@builtin(local_invocation_index) i: u32) {
+            if i == 0u { own = atomicAdd(&ticket, 1u); }
+            let group = workgroupUniformLoad(&own);
+            if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
+        }";
+
     /// What only some rows show, twice as many elements as invocations, or a colour below 0.
     #[test]
     fn edits_that_few_contents_show_are_told() {
@@ -497,6 +535,9 @@ mod tests {
             (LIFE, "dy + grid.height - 1u", "dy + grid.height"),
             (LIFE, "let y = g.x / grid.width;", "let y = g.x / grid.height;"),
             (PAIRS, "select(0u, 1u, w.x > 0u)", "0u"),
+            (MEDIAN, "max(min(a, b), min(max(a, b), c))", "b"),
+            (MAXIMUM, "x = -3.0e38", "x = 0.0"),
+            (TICKETS, "group * 32u", "0u"),
             (
                 TONEMAP,
                 "max(textureLoad(src, g.xy, 0).rgb, vec3f(0.0))",
