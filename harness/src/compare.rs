@@ -27,7 +27,7 @@ use crate::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
-use crate::interpret::Reach;
+use crate::interpret::{Reach, of_outside};
 pub use crate::interpret::{Unreached, Way};
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::stage::Stage;
@@ -314,6 +314,7 @@ impl Request {
         }
         let mut ran = Ran::default();
         let unseen = |reason: String| {
+            let reason = reason.replacen("error: ", "", 1);
             let reason = reason.lines().next().unwrap_or_default().to_owned();
             Change::Unjudged { reason }
         };
@@ -436,14 +437,17 @@ struct Both {
 impl Both {
     /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
     fn add_calls(&mut self, sides: [&Probed; 2], fixtures: &[Fixtures; 2], rows: (usize, &[u32])) {
-        let mut strays = [Vec::new(), Vec::new()];
-        for number in 0..sides.len() {
-            let reach = &mut self.sides[number];
-            let own = reach.add_calls(sides[number], &fixtures[number], rows);
-            strays[number] = own.unwrap_or_default();
+        for ((reach, side), fixtures) in self.sides.iter_mut().zip(sides).zip(fixtures) {
+            let _ = reach.add_calls(side, fixtures, rows);
         }
-        let [before, after] = strays;
-        self.strays |= after.iter().zip(&before).any(|(after, before)| *after && !before);
+        let [before, after] = &self.sides;
+        if self.strays || after.outside_beside(before).is_empty() {
+            return;
+        }
+        let strays = |side: usize| of_outside(sides[side], &fixtures[side], rows);
+        if let (Ok(before), Ok(after)) = (strays(0), strays(1)) {
+            self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
+        }
     }
 
     fn add_passes(&mut self, sides: [&Passes; 2]) {

@@ -43,7 +43,7 @@ pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub(crate) use reach::Reach;
+pub(crate) use reach::{Reach, of_outside};
 pub use reach::{Unreached, Way};
 pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
 pub(crate) use written::written;

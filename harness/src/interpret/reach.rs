@@ -112,20 +112,19 @@ impl AllWays {
 }
 
 impl Reach {
-    /// Adds what calls of a function come to. Returns the lanes of the results that depend on what is read outside of arrays.
+    /// Adds what calls of a function come to.
     pub(crate) fn add_calls(
         &mut self,
         probed: &Probed,
         fixtures: &Fixtures,
         (count, rows): (usize, &[u32]),
-    ) -> Result<Vec<bool>, ProbeError> {
+    ) -> Result<(), ProbeError> {
         match probed.function().form.alone {
             false => {
                 let called = Interpreted::new(probed, fixtures)?;
                 let ways = AllWays::of(called.parts().0);
                 called.observed(count, rows, &called.options(), &ways)?;
                 self.add(called.parts(), &ways);
-                called.of_outside(count, rows)
             }
             true => {
                 let called = Alone::new(probed, fixtures)?;
@@ -135,9 +134,9 @@ impl Reach {
                     called.run(&rows[case * width..][..width], &ways)?;
                 }
                 self.add(called.parts(), &ways);
-                called.of_outside(count, rows)
             }
         }
+        Ok(())
     }
 
     /// Adds what the invocations of passes over made-up resources come to.
@@ -209,6 +208,18 @@ impl Reach {
         of(other).into_iter().for_each(|text| *more.entry(text).or_default() -= 1);
         let own = self.by_place.values().filter(move |seen| is(seen));
         own.filter(move |seen| more[&plain(&seen.span)] > 0)
+    }
+}
+
+/// The lanes of the results of calls that depend on what is read or written outside of arrays.
+pub(crate) fn of_outside(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    (count, rows): (usize, &[u32]),
+) -> Result<Vec<bool>, ProbeError> {
+    match probed.function().form.alone {
+        false => Interpreted::new(probed, fixtures)?.of_outside(count, rows),
+        true => Alone::new(probed, fixtures)?.of_outside(count, rows),
     }
 }
 
