@@ -3,7 +3,8 @@
 //! Functions and entry points whose linked text is the same aren't run. Other functions are called with
 //! arguments that names and types suggest, and so are entry points of draws. Compute passes are dispatched over
 //! made-up resources. Results are compared bit by bit; all NaNs are one value. A function without a result
-//! isn't judged. Where each result is the same, lines of the edit that no input came to are told: of these nothing is known.
+//! isn't judged. Where each result is the same, the comparison lists lines of the edit that no input covers: their results are
+//! unknown.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -27,8 +28,8 @@ use crate::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
-use crate::interpret::{Reach, of_outside};
-pub use crate::interpret::{Unreached, Way};
+use crate::interpret::{Coverage, of_outside};
+pub use crate::interpret::{Missed, Uncovered};
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
@@ -99,7 +100,7 @@ pub struct Compared {
     /// Where nothing changed: lines of the edit, before it or after it, that no input came to, and conditions that each input
     /// decided alike. Of these nothing is known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub unreached: Vec<Unreached>,
+    pub uncovered: Vec<Uncovered>,
 }
 
 /// What an edit did to a function.
@@ -175,7 +176,7 @@ pub struct WordChange {
 
 impl Compared {
     fn of(function: &str, change: Change) -> Self {
-        let (location, interface, drawn, violations, unreached) = Default::default();
+        let (location, interface, drawn, violations, uncovered) = Default::default();
         let (function, dispatched, cut) = (function.to_owned(), None, 0);
         Self {
             function,
@@ -186,7 +187,7 @@ impl Compared {
             cut,
             dispatched,
             violations,
-            unreached,
+            uncovered,
         }
     }
 }
@@ -331,14 +332,14 @@ impl Request {
         if matches!(change, Change::Same { .. }) && violations.is_empty() {
             violations.extend(ran.reached.outside(name));
         }
-        let unreached = match change {
-            Change::Same { .. } if violations.is_empty() => ran.reached.unreached(),
+        let uncovered = match change {
+            Change::Same { .. } if violations.is_empty() => ran.reached.uncovered(),
             _ => Vec::new(),
         };
         let Ran { drawn, cut, .. } = ran;
         let interface =
             [interface_of_stage, interface(Side::of(&before), Side::of(&after))].concat();
-        Compared { location, interface, drawn, cut, violations, unreached, ..compared(change) }
+        Compared { location, interface, drawn, cut, violations, uncovered, ..compared(change) }
     }
 
     /// Runs both on each path, over each content of buffers.
@@ -426,10 +427,10 @@ struct Ran {
     reached: Both,
 }
 
-/// What inputs come to before the edit and after it.
+/// The coverage of both sides of an edit.
 #[derive(Default)]
 struct Both {
-    sides: [Reach; 2],
+    sides: [Coverage; 2],
     /// True if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
 }
@@ -456,9 +457,9 @@ impl Both {
         }
     }
 
-    fn unreached(&self) -> Vec<Unreached> {
+    fn uncovered(&self) -> Vec<Uncovered> {
         let [before, after] = &self.sides;
-        [after.unreached_beside(before), before.unreached_beside(after)].concat()
+        [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
     /// The index outside that an edit brings to a function, and that its results depend on.
@@ -783,7 +784,7 @@ mod tests {
         let all = Request::new(before, after).run().expect("they read");
         assert!(all.iter().all(|one| matches!(one.change, Change::Same { .. })), "{all:?}");
         let lines =
-            |one: &Compared| one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
+            |one: &Compared| one.uncovered.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
         let of_f = ["if x == 1234.5 { return 3.0; }", "if x == 1234.5 { return 2.0; }"];
         assert_eq!(lines(&all[0]), of_f, "{all:?}");
         assert_eq!(lines(&all[1]), ["seen[0] = 3.0;", "seen[0] = 2.0;"], "{all:?}");
@@ -795,7 +796,7 @@ mod tests {
         all.pop().expect("a function")
     }
 
-    /// What each input decides alike says nothing of the other way.
+    /// A condition that each input decides alike says nothing of its other way.
     #[test]
     fn conditions_that_each_input_decides_alike_are_told() {
         let text = "fn key(x: u32, y: u32) -> u32 {
@@ -806,10 +807,10 @@ mod tests {
         let ways = |from: &str, to: &str| {
             let one = compared(text, &text.replace(from, to));
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
-            one.unreached.iter().map(|line| line.why).collect::<Vec<_>>()
+            one.uncovered.iter().map(|line| line.missed).collect::<Vec<_>>()
         };
-        assert_eq!(ways("7654321u", "7654320u"), [Way::False; 2]);
-        assert_eq!(ways("y >= 0u", "y + 0u >= 0u"), [Way::False; 2]);
+        assert_eq!(ways("7654321u", "7654320u"), [Missed::False; 2]);
+        assert_eq!(ways("y >= 0u", "y + 0u >= 0u"), [Missed::False; 2]);
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
@@ -830,7 +831,7 @@ mod tests {
         assert_eq!(brought.kind, ViolationKind::Outside);
         assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
         assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
-        // What is read outside, and given up, matters to nobody.
+        // An element outside that is given up matters to no result.
         let given_up = compared(
             &of("select(0.0, all[min(i, 3u)], i < 4u)"),
             &of("select(0.0, all[i], i < 4u)"),

@@ -775,12 +775,12 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// What no sanitizer looks through: pixels that write what others see.
+/// The reason why no sanitizer looks through a frame: its pixels may write a resource that others see.
 fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
     let reason = format!(
-        "the pixels of a draw write `{}`, and `karat hazards` is what looks for their races",
+        "the pixels of a draw may write `{}`, and `karat hazards` looks for their races",
         written.name()
     );
     Some(Watched { reason, ..Watched::default() })

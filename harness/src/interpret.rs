@@ -4,13 +4,13 @@
 //! functions, fixtures and the author's files.
 
 mod alone;
+mod coverage;
 mod dispatch;
 pub(crate) mod hazards;
 mod order;
 mod parting;
 pub(crate) mod passes;
 mod quads;
-mod reach;
 mod sanitizer;
 mod supply;
 pub(crate) mod trace;
@@ -37,14 +37,14 @@ use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
+pub(crate) use coverage::{Coverage, of_outside};
+pub use coverage::{Missed, Uncovered};
 #[cfg(feature = "routes")]
 pub(crate) use dispatch::dispatch_briefly;
 pub(crate) use dispatch::{dispatch, dispatch_rounding};
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub(crate) use reach::{Reach, of_outside};
-pub use reach::{Unreached, Way};
 pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
 pub(crate) use written::written;
 

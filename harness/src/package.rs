@@ -30,7 +30,7 @@ mod overlay;
 mod parse;
 mod plain;
 mod portable;
-mod scan;
+pub(crate) mod scan;
 mod scope;
 mod splice;
 pub(crate) mod stage;

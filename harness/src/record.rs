@@ -245,9 +245,13 @@ pub struct Run {
     /// Tests that failed, as far as their runner named them, whether or not a check of theirs did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
-    /// Modules that aren't valid, whether or not a test uses them; and `package NAME` of one where no module is to blame.
+    /// Modules that aren't valid, whether or not a test uses them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
+    /// Packages that aren't valid, and of which no module is to blame: one that requires Tint's verdict and has none, or one
+    /// without a module.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub invalid_packages: Vec<String>,
     /// Remarks that fail nothing: modules that Tint rejects, or why it wasn't asked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -267,9 +271,19 @@ fn is_none(count: &u64) -> bool {
 impl Default for Run {
     /// Of every test, which passed.
     fn default() -> Self {
-        let (selected, failed, invalid, remarks) = Default::default();
+        let (selected, failed, invalid, invalid_packages, remarks) = Default::default();
         let (schema, passed, not_run, stopped) = (SCHEMA, true, 0, false);
-        Self { schema, selected, passed, failed, invalid, remarks, not_run, stopped }
+        Self {
+            schema,
+            selected,
+            passed,
+            failed,
+            invalid,
+            invalid_packages,
+            remarks,
+            not_run,
+            stopped,
+        }
     }
 }
 

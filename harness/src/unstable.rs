@@ -99,6 +99,7 @@ pub mod metric {
 pub mod package {
     pub use crate::package::function_item::FunctionItem;
     pub use crate::package::functions::LeftOut;
+    pub use crate::package::scan::is_of_tools;
 }
 
 /// Compute passes over resources whose types aren't known when a program is compiled.

@@ -1168,3 +1168,61 @@ fn races_of_values_that_are_read_are_told() {
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
     assert!(within.contains("a `workgroupBarrier()` between both does"), "{within}");
 }
+
+/// A guard that is left out shows at the tail, along a long side and along three short ones, and the report says where.
+#[test]
+fn a_tail_without_its_guard_is_found() {
+    let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) g: vec3u) { GUARD v[g.x] = 2.0 * v[g.x]; }";
+    let block = "struct Grid { size: vec3u }
+        @group(0) @binding(0) var<uniform> grid: Grid;
+        @group(0) @binding(1) var<storage, read_write> v: array<f32>;
+        @compute @workgroup_size(4, 4, 4) fn main(@builtin(global_invocation_id) g: vec3u) {
+            GUARD
+            v[(g.z * grid.size.y + g.y) * grid.size.x + g.x] = 1.0;
+        }";
+    for (text, guard, less) in [
+        (line, "if g.x >= arrayLength(&v) { return; }", ""),
+        (block, "if any(g >= grid.size) { return; }", "if any(g.xy >= grid.size.xy) { return; }"),
+    ] {
+        let look = |guard: &str| {
+            let package = Package::from_source("m", text.replace("GUARD", guard));
+            package.hazards().run().expect("it is looked at")
+        };
+        let right = look(guard);
+        assert!(right.found.is_empty(), "{right}");
+        let wrong = look(less);
+        let beyond = wrong.found.iter().find(|one| one.kind == Kind::OutOfRange);
+        let told = beyond.map(ToString::to_string).unwrap_or_default();
+        assert!(told.contains("where the elements are no multiple of the workgroup"), "{wrong}");
+        assert!(told.contains(" and `v` has "), "{told}");
+    }
+}
+
+/// Data say which invocations swap, and not where: no content makes them meet.
+#[test]
+fn a_race_that_data_decide_is_found() {
+    let text = |barrier: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> keys: array<u32, 64>;
+            var<workgroup> s: array<u32, 64>;
+            @compute @workgroup_size(32) fn main(@builtin(local_invocation_index) i: u32) {{
+                s[i] = keys[i];
+                s[i + 32u] = keys[i + 32u];
+                workgroupBarrier();
+                if s[i] > s[63u - i] {{ let x = s[i]; s[i] = s[63u - i]; s[63u - i] = x; }}
+                {barrier}
+                keys[i] = s[i];
+                keys[i + 32u] = s[i + 32u];
+            }}"
+        )
+    };
+    let look = |barrier: &str| {
+        let package = Package::from_source("m", text(barrier));
+        package.hazards().run().expect("it is looked at").found
+    };
+    assert!(look("workgroupBarrier();").is_empty());
+    let found = look("");
+    let [race] = &found[..] else { panic!("{found:?}") };
+    assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
+}

@@ -131,8 +131,8 @@ pub(crate) enum Op {
 }
 
 impl Op {
-    /// True of what ends a part of a branch, a loop or a call: it runs, and has the place of some operation before it, which
-    /// may not have.
+    /// True of the ends of parts of a branch, a loop or a call. They run, and have the place of an operation before them, which
+    /// may not have run.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,

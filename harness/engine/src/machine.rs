@@ -285,7 +285,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             let start = instruction.at as usize;
             let registers = &code.pool[start..start + instruction.count as usize];
             if SEEN && !instruction.op.is_an_end() {
-                observer.reached(instruction.site as usize);
+                observer.reached(self.site(instruction));
             }
             match instruction.op {
                 Op::Float(rule) => {

@@ -110,9 +110,8 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
-    /// Some lane comes to an operation, whose place has this number among the program's
-    /// [`sites`](crate::Program::sites).
-    fn reached(&self, site: usize) {
+    /// Some lane comes to an operation.
+    fn reached(&self, site: &Site) {
         let _ = site;
     }
 

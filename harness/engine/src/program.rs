@@ -121,11 +121,11 @@ impl Program {
         &self.code.sites
     }
 
-    /// The numbers of sites that have an operation, of which [`Observer::reached`](crate::Observer::reached) may tell. Others
+    /// The sites of operations, of which [`Observer::reached`](crate::Observer::reached) may tell: some come again. Other sites
     /// have a constant.
-    pub fn operations(&self) -> impl Iterator<Item = usize> {
+    pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
-        all.map(|one| one.site as usize)
+        all.map(|one| &self.code.sites[one.site as usize])
     }
 
     /// Where an interval became unbounded, when this program computed it.

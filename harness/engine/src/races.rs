@@ -159,7 +159,7 @@ pub struct Outside {
     pub number: u32,
 }
 
-/// What an operation does beyond what.
+/// An index of an operation that leaves its array.
 #[derive(Clone, Copy)]
 pub(crate) struct Beyond<'c> {
     pub(crate) writes: bool,

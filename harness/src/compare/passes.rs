@@ -9,6 +9,7 @@ use crate::fixture::Fixtures;
 use crate::interpret::{OrderOf, examine_made_up, in_order_of};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
+use crate::path::Path;
 use crate::reflect::{Overrides, Program};
 use crate::value::{Shape, format_lane};
 
@@ -50,10 +51,13 @@ impl Request {
         }
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
-        // Indices over any sizes and numbers, which count where nothing else tells the edit: a guard that is gone.
-        let mut late = Vec::new();
-        let mut reached = Both::default();
+        let (mut brought, mut covered) = (Brought::default(), Both::default());
         for (variant, invocations) in runs {
+            // Several workgroups may not be meant: they count where nothing else tells the edit.
+            let is_more = invocations != usual;
+            if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
+                break;
+            }
             let made = |package: &Package, given: &Fixtures| {
                 Passes::arbitrary(package, name, Some(invocations), &ranges, (variant, given))
             };
@@ -66,9 +70,11 @@ impl Request {
             let made = made_new;
             compared.location = new.span().map_or_else(String::new, |span| span.to_string());
             compared.drawn.merge(made.drawn);
-            // Where sizes don't follow from each other an index leaves its array in one of the two alone.
-            let counts = |one: &&Violation| variant < Extents::SIZED || !one.kind.is_of_index();
             let (seen_old, seen_new) = (examine_made_up(&old), examine_made_up(&new));
+            let is_clean = seen_old.violations.is_empty() && seen_old.endless.is_none();
+            if is_more && (!is_clean || seen_old.too_long) {
+                break;
+            }
             match (&seen_old.endless, &seen_new.endless) {
                 (None, Some(_)) => return Err("after the edit a loop of it doesn't end".to_owned()),
                 (Some(_), _) => {
@@ -84,16 +90,10 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
-            // Several workgroups may not be meant.
-            if invocations != usual && !(seen_old.violations.is_empty() && paths.is_empty()) {
-                continue;
-            }
-            let brought = || brought(&seen_old, &seen_new);
-            if variant < Extents::LIKELY {
-                add_kinds(&mut compared.violations, brought().filter(counts));
-            }
-            add_kinds(&mut late, brought().filter(|one| one.kind.is_of_index()));
-            for path in &self.paths {
+            brought.add(variant, &seen_old, &seen_new);
+            // Drivers hand out tickets in an order of their own.
+            let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
+            for path in paths_of {
                 let run = |passes: &Passes| {
                     let executor = executor::of(*path).map_err(|error| error.to_string())?;
                     executor::dispatch(executor, passes).map_err(|error| error.to_string())
@@ -110,12 +110,12 @@ impl Request {
             }
             // A driver has an order of its own: what the edit leaves to it may look the same in the engine's. A violation
             // that the edit brings says more.
-            let is_silent = paths.is_empty() && compared.violations.is_empty();
+            let is_silent = paths.is_empty() && brought.sure.is_empty();
             if is_silent && variant < Extents::LIKELY {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
             }
-            if paths.is_empty() && compared.violations.is_empty() {
-                reached.add_passes([&old, &new]);
+            if paths.is_empty() && brought.sure.is_empty() {
+                covered.add_passes([&old, &new]);
             }
             if !made.varies {
                 break;
@@ -127,11 +127,9 @@ impl Request {
         if words == 0 {
             return Err("it writes nothing that is seen afterwards".to_owned());
         }
+        compared.violations = brought.told(!paths.is_empty());
         if paths.is_empty() && compared.violations.is_empty() {
-            compared.violations = late;
-        }
-        if paths.is_empty() && compared.violations.is_empty() {
-            compared.unreached = reached.unreached();
+            compared.uncovered = covered.uncovered();
         }
         let each = words / self.paths.len().max(1);
         paths.iter_mut().for_each(|path| path.cases.1 = each);
@@ -146,20 +144,16 @@ impl Request {
     /// Violations between the pixels of a draw, of a fragment function that writes what others see, that an edit brings.
     pub(super) fn brought_to_pixels(&self, name: &str) -> Result<Vec<Violation>, String> {
         let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
-        let (mut all, mut late) = (Vec::new(), Vec::new());
+        let mut brought = Brought::default();
         for variant in 0..Extents::VARIANTS {
             let of = |package| Passes::of_pixels(package, name, false, &ranges, variant);
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
-            let (old, new) = (examine_made_up(&old), examine_made_up(&new));
-            if variant < Extents::LIKELY {
-                add_kinds(&mut all, brought(&old, &new).filter(|one| !one.kind.is_of_index()));
-            }
-            add_kinds(&mut late, brought(&old, &new).filter(|one| one.kind.is_of_index()));
+            brought.add(variant, &examine_made_up(&old), &examine_made_up(&new));
             if !made.varies {
                 break;
             }
         }
-        Ok(if all.is_empty() { late } else { all })
+        Ok(brought.told(false))
     }
 }
 
@@ -172,12 +166,41 @@ fn subject(one: &Violation) -> (ViolationKind, &str) {
     (one.kind, if of_index { &one.headline } else { &one.variable })
 }
 
-/// Adds the first of each kind about each variable.
-fn add_kinds<'v>(all: &mut Vec<Violation>, more: impl Iterator<Item = &'v Violation>) {
-    for one in more {
-        if all.iter().all(|known| subject(known) != subject(one)) {
-            all.push(one.clone());
+/// Violations that an edit brings: the first of each kind about each variable.
+#[derive(Default)]
+struct Brought {
+    sure: Vec<Violation>,
+    /// Indices over any sizes and numbers: a guard that is gone.
+    of_indices: Vec<Violation>,
+}
+
+impl Brought {
+    /// Adds violations that the pass after the edit has over a content, and hadn't before.
+    fn add(&mut self, variant: usize, old: &Examined, new: &Examined) {
+        for (one, _) in &new.violations {
+            if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
+                continue;
+            }
+            // Where sizes don't follow from each other an index leaves its array in one of the two alone.
+            let is_sure = variant < Extents::SIZED || !one.kind.is_of_index();
+            if variant < Extents::LIKELY && is_sure {
+                add_kind(&mut self.sure, one);
+            }
+            if one.kind.is_of_index() {
+                add_kind(&mut self.of_indices, one);
+            }
         }
+    }
+
+    /// The violations; indices over any sizes where nothing else tells the edit.
+    fn told(self, is_changed: bool) -> Vec<Violation> {
+        if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
+    }
+}
+
+fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
+    if all.iter().all(|known| subject(known) != subject(one)) {
+        all.push(one.clone());
     }
 }
 
@@ -195,19 +218,13 @@ fn ordered(
         // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
         let Some(was) = run(old, Some(order)).ok().filter(|was| *was == usual) else { continue };
         let is = run(new, Some(order))?;
-        let path = format!("{}, in another order", crate::path::Path::CPU);
+        let path = format!("{}, in another order", Path::CPU);
         let difference = Difference::of((old, was), (new, is), renamed)?;
         if let Some(change) = difference.change(path, members) {
             return Ok(Some(change));
         }
     }
     Ok(None)
-}
-
-/// Violations that the pass after an edit has, and hadn't before.
-fn brought<'e>(old: &'e Examined, new: &'e Examined) -> impl Iterator<Item = &'e Violation> {
-    let of = |examined: &'e Examined| examined.violations.iter().map(|(violation, _)| violation);
-    of(new).filter(move |one| of(old).all(|known| subject(known) != subject(one)))
 }
 
 /// Why a resource has lanes: a dispatch returns the words of each that a pass writes.
@@ -419,6 +436,7 @@ mod tests {
         // An edit that removes the dependence on order is no change.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
+
     /// A host's row and mode say where a pass writes, and no name says these.
     #[test]
     fn lines_that_no_invocation_comes_to_are_told() {
@@ -439,7 +457,7 @@ mod tests {
             all.pop().expect("the pass")
         };
         let lines = |one: &super::Compared| {
-            one.unreached.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
+            one.uncovered.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
         };
         let row = compared(&text.replace("2.0 *", "3.0 *"));
         assert!(matches!(row.change, Change::Changed { .. }), "rows differ: {row:?}");
@@ -526,7 +544,7 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// What only some rows show, twice as many elements as invocations, or a colour below 0.
+    /// Only some rows show an edit, twice as many elements as invocations, or a colour below 0.
     #[test]
     fn edits_that_few_contents_show_are_told() {
         for (text, from, to) in [

@@ -85,6 +85,10 @@ impl Extents {
     #[cfg(feature = "engine")]
     const TWICE: usize = 7;
 
+    /// In these some arrays are shorter than others.
+    #[cfg(feature = "engine")]
+    const SHORTER: [usize; 2] = [6, 8];
+
     /// The one of them in which numbers of elements repeat.
     #[cfg(feature = "engine")]
     pub(crate) const REPEATED: usize = 3;
@@ -158,7 +162,7 @@ impl Extents {
         };
         let (noise, negative) = (own == Self::TWICE, own == Self::NEGATIVE);
         // A draw's buffers have an element for each pixel.
-        let shorter = (matches!(own, 6 | 8) && size != [1; 3]).then_some(own);
+        let shorter = (Self::SHORTER.contains(&own) && size != [1; 3]).then_some(own);
         Self { elements, workgroups, numbered, least, noise, negative, shorter }
     }
 

@@ -120,7 +120,7 @@ impl Resources {
         for binding in bindings {
             let elements = match ranges.extents {
                 Some(extents) => extents.elements_of(&binding.path) as usize,
-                // What is written is as long as the results that are read back.
+                // A buffer that is written is as long as the results that are read back.
                 None if binding.kind.is_written() => ELEMENTS,
                 None => LENGTHS[variant % LENGTHS.len()],
             };

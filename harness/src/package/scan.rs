@@ -66,7 +66,7 @@ impl Contents {
                 if prefix.is_empty() { part.to_owned() } else { format!("{prefix}::{part}") };
             if path.is_dir() {
                 match path.is_symlink() {
-                    _ if is_of_others(&path) => {}
+                    _ if is_of_tools(&path) => {}
                     true => self.links.push((path, name)),
                     false => self.enter(&path, &name)?,
                 }
@@ -86,8 +86,14 @@ impl Contents {
     }
 }
 
-/// True of a folder that holds nothing of the author: what Cargo builds, and packages of npm.
-fn is_of_others(folder: &Path) -> bool {
-    folder.ends_with("node_modules")
-        || folder.ends_with("target") && folder.join("CACHEDIR.TAG").is_file()
+/// True of a folder that tools fill: packages of npm, and caches by their tag, as Cargo's output is.
+///
+/// ```
+/// use karat::unstable::package::is_of_tools;
+///
+/// assert!(is_of_tools("node_modules".as_ref()) && !is_of_tools("src".as_ref()));
+/// ```
+#[must_use]
+pub fn is_of_tools(folder: &Path) -> bool {
+    folder.ends_with("node_modules") || folder.join("CACHEDIR.TAG").is_file()
 }

@@ -207,7 +207,7 @@ impl Suite {
                 let of = |error: &ComputeError| {
                     let found = compute_diagnostic_of(error);
                     if compute_has_place(error) {
-                        return told(error, found);
+                        return Wrong { violations: violations_of(error), ..told(error, found) };
                     }
                     let entry = missing_entry_of(error).map(|entry| assertion.key_of_entry(entry));
                     let key = entry.as_deref().or_else(|| compute_key_of(assertion, error));
@@ -249,6 +249,13 @@ impl Suite {
             }
         }
     }
+}
+
+/// The violations that passes have, whatever is asserted of them.
+fn violations_of(error: &ComputeError) -> Option<String> {
+    let ComputeError::Violations(found) = error else { return None };
+    let headlines = found.all.iter().map(|one| one.headline.as_str());
+    Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
 /// A failure whose text has its place, as what a check disagrees about has; or its diagnostic does.

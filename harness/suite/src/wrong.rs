@@ -18,6 +18,9 @@ pub struct Wrong {
     pub place: Option<String>,
     /// All of it, with an excerpt of the file.
     pub message: String,
+    /// The violations of passes, a line each: all assertions of these passes fail by them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub violations: Option<String>,
 }
 
 impl fmt::Display for Wrong {
@@ -30,7 +33,7 @@ impl Wrong {
     /// A message without a place, or whose text has it. Its first line says what is wrong.
     #[must_use]
     pub fn of(message: String) -> Self {
-        Self { headline: headline(&message).to_owned(), place: None, message }
+        Self { headline: headline(&message).to_owned(), place: None, message, violations: None }
     }
 
     /// The same once it is in the record of the run: no check has put it there.
@@ -41,7 +44,7 @@ impl Wrong {
 
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
-        Self { headline, place, message }
+        Self { headline, place, message, violations: None }
     }
 }
 

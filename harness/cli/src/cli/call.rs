@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // An invocation that isn't there is told before all else.
+        // The error about an invocation that isn't there comes first.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),

@@ -154,22 +154,19 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// What the name of a package begins with, among those of modules.
-pub(super) const OF_PACKAGE: &str = "package ";
-
-/// The modules of packages that aren't valid, and packages of which no module is to blame: `package shaders`.
-pub(super) fn names(invalid: &[(String, Invalid)]) -> Vec<String> {
-    let mut names = Vec::new();
+/// The modules of packages that aren't valid, and the packages of which no module is to blame.
+pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>) {
+    let (mut modules, mut packages) = (Vec::new(), Vec::new());
     for (package, invalid) in invalid {
         match invalid {
             Invalid::Modules { errors, .. } => {
-                names.extend(errors.iter().map(|(module, _)| name(module).into_owned()));
+                modules.extend(errors.iter().map(|(module, _)| name(module).into_owned()));
             }
-            _ => names.push(format!("{OF_PACKAGE}{}", name(package))),
+            _ => packages.push(name(package).into_owned()),
         }
     }
-    names.dedup();
-    names
+    modules.dedup();
+    (modules, packages)
 }
 
 /// The packages that aren't valid: as their folders say where they are stated, or else as the tests of a run

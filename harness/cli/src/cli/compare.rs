@@ -7,7 +7,9 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
-use karat::unstable::compare::{Change, Compared, PathChange, Request, Unreached, Way, WordChange};
+use karat::unstable::compare::{
+    Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
+};
 use karat::unstable::output::{counted, tell, visible};
 
 use super::project::Project;
@@ -57,7 +59,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let mut compared = request.cases(args.cases as usize).paths(paths.clone()).run()?;
         // Of a revision the files are elsewhere for a moment: git's name of it says more.
         let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-        for line in compared.iter_mut().flat_map(|one| &mut one.unreached) {
+        for line in compared.iter_mut().flat_map(|one| &mut one.uncovered) {
             if let Some(own) = line.place.strip_prefix(&written) {
                 line.place = format!("{}:{own}", args.before);
             }
@@ -84,7 +86,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let good = |one: &Compared| {
         one.interface.is_empty()
             && one.violations.is_empty()
-            && one.unreached.is_empty()
+            && one.uncovered.is_empty()
             && matches!(one.change, Change::Untouched | Change::Same { .. } | Change::Added)
     };
     let good = all.iter().all(good) && broken.is_empty();
@@ -137,7 +139,7 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
-    let (mut cut, mut moved, mut brought, mut unreached) = (0, 0, 0, BTreeSet::new());
+    let (mut cut, mut moved, mut brought, mut uncovered) = (0, 0, 0, BTreeSet::new());
     for one in all {
         let Compared { function, location, change, interface, drawn, violations, .. } = one;
         cut += one.cut;
@@ -188,12 +190,12 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         for line in drawn.lines(usize::MAX) {
             writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
         }
-        for Unreached { place, text, why } in &one.unreached {
-            unreached.insert(place);
-            let what = match why {
-                Way::There => "no input came to",
-                Way::True => "no input made it true:",
-                Way::False => "each input made it true:",
+        for Uncovered { place, text, missed } in &one.uncovered {
+            uncovered.insert(place);
+            let what = match missed {
+                Missed::Line => "no input came to",
+                Missed::True => "no input made it true:",
+                Missed::False => "each input made it true:",
             };
             writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
         }
@@ -209,7 +211,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
         }
     }
-    let style = match changed + removed + unjudged + moved + brought + unreached.len() {
+    let style = match changed + removed + unjudged + moved + brought + uncovered.len() {
         0 => GOOD,
         _ => BAD,
     };
@@ -229,8 +231,8 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         write!(out, "{unjudged} edited and not judged, ")?;
     }
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
-    if !unreached.is_empty() {
-        let lines = counted(unreached.len(), "line");
+    if !uncovered.is_empty() {
+        let lines = counted(uncovered.len(), "line");
         write!(out, "; inputs say nothing of {lines} of the edits")?;
     }
     if cut > 0 {

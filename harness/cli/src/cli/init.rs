@@ -130,18 +130,11 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     match packages.next() {
         Some(package) => bail!(
             "`{0}` is a package by its {1}, and `{2}` is a part of it: run `karat init {0}`",
-            shown(&relative(package, &here)),
+            shown(package),
             project::MANIFEST,
             folder.display()
         ),
         None => Ok(()),
-    }
-}
-
-fn relative(folder: &Path, here: &Path) -> PathBuf {
-    match folder.strip_prefix(here) {
-        Ok(own) if !own.as_os_str().is_empty() => own.to_owned(),
-        _ => PathBuf::from("."),
     }
 }
 
@@ -668,8 +661,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
-    // What somebody has to do before it runs.
-    let hint = "edit the address in it: Karat isn't released yet, and this one is a placeholder";
+    let hint = "write the address of your copy of Karat into it: Karat isn't released yet";
     Ok(writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?)
 }
 

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
+use karat::unstable::package::is_of_tools;
 use karat::unstable::record::{Recorded, Subject};
 use serde::Deserialize;
 
@@ -69,19 +70,12 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     if depth == 0 {
         return;
     }
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        // What tools keep, and what they build.
-        let is_kept =
-            name.to_string_lossy().starts_with('.') || name == "target" || name == "node_modules";
-        // Links aren't followed: they may lead in a circle.
-        if !is_kept && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            tested_below(&entry.path(), depth - 1, found);
-        }
-    }
+    // Links aren't followed: they may lead in a circle.
+    let own = |path: &PathBuf| path.is_dir() && !path.is_symlink() && !is_of_tools(path);
+    visible(folder).filter(own).for_each(|path| tested_below(&path, depth - 1, found));
 }
 
-/// What lies below a person's folder, or the whole disk, is no project of its own.
+/// True of a person's folder, and of the whole disk: the folders below are many projects.
 fn is_no_project(folder: &Path) -> bool {
     std::env::home_dir().is_some_and(|home| home == folder) || folder.parent().is_none()
 }
@@ -113,19 +107,14 @@ fn holds(path: &Path, depth: usize) -> bool {
         return is_module || path.ends_with(MANIFEST) || karat_suite::is_meant(path);
     }
     let inside = |path: PathBuf| path.is_dir() && path.is_symlink() || holds(&path, depth - 1);
-    depth > 0 && !is_of_others(path) && visible(path).any(inside)
+    depth > 0 && !is_of_tools(path) && visible(path).any(inside)
 }
 
-/// What a folder has that isn't hidden.
+/// The entries of a folder that aren't hidden.
 fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let shown = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
     shown.map(|entry| entry.path())
-}
-
-/// True of a folder that holds nothing of the author: packages of npm, and what Cargo builds.
-pub(super) fn is_of_others(folder: &Path) -> bool {
-    folder.ends_with("node_modules") || folder.join("CACHEDIR.TAG").is_file()
 }
 
 fn here() -> anyhow::Result<PathBuf> {

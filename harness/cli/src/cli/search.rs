@@ -17,11 +17,12 @@ use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::package::is_of_tools;
 use karat::unstable::record::{Record, Recorded, Subject};
 use karat_suite::{Broken, Suite};
 
 use super::PackageArgs;
-use super::project::{MANIFEST, Project, is_of_others};
+use super::project::{MANIFEST, Project};
 use super::table::HEAD;
 use super::test::subjects::Subjects;
 
@@ -216,7 +217,7 @@ pub(super) fn outside(folder: &Path) -> anyhow::Result<Vec<Package>> {
         let is_ours = name != SHADERS && !name.to_string_lossy().starts_with('.');
         let ending = path.extension().unwrap_or_default();
         let holds = match path.is_dir() {
-            true => !path.is_symlink() && !is_of_others(&path),
+            true => !path.is_symlink() && !is_of_tools(&path),
             false => ending == "wgsl" || ending == "wesl",
         };
         if is_ours && holds {

@@ -103,36 +103,32 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // What is broken concerns all: nobody can say which tests it would have had.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();
     writeln!(out, "running {}", counted(tests.len() + broken.len(), "test"))?;
-    let mut failures: Vec<(String, String)> = Vec::new();
+    let mut failures: Vec<(String, Wrong)> = Vec::new();
     for broken in &broken {
         suite.record_broken(broken);
         writeln!(out, "test {} ... FAILED", broken.name)?;
-        failures.push((broken.name.clone(), broken.wrong.message.clone()));
+        failures.push((broken.name.clone(), broken.wrong.clone()));
     }
     each(&suite, &tests, &mut |test, verdict| {
         let word = if verdict.is_ok() { "ok" } else { "FAILED" };
         writeln!(out, "test {} ... {word}", test.name)?;
         out.flush()?;
-        failures.extend(verdict.err().map(|wrong| (test.name.clone(), wrong.message)));
+        failures.extend(verdict.err().map(|wrong| (test.name.clone(), wrong)));
         Ok(())
     })?;
     let passed = tests.len() + broken.len() - failures.len();
     if !failures.is_empty() {
-        failures.sort();
+        failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
         // A race fails each assertion of its passes, and one message says it.
         let mut told: HashMap<&str, &str> = HashMap::new();
-        for (name, message) in &failures {
-            let message = message.trim_end();
-            let (body, replay) =
-                message.split_at(message.rfind("\n  replay: ").unwrap_or(message.len()));
-            match (told.get(body), body.split_once('\n')) {
-                (Some(other), Some((first, _))) => {
-                    writeln!(out, "---- {name} ----\n{first}\n  as under `{other}`{replay}\n")?;
-                }
-                _ => writeln!(out, "---- {name} ----\n{message}\n")?,
+        for (name, wrong) in &failures {
+            writeln!(out, "---- {name} ----")?;
+            let first = wrong.violations.as_deref().map(|all| *told.entry(all).or_insert(name));
+            match first.filter(|first| *first != name) {
+                Some(first) => writeln!(out, "error: {}\n  as under `{first}`\n", wrong.headline)?,
+                None => writeln!(out, "{}\n", wrong.message.trim_end())?,
             }
-            told.entry(body).or_insert(name);
         }
     }
     let word = if failures.is_empty() { "ok" } else { "FAILED" };

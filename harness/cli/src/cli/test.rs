@@ -152,11 +152,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
     let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
     let (invalid, opinion) = check::invalid(&judged, running.folder())?;
+    let (modules, without_modules) = check::names(&invalid);
     let run = Run {
         selected: asked.selected(project.is_cargo()),
         passed: passed && invalid.is_empty(),
         failed: progress.failed().iter().map(|test| name(test).into_owned()).collect(),
-        invalid: check::names(&invalid),
+        invalid: modules,
+        invalid_packages: without_modules,
         remarks: remarks(left_out, &opinion),
         ..Run::default()
     };

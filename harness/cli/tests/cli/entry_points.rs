@@ -567,7 +567,7 @@ fn one_race_has_one_message() {
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert_eq!(ran.out.matches("  --> m.wgsl:13:").count(), 1, "{}", ran.out);
-    assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n  replay: "), "{}", ran.out);
+    assert!(ran.out.contains("\n  as under `m::wait keys in_range`\n"), "{}", ran.out);
 }
 
 /// A sanitizer looks through passes, and not through draws: the last line says it of those that write.
@@ -588,14 +588,14 @@ fn draws_that_write_are_counted() {
         ran.out.contains("; 1 check of passes or draws wasn't looked through by the sanitizer")
     };
     assert!(last("collect", "with = { count = 0 }\n"));
-    // What needs no frame runs without.
+    // A test that needs no frame runs without.
     let test = "[[test]]\nfunction = \"plain\"\nfinite = true\n";
     let declared = std::fs::read_to_string(folder.path().join("m.test.toml")).expect("written");
     write(folder.path(), "m.test.toml", &format!("{declared}{test}"));
     let ran = karat(folder.path(), &["test", ".", "--paths", "cpu", "--no-frames"]).good();
     assert!(ran.contains("1 check, 0 failed") && ran.contains("frames were left out"), "{ran}");
     assert!(!last("plain", ""));
-    // What a frame draws with has a test.
+    // The entry points of a frame have a test.
     let list = karat(folder.path(), &["list"]).good();
     let has = |name: &str, word: &str| {
         list.lines().any(|line| line.contains(name) && line.contains(word))

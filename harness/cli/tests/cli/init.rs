@@ -431,7 +431,7 @@ fn a_project_for_the_web_gets_a_script() {
     assert_eq!(again, manifest, "once is enough");
 }
 
-/// What npm installed is nobody's here, and the folder with all modules is the package, by whatever command.
+/// Packages of npm hold no module of the project, and for each command the folder with all modules is the package.
 #[test]
 fn the_folder_that_has_all_modules_is_found() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -304,14 +304,14 @@ fn watch_is_red_where_test_is() {
     for edit in &VALID {
         let package = at.next().expect("it goes on");
         let undo = project.edit(package, edit);
-        // What comes before it may be in the same line.
+        // The edit before it may be in the same line.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         let told = watch.until(&format!("cpu ({package}): "));
         assert!(told.lines().last().is_some_and(|line| line.contains("2 tests pass;")), "{told}");
         let ran = project.test(package).good();
         assert!(ran.contains("2 checks, 0 failed"), "{ran}");
         undo();
-        // What comes before it may be in the same line.
+        // The edit before it may be in the same line.
         watch.until_any("changed: ", &[&format!("{package}/")]);
         watch.until(&format!("cpu ({package}): "));
     }

@@ -20,6 +20,9 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
         passed: runs.iter().all(|run| run.passed),
         failed: sorted(runs.iter().flat_map(|run| run.failed.clone()).collect()),
         invalid: sorted(runs.iter().flat_map(|run| run.invalid.clone()).collect()),
+        invalid_packages: sorted(
+            runs.iter().flat_map(|run| run.invalid_packages.clone()).collect(),
+        ),
         remarks: sorted(runs.iter().flat_map(|run| run.remarks.clone()).collect()),
         // Each part says it with its name.
         not_run: 0,

@@ -9,7 +9,6 @@ use std::io::Write;
 use karat::unstable::output::{Style, counted, one_line};
 use karat::unstable::record::{Record, Run, Subject, Verdict};
 
-use super::super::check::OF_PACKAGE;
 use super::{is_failure, outside};
 use crate::cli::Ending;
 use crate::cli::table::{BAD, GOOD};
@@ -92,16 +91,12 @@ impl Sum {
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
         };
-        let of_package = |name: &String| name.starts_with(OF_PACKAGE);
-        let (packages, modules): (Vec<_>, Vec<_>) =
-            run.invalid.iter().cloned().partition(of_package);
-        if !modules.is_empty() {
-            let are = if modules.len() == 1 { "isn't" } else { "aren't" };
-            let counted = counted(modules.len(), "module");
-            sum = sum.with(format!("{counted} {are} valid: {}", first(&modules)));
-        }
-        for package in packages {
-            sum = sum.with(format!("{} isn't valid", one_line(&package)));
+        for (names, what) in [(&run.invalid, "module"), (&run.invalid_packages, "package")] {
+            if !names.is_empty() {
+                let are = if names.len() == 1 { "isn't" } else { "aren't" };
+                let counted = counted(names.len(), what);
+                sum = sum.with(format!("{counted} {are} valid: {}", first(names)));
+            }
         }
         if run.not_run > 0 {
             let tests = counted(run.not_run, "test");
@@ -256,8 +251,8 @@ mod tests {
             "1 module isn't valid: a::b; 1 check passed, 1 known issue"
         );
         assert_eq!(line(one, Some(&invalid)), "1 module isn't valid: a::b; 1 check, 1 failed");
-        let of_package = Run { invalid: names(&["package p"]), ..red.clone() };
-        assert_eq!(line(one, Some(&of_package)), "package p isn't valid; 1 check, 1 failed");
+        let of_package = Run { invalid_packages: names(&["p"]), ..red.clone() };
+        assert_eq!(line(one, Some(&of_package)), "1 package isn't valid: p; 1 check, 1 failed");
         let other = Run { failed: names(&["other"]), ..red.clone() };
         assert_eq!(
             line(&[], Some(&other)),

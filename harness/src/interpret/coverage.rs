@@ -1,6 +1,6 @@
-//! The operations that inputs come to, and the ways that they take from there.
+//! Coverage: the operations that inputs come to, and the ways that they take from there.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use karat_engine::{F32, Fault, Faulty, Lanes, Observer, Program as Lowered, Site};
@@ -17,11 +17,11 @@ use crate::reflect::Program;
 
 /// The places of operations, and what inputs do there.
 #[derive(Debug, Default)]
-pub(crate) struct Reach {
+pub(crate) struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
-/// What inputs do at a place.
+/// The ways of inputs at a place.
 #[derive(Debug)]
 struct Seen {
     span: Span,
@@ -41,53 +41,53 @@ impl Seen {
 
 /// A part of an edit that inputs don't show.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Unreached {
+pub struct Uncovered {
     /// `file:line:column`
     pub place: String,
     /// Its line, as the author wrote it.
     pub text: String,
-    /// What no input does there.
-    pub why: Way,
+    /// The part of it that no input covers.
+    pub missed: Missed,
 }
 
-/// What no input does.
+/// The part of a line that no input covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Way {
-    /// It comes there.
-    There,
-    /// It makes a condition true.
+pub enum Missed {
+    /// All of it.
+    Line,
+    /// A condition that is true.
     True,
-    /// It makes a condition false.
+    /// A condition that is false.
     False,
 }
 
-/// What lanes do at a site.
+/// The ways of lanes at a site.
 #[derive(Default)]
-struct Ways {
+struct Taken {
     reached: AtomicBool,
     is_true: AtomicBool,
     is_false: AtomicBool,
     outside: AtomicBool,
 }
 
-/// The same of all sites, by their numbers.
-struct AllWays {
-    all: Vec<Ways>,
+/// The same of all sites, in their order.
+struct AllTaken {
+    all: Vec<Taken>,
     /// The address of the first site, which stand one behind the other.
     first: usize,
 }
 
-impl Observer<F32> for AllWays {
-    fn reached(&self, site: usize) {
-        self.all[site].reached.store(true, Ordering::Relaxed);
+impl Observer<F32> for AllTaken {
+    fn reached(&self, site: &Site) {
+        self.of(site).reached.store(true, Ordering::Relaxed);
     }
 
     fn others(&self, lanes: &Lanes<'_, F32>) {
-        let ways = self.of_site(lanes.site);
+        let taken = self.of(lanes.site);
         for values in lanes.bools {
             for (&is, _) in values.iter().zip(lanes.active).filter(|(_, active)| **active) {
-                let way = if is { &ways.is_true } else { &ways.is_false };
+                let way = if is { &taken.is_true } else { &taken.is_false };
                 way.store(true, Ordering::Relaxed);
             }
         }
@@ -95,23 +95,23 @@ impl Observer<F32> for AllWays {
 
     fn fault(&self, one: &Faulty<'_>) {
         if let Fault::Index(_) = one.fault {
-            self.of_site(one.site).outside.store(true, Ordering::Relaxed);
+            self.of(one.site).outside.store(true, Ordering::Relaxed);
         }
     }
 }
 
-impl AllWays {
-    fn of(lowered: &Lowered) -> Self {
-        let all = lowered.sites().iter().map(|_| Ways::default()).collect();
+impl AllTaken {
+    fn none(lowered: &Lowered) -> Self {
+        let all = lowered.sites().iter().map(|_| Taken::default()).collect();
         Self { all, first: lowered.sites().as_ptr().addr() }
     }
 
-    fn of_site(&self, site: &Site) -> &Ways {
+    fn of(&self, site: &Site) -> &Taken {
         &self.all[(std::ptr::from_ref(site).addr() - self.first) / size_of::<Site>()]
     }
 }
 
-impl Reach {
+impl Coverage {
     /// Adds what calls of a function come to.
     pub(crate) fn add_calls(
         &mut self,
@@ -122,18 +122,18 @@ impl Reach {
         match probed.function().form.alone {
             false => {
                 let called = Interpreted::new(probed, fixtures)?;
-                let ways = AllWays::of(called.parts().0);
-                called.observed(count, rows, &called.options(), &ways)?;
-                self.add(called.parts(), &ways);
+                let taken = AllTaken::none(called.parts().0);
+                called.observed(count, rows, &called.options(), &taken)?;
+                self.add(called.parts(), &taken);
             }
             true => {
                 let called = Alone::new(probed, fixtures)?;
-                let ways = AllWays::of(called.parts().0);
+                let taken = AllTaken::none(called.parts().0);
                 let width = rows.len() / count.max(1);
                 for case in 0..count {
-                    called.run(&rows[case * width..][..width], &ways)?;
+                    called.run(&rows[case * width..][..width], &taken)?;
                 }
-                self.add(called.parts(), &ways);
+                self.add(called.parts(), &taken);
             }
         }
         Ok(())
@@ -142,22 +142,21 @@ impl Reach {
     /// Adds what the invocations of passes over made-up resources come to.
     pub(crate) fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
-            let ways = AllWays::of(lowered);
-            lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &ways)?;
-            self.add((lowered, &pass.program), &ways);
+            let taken = AllTaken::none(lowered);
+            lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &taken)?;
+            self.add((lowered, &pass.program), &taken);
             Ok(true)
         })?;
         Ok(())
     }
 
-    fn add(&mut self, (lowered, program): (&Lowered, &Program), ways: &AllWays) {
+    fn add(&mut self, (lowered, program): (&Lowered, &Program), taken: &AllTaken) {
         let is = |way: &AtomicBool| way.load(Ordering::Relaxed);
-        for number in lowered.operations().collect::<BTreeSet<_>>() {
-            let site = &lowered.sites()[number];
+        for site in lowered.operations() {
             let Some(span) = statement_of(program, site) else { continue };
             let place = (span.file.name.clone(), span.range.start, span.range.end);
             let known = self.by_place.entry(place).or_insert_with(|| Seen::at(span));
-            let own = &ways.all[number];
+            let own = taken.of(site);
             known.reached |= is(&own.reached);
             known.is_true |= is(&own.is_true);
             known.is_false |= is(&own.is_false);
@@ -167,14 +166,14 @@ impl Reach {
 
     /// The lines that no input came to, and conditions that each input decided alike, of operations that the other side of
     /// an edit has fewer of.
-    pub(crate) fn unreached_beside(&self, other: &Self) -> Vec<Unreached> {
-        let mut lines: Vec<Unreached> = Vec::new();
+    pub(crate) fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
+        let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
         for seen in self.more_than(other, |_| true) {
-            let why = match (seen.reached, seen.is_true, seen.is_false) {
-                (false, ..) => Way::There,
-                (true, false, true) => Way::True,
-                (true, true, false) => Way::False,
+            let missed = match (seen.reached, seen.is_true, seen.is_false) {
+                (false, ..) => Missed::Line,
+                (true, false, true) => Missed::True,
+                (true, true, false) => Missed::False,
                 _ => continue,
             };
             let span = &seen.span;
@@ -182,7 +181,7 @@ impl Reach {
             if known.replace((&span.file.name, line)) != Some((&span.file.name, line)) {
                 let text = span.file.text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
                 let (place, text) = (span.to_string(), text.trim().to_owned());
-                lines.push(Unreached { place, text, why });
+                lines.push(Uncovered { place, text, missed });
             }
         }
         lines
