@@ -360,7 +360,10 @@ fn wakes_once(manifest: &str, end: &str) {
     wait("2 tests pass", 1);
     // An edit wakes it, and what it prints then doesn't.
     std::thread::sleep(Duration::from_millis(700));
-    write(path, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    // The file comes whole, so that a busy machine doesn't see an empty one between.
+    let saved = tempfile::tempdir().expect("a temporary folder");
+    write(saved.path(), "calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    std::fs::rename(saved.path().join("calc.wgsl"), path.join("calc.wgsl")).expect("renamed");
     wait("1 of 2 tests fail", 1);
     std::thread::sleep(Duration::from_millis(1500));
     let told = log();
