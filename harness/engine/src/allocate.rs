@@ -258,7 +258,12 @@ fn remove_unused(code: &mut Code) {
         let mut changed = false;
         for place in (0..code.instructions.len()).rev() {
             let instruction = code.instructions[place];
-            if removed[place] || !is_pure(instruction.op) {
+            // "A read accesses all locations of its memory view" (WGSL, *Memory Operation*), and races with it.
+            let races = match instruction.op {
+                Op::Load(_, walk) => code.may_race(walk),
+                _ => false,
+            };
+            if removed[place] || races || !is_pure(instruction.op) {
                 continue;
             }
             let all = || operands(code.shape(instruction.op), instruction.at);
@@ -274,6 +279,14 @@ fn remove_unused(code: &mut Code) {
         }
         if !changed {
             break;
+        }
+    }
+    for instruction in &code.instructions {
+        let Op::Atomic(walk) = instruction.op else { continue };
+        let mut all = operands(code.shape(instruction.op), instruction.at);
+        let used = all.any(|o| o.written && reads[o.file as usize][code.pool[o.at] as usize] > 0);
+        if let Some(atomic) = &mut code.walks[walk as usize].atomic {
+            atomic.used = used;
         }
     }
     let mut next = 0;

@@ -219,6 +219,8 @@ pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
     pub(crate) scalar: Scalar,
     pub(crate) result: bool,
+    /// True if something reads what it returns.
+    pub(crate) used: bool,
 }
 
 /// Where an operation comes from.
@@ -308,6 +310,15 @@ pub(crate) struct Code {
     pub(crate) mutable: [Vec<u32>; 3],
     /// Ranges of registers that are found by index, which stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
+}
+
+impl Code {
+    /// True if an access of a word that a walk finds may race with another one.
+    pub(crate) fn may_race(&self, walk: u32) -> bool {
+        let walk = &self.walks[walk as usize];
+        let slot = self.buffers.get(walk.buffer as usize);
+        walk.plain && self.workgroup != [0; 3] && slot.is_some_and(|slot| slot.written)
+    }
 }
 
 /// A texture or a sampler.

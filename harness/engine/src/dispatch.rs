@@ -1,13 +1,15 @@
 //! Compute entry points: invocations of a workgroup are the lanes of one chunk. And fragment entry points, whose workgroups
 //! are tiles of pixels.
 
+use std::collections::HashMap;
 use std::time::Instant;
 
 use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::{Arithmetic, F32};
-use crate::code::{Binding, BufferSlot, Code};
-use crate::machine::{Buffer, Machine, Memory, Pause};
+use crate::code::{Binding, BufferSlot, Code, Site};
+use crate::explore::{Explorer, Step};
+use crate::machine::{Buffer, Done, Machine, Memory, Pause};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::program::Program;
@@ -15,7 +17,7 @@ use crate::races::{Detector, Observed, OfGroup};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
-use crate::schedule::Schedule;
+use crate::schedule::{Actor, ByPriority, Priorities, Stores, Turns, shuffled};
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -157,74 +159,52 @@ impl Entry {
     }
 }
 
-/// The turns of machines in a shuffled schedule, which chance decides.
-struct Turns(Option<u64>);
-
-impl Turns {
-    fn of(schedule: Option<Schedule>) -> Self {
-        Self(schedule.map(|schedule| schedule.seed).filter(|seed| *seed != 0))
-    }
-
-    /// True if a machine goes on; otherwise others do first.
-    fn goes_on(&mut self) -> bool {
-        let Some(state) = &mut self.0 else { return true };
-        crate::schedule::next(state) & 1 == 1
-    }
-}
-
-/// A workgroup that runs.
-struct Running<'p, 'm, A: Arithmetic> {
+/// A workgroup that runs, in room that is used again by the next one.
+struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The machines that can go on, by their numbers, and those that wait at a barrier.
-    ready: Vec<usize>,
-    held: Vec<usize>,
-    /// The number of its first invocation.
+    /// The number of its first unit, and of its first invocation.
+    unit: u32,
     first: usize,
-    /// True if others run beside it. Then the fields below are in use while it runs, and kept here otherwise.
-    beside: bool,
-    /// Its workgroup memory, by its slots.
+    /// Machines that haven't ended, and those that wait at a barrier, each with its site.
+    open: usize,
+    held: Vec<(usize, u32)>,
+    /// Stores that have yet to take effect.
+    stores: usize,
+    /// Machines at a barrier whose stores have yet to.
+    draining: Vec<(usize, u32)>,
+    /// Machines before an atomic of a word that a store of theirs has yet to change.
+    blocked: Vec<usize>,
+    /// Its workgroup memory, by its slots, and the detector's knowledge of it, while another one runs.
     own: Vec<(usize, Buffer<'m, A>)>,
-    /// The detector's knowledge of it.
     known: OfGroup,
 }
 
-impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
-    /// Room for a workgroup of so many, of which so many lanes share a machine.
-    fn new(
-        code: &'p Code,
-        options: &'p Options,
-        order: &[usize],
-        lanes: usize,
-        (beside, yields): (bool, bool),
-    ) -> Self {
-        let machine = |own: &[usize]| {
-            let mut machine = Machine::<A>::new(code, options, lanes);
-            machine.yields = yields;
-            if options.schedule.is_some() {
-                machine.order = own.to_vec();
-            }
-            machine
-        };
-        let machines = order.chunks(lanes).map(machine).collect();
+impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
+    /// Room for workgroups of so many invocations, of which so many share a machine.
+    fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
+        let machine =
+            |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
+        let machines = (0..invocations).step_by(lanes).map(machine).collect();
         let own = code.buffers.iter().enumerate();
         let own = own.filter(|(_, slot)| slot.binding == Binding::Workgroup);
         let bytes = |slot: &BufferSlot| vec![0; slot.least as usize].into();
         let own = own.map(|(number, slot)| (number, Buffer::new(bytes(slot), slot.written)));
-        let own = if beside { own.collect() } else { Vec::new() };
-        let (ready, held, known) = (Vec::new(), Vec::new(), OfGroup::default());
-        Self { machines, ready, held, first: 0, beside, own, known }
-    }
-
-    /// True if a machine hasn't ended.
-    fn has_more(&self) -> bool {
-        !self.ready.is_empty() || !self.held.is_empty()
+        Self {
+            machines,
+            unit: 0,
+            first: 0,
+            open: 0,
+            held: Vec::new(),
+            stores: 0,
+            draining: Vec::new(),
+            blocked: Vec::new(),
+            own: own.collect(),
+            known: OfGroup::default(),
+        }
     }
 
     /// Swaps its memory, and the detector's knowledge of it, with what is in use.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
-        if !self.beside {
-            return;
-        }
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
         }
@@ -233,6 +213,91 @@ impl<'p, 'm, A: Arithmetic> Running<'p, 'm, A> {
         }
     }
 }
+
+/// An atomic of a run whose order is asked for.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    /// The invocation, by its number in the dispatch; of several side by side the first.
+    pub invocation: usize,
+    /// Where the author wrote it.
+    pub site: Site,
+    /// The word that it read, or if it reads none the one that it wrote.
+    pub word: u32,
+    /// Of a store that took effect late, the atomic behind it that others could see before.
+    pub behind: Option<Site>,
+}
+
+/// What is asked of a run besides what it leaves.
+pub(crate) struct Watch<'w> {
+    /// The workgroups that run; `None`: each.
+    groups: Option<&'w [usize]>,
+    explorer: Option<&'w mut Explorer>,
+}
+
+/// The order of atomics, as far as it is asked for.
+struct Order {
+    /// Each with its word, and of a store when its invocation came to it.
+    taken: Option<Vec<(Turn, Done)>>,
+}
+
+/// Turns that are kept of a run. The first difference comes early.
+const MOST_TURNS: usize = 1 << 12;
+
+impl Order {
+    fn turn(&self) -> usize {
+        self.taken.as_ref().map_or(0, Vec::len)
+    }
+
+    /// Atomics of invocations, of which the first lane is this one.
+    fn add(&mut self, code: &Code, first: usize, done: impl Iterator<Item = Done>) {
+        let Some(taken) = self.taken.as_mut().filter(|all| all.len() < MOST_TURNS) else { return };
+        for one in done {
+            let (invocation, site) = (first + one.lane, code.sites[one.site as usize].clone());
+            let behind = one.late.and_then(|late| Self::behind(taken, invocation, one, late));
+            taken.push((Turn { invocation, site, word: one.word, behind }, one));
+        }
+    }
+
+    /// The atomic behind a store in its invocation that another one could see before the store.
+    fn behind(
+        taken: &[(Turn, Done)],
+        invocation: usize,
+        store: Done,
+        (number, came): (u32, usize),
+    ) -> Option<Site> {
+        let is_later = |done: &Done| done.late.is_none_or(|(other, _)| other > number);
+        let own = |(turn, done): &&(Turn, Done)| turn.invocation == invocation && is_later(done);
+        let at = came + taken.get(came..)?.iter().position(|one| own(&one))?;
+        let (turn, done) = &taken[at];
+        let sees = |(other, seen): &(Turn, Done)| {
+            other.invocation != invocation && [store.place, done.place].contains(&seen.place)
+        };
+        taken[at + 1..].iter().any(sees).then(|| turn.site.clone())
+    }
+}
+
+/// Rooms for workgroups at least, and the invocations that they may have together.
+const LEAST_ROOMS: usize = 4;
+const ROOMY: usize = 4096;
+
+/// Brings the memory of a workgroup, and the detector's knowledge of it, into use.
+fn enter<'m, A: Arithmetic>(
+    here: &mut Option<usize>,
+    next: Option<usize>,
+    rooms: &mut [Room<'_, 'm, A>],
+    memory: &mut Memory<'m, A>,
+    detector: &mut Option<Box<Detector>>,
+) {
+    if *here != next {
+        for room in here.iter().chain(&next) {
+            rooms[*room].exchange(memory, detector);
+        }
+        *here = next;
+    }
+}
+
+/// Turns between two looks at the clock.
+const TURNS: usize = 1024;
 
 impl Program {
     /// Runs a compute entry point, one workgroup after the other: that is one of the orders that
@@ -258,8 +323,7 @@ impl Program {
     }
 
     /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
-    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each. Where a
-    /// schedule is serial, barriers aren't looked at.
+    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each.
     ///
     /// # Errors
     ///
@@ -271,8 +335,33 @@ impl Program {
         options: &Options,
         groups: Option<&[usize]>,
     ) -> Result<Observed, Stop> {
-        let watch = Some(groups);
+        let watch = Some(Watch { groups, explorer: None });
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
+    }
+
+    /// The same in the next order that an explorer has not tried, in place of the schedule's. All workgroups run.
+    ///
+    /// # Errors
+    ///
+    /// As [`observe_races`](Self::observe_races).
+    pub fn explore(
+        &self,
+        workgroups: [u32; 3],
+        resources: &mut Resources,
+        options: &Options,
+        explorer: &mut Explorer,
+    ) -> Result<Observed, Stop> {
+        explorer.begin_dispatch();
+        let watch = Some(Watch { groups: None, explorer: Some(explorer) });
+        self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
+    }
+
+    /// True if the order of invocations may decide what they leave, though none of their accesses race: they have
+    /// atomics.
+    #[must_use]
+    pub fn has_atomics(&self) -> bool {
+        let code = self.code();
+        code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
     /// Invocations of a workgroup in each direction; 1 of a draw, whose pixels are its workgroups. `None` of a function.
@@ -295,7 +384,7 @@ impl Program {
         resources: &mut Resources,
         options: &Options,
         observer: &dyn Observer<A>,
-        watch: Option<Option<&[usize]>>,
+        watch: Option<Watch<'_>>,
     ) -> Result<Observed, Stop> {
         let Some(entry) = &self.entry else {
             return Err(Stop::Misuse("a function is called, not dispatched"));
@@ -308,135 +397,201 @@ impl Program {
         if let (true, Some(slot)) = (A::UNDECIDED, code.textures.iter().find(|slot| slot.written)) {
             return Err(Stop::NoRule { what: "a texture that is written", span: slot.span });
         }
+        let watch_is_on = watch.is_some();
         let pixels = workgroups;
         let workgroups = if entry.drawn { tiles(pixels) } else { workgroups };
         let [x, y, z] = entry.size;
         let invocations = (x * y * z) as usize;
-        let (mut observed, mut stopped) = (Observed::default(), None);
+        let mut observed = Observed::default();
+        let schedule = &options.schedule;
+        // The invocations of a subgroup stay together, as do the pixels of a quad.
+        let of = match (self.has_subgroups(), entry.drawn) {
+            (true, _) => options.subgroup() as usize,
+            (_, true) => 4,
+            _ => 1,
+        };
+        let lanes = schedule.together.max(1).checked_next_multiple_of(of).unwrap_or(invocations);
+        let lanes = lanes.min(invocations);
+        let units = invocations.div_ceil(lanes);
+        let (some, explorer) = match watch {
+            Some(Watch { groups, explorer }) => (groups, explorer),
+            None => (None, None),
+        };
+        let mut by_priority = ByPriority::new(schedule, invocations, lanes);
+        let is_explored = explorer.is_some() || !schedule.turns.is_empty();
+        let turns: &mut dyn Turns = match explorer {
+            Some(explorer) => explorer,
+            None => &mut by_priority,
+        };
         let (written, textures): (Vec<_>, Vec<_>) = {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            let subgroup = options.subgroup();
-            // The invocations of a subgroup stay together, as do the pixels of a quad. The last one may not be whole, and stays
-            // the last.
-            let of = match (self.has_subgroups(), entry.drawn) {
-                (true, _) => subgroup as usize,
-                (_, true) => 4,
+            // Of more than fit into memory some run before the deadline.
+            let mut groups: Box<dyn Iterator<Item = usize>> = match (some, schedule.priorities) {
+                (Some(some), _) => Box::new(some.iter().copied()),
+                (None, Priorities::ByNumber) => Box::new(0..all),
+                (None, Priorities::Backwards) => Box::new((0..all).rev()),
+                (None, Priorities::Shuffled(seed)) => Box::new(shuffled(all, seed).into_iter()),
+            };
+            let yields = self.has_atomics() && (all > 1 || units > 1);
+            let live = match (yields || units > 1, is_explored) {
+                (_, true) => all,
+                (true, _) => LEAST_ROOMS.max(ROOMY / invocations),
                 _ => 1,
             };
-            let (shuffled, order) = match options.schedule {
-                Some(schedule) => {
-                    let (groups, order) = schedule.orders(all, invocations / of);
-                    (Some(groups), order)
-                }
-                None => (None, (0..invocations / of).collect()),
+            let new = |_| Room::<A>::new(code, options, invocations, lanes);
+            let mut rooms: Vec<Room<'_, '_, A>> = (0..live.min(all)).map(new).collect();
+            for machine in rooms.iter_mut().flat_map(|room| &mut room.machines) {
+                machine.yields = yields;
+                machine.relaxes = yields && schedule.stores != Stores::AtOnce;
+            }
+            let mut detector = watch_is_on.then(|| Box::new(Detector::new(code, invocations)));
+            let mut order = Order { taken: options.shows_order.then(Vec::new) };
+            let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
+            let mut room_of: HashMap<u32, usize> = HashMap::new();
+            // What a machine does in its next turn, if turns ask for it.
+            let step = |machine: &Machine<'_, A>, memory: &Memory<'_, A>, group, asks| match asks {
+                true => machine.next_step(memory, group),
+                false => Step::atomic(Vec::new()),
             };
-            let together = |number: usize| number * of..number * of + of;
-            let rest = invocations / of * of..invocations;
-            let order: Vec<usize> = order.into_iter().flat_map(together).chain(rest).collect();
-            // Of more than fit into memory some run before the deadline.
-            let groups: Box<dyn Iterator<Item = usize>> = match (watch.flatten(), &shuffled) {
-                (Some(some), _) => Box::new(some.iter().copied()),
-                (None, Some(shuffled)) => Box::new(shuffled.iter().copied()),
-                (None, None) => Box::new(0..all),
-            };
-            // The invocations of one machine go from operation to operation side by side.
-            let serial = options.schedule.is_some_and(|schedule| schedule.serial);
-            let lanes = if serial { of } else { invocations };
-            let beside = options.beside.clamp(1, all.max(1));
-            let yields = options.beside > 1 && (serial || beside > 1);
-            let mut turns = Turns::of(options.schedule.filter(|_| yields));
-            let new = |_| Running::<A>::new(code, options, &order, lanes, (beside > 1, yields));
-            let mut running: Vec<Running<'_, '_, A>> = (0..beside).map(new).collect();
-            let mut detector = watch.map(|_| Box::new(Detector::new(code, &order, serial)));
-            let mut groups = groups;
-            let mut work = options.work;
-            'groups: loop {
-                if options.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-                    return Err(Stop::Misuse(
-                        "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
-                    ));
-                }
-                let mut count = 0;
-                for (one, group) in running.iter_mut().zip(&mut groups) {
-                    count += 1;
-                    one.first = group * invocations;
-                    one.ready = (0..one.machines.len()).collect();
-                    one.exchange(&mut memory, &mut detector);
+            // The room whose memory is in use.
+            let mut here: Option<usize> = None;
+            let mut free: Vec<usize> = (0..rooms.len()).rev().collect();
+            loop {
+                while let Some(number) = free.last().copied() {
+                    let Some(group) = groups.next() else { break };
+                    free.pop();
+                    enter(&mut here, Some(number), &mut rooms, &mut memory, &mut detector);
+                    let room = &mut rooms[number];
+                    room.first = group * invocations;
+                    room.unit = u32::try_from(group * units).unwrap_or(u32::MAX);
+                    room.open = units;
                     for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
                         if slot.binding == Binding::Workgroup {
                             buffer.clear();
                         }
                     }
                     if let Some(detector) = &mut detector {
-                        detector.begin(one.first);
+                        detector.begin(room.first);
                     }
-                    one.exchange(&mut memory, &mut detector);
                     let id = [group % across, group / across % down, group / (across * down)];
+                    let subgroup = options.subgroup();
                     let given = Given { id: id.map(|index| index as u32), workgroups, subgroup };
-                    for (machine, own) in one.machines.iter_mut().zip(order.chunks(lanes)) {
+                    for (own, machine) in room.machines.iter_mut().enumerate() {
+                        let base = own * lanes;
+                        let here = base..invocations.min(base + lanes);
                         for (&(register, scalar), &input) in
                             code.parameters.iter().zip(&entry.inputs)
                         {
-                            let words = own.iter().map(|index| entry.word(input, *index, &given));
+                            let words = here.clone().map(|index| entry.word(input, index, &given));
                             machine.set(register.index, scalar, words);
                         }
-                        machine.start(own.len());
+                        machine.start(here.len());
                         if entry.drawn {
-                            let is_beyond = |index: &usize| {
-                                let [x, y] = pixel_of(one.first + index, pixels[0]);
+                            let is_beyond = |index: usize| {
+                                let [x, y] = pixel_of(room.first + index, pixels[0]);
                                 x >= pixels[0] || y >= pixels[1]
                             };
-                            machine.set_helpers(own.iter().map(is_beyond));
+                            machine.set_helpers(here.map(is_beyond));
+                        }
+                        let unit = room.unit + own as u32;
+                        room_of.insert(unit, number);
+                        turns.ready(Actor { unit, store: 0 }, Step::default());
+                    }
+                }
+                let Some(actor) = turns.next() else { break };
+                count += 1;
+                if count.is_multiple_of(TURNS)
+                    && options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+                {
+                    return Err(Stop::Misuse(
+                        "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
+                    ));
+                }
+                let number = room_of[&actor.unit];
+                enter(&mut here, Some(number), &mut rooms, &mut memory, &mut detector);
+                let room = &mut rooms[number];
+                let (own, group) = ((actor.unit - room.unit) as usize, actor.unit / units as u32);
+                let base = own * lanes;
+                let machine = &mut room.machines[own];
+                if let Some(detector) = &mut detector {
+                    detector.goes_on(base);
+                }
+                if actor.store > 0 {
+                    let done = machine.settle(actor.store, &mut memory);
+                    order.add(code, room.first + base, done.into_iter());
+                    room.stores -= 1;
+                    let unit = Actor { store: 0, ..actor };
+                    if let Some(at) = room.blocked.iter().position(|one| *one == own)
+                        && !machine.is_blocked(&memory)
+                    {
+                        room.blocked.swap_remove(at);
+                        turns.ready(unit, step(machine, &memory, group, turns.asks()));
+                    }
+                    if machine.stores.is_empty()
+                        && let Some(at) = room.draining.iter().position(|(one, _)| *one == own)
+                    {
+                        room.held.push(room.draining.swap_remove(at));
+                    }
+                } else {
+                    machine.turn = order.turn();
+                    (machine.work, machine.detector) = (work, detector.take());
+                    let paused = machine.resume::<SEEN>(room.first + base, &mut memory, observer);
+                    (work, detector) = (machine.work, machine.detector.take());
+                    order.add(code, room.first + base, machine.done.drain(..));
+                    for store in std::mem::take(&mut machine.issued) {
+                        room.stores += 1;
+                        turns.ready(Actor { store, ..actor }, machine.step_of_store(store, group));
+                    }
+                    match paused {
+                        Ok(Pause::Atomic) => {
+                            if std::mem::take(&mut machine.waits) {
+                                turns.waits();
+                            }
+                            if machine.relaxes && machine.is_blocked(&memory) {
+                                room.blocked.push(own);
+                            } else {
+                                turns.ready(actor, step(machine, &memory, group, turns.asks()));
+                            }
+                        }
+                        Ok(Pause::Barrier(site)) if machine.stores.is_empty() => {
+                            room.held.push((own, site));
+                        }
+                        Ok(Pause::Barrier(site)) => room.draining.push((own, site)),
+                        Ok(Pause::End) => room.open -= 1,
+                        Err(spent) => {
+                            let own = base + spent.lane;
+                            let stop = spent.stop(room.first + own, options);
+                            if detector.is_none() {
+                                return Err(stop);
+                            }
+                            stopped = Some(stop);
+                            break;
                         }
                     }
                 }
-                if count == 0 {
-                    break;
-                }
-                while running[..count].iter().any(Running::has_more) {
-                    for one in running[..count].iter_mut().filter(|one| one.has_more()) {
-                        one.exchange(&mut memory, &mut detector);
-                        if one.ready.is_empty() {
-                            std::mem::swap(&mut one.ready, &mut one.held);
-                            detector.iter_mut().for_each(|one| one.release());
-                        }
-                        for number in std::mem::take(&mut one.ready) {
-                            if !turns.goes_on() {
-                                one.ready.push(number);
-                                continue;
-                            }
-                            let case = one.first + order[number * lanes];
-                            let machine = &mut one.machines[number];
-                            if let Some(detector) = &mut detector {
-                                detector.goes_on(number * lanes);
-                            }
-                            (machine.work, machine.detector) = (work, detector.take());
-                            let paused = machine.resume::<SEEN>(case, &mut memory, observer);
-                            (work, detector) = (machine.work, machine.detector.take());
-                            match paused {
-                                Ok(Pause::Atomic) => one.ready.push(number),
-                                Ok(Pause::Barrier) => one.held.push(number),
-                                Ok(Pause::End) => {}
-                                Err(spent) => {
-                                    let own = order[number * lanes + spent.lane];
-                                    let stop = spent.stop(one.first + own, options);
-                                    if watch.is_none() {
-                                        return Err(stop);
-                                    }
-                                    stopped = Some(stop);
-                                    break 'groups;
-                                }
-                            }
-                        }
-                        one.exchange(&mut memory, &mut detector);
+                if room.open > 0 && room.held.len() == room.open && room.stores == 0 {
+                    let held = std::mem::take(&mut room.held);
+                    if let Some(detector) = &mut detector {
+                        let here = held.iter().map(|(own, site)| (own * lanes, *site));
+                        detector.release(code, &here.collect::<Vec<_>>(), lanes);
                     }
+                    turns.joined(room.unit..room.unit + units as u32);
+                    for (own, _) in held {
+                        let unit = room.unit + own as u32;
+                        turns.ready(Actor { unit, store: 0 }, Step::default());
+                    }
+                }
+                if room.open == 0 && room.stores == 0 {
+                    free.push(number);
                 }
             }
+            enter(&mut here, None, &mut rooms, &mut memory, &mut detector);
             if let Some(detector) = detector {
                 let rounds = options.work - work;
-                observed = Observed { stopped, rounds, ..detector.end(code) };
+                let order = order.taken.into_iter().flatten().map(|(turn, _)| turn).collect();
+                observed = Observed { stopped, rounds, order, ..detector.end(code) };
                 if entry.drawn {
                     // Of the last tiles some are helpers.
                     let pixels = pixels.iter().map(|count| *count as usize).product();

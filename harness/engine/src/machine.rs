@@ -7,8 +7,11 @@ mod lanes;
 mod masks;
 mod memory;
 mod subgroups;
+mod turns;
 mod worlds;
 mod wrap;
+
+use std::collections::HashMap;
 
 use naga::Span;
 
@@ -16,13 +19,15 @@ use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Fault, Faulty, Lanes, Missing, Observer, case_of};
-use crate::options::Options;
+use crate::observer::{Fault, Faulty, Lanes, Missing, Observer};
+use crate::options::{Elsewhere, Options};
 use crate::races::{Beyond, Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
+pub(crate) use turns::Done;
+use turns::Late;
 use worlds::Worlds;
 
 /// A loop that ran for too long, and the lane that did.
@@ -93,18 +98,32 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,
-    /// True if it waits behind each atomic, too.
+    /// True if it stops before each atomic, too, and whether it stands before one.
     pub(crate) yields: bool,
-    /// The invocations of its lanes, by their numbers in the workgroup; empty where they come by them.
-    pub(crate) order: Vec<usize>,
+    paused: bool,
+    /// True if stores of atomics take effect when they are told to.
+    pub(crate) relaxes: bool,
+    pub(crate) stores: Vec<Late>,
+    /// Those that it came to since it was asked last, and how many there have been.
+    pub(crate) issued: Vec<u32>,
+    numbered: u32,
+    /// The number of the turn.
+    pub(crate) turn: usize,
+    /// The atomics of the turn.
+    pub(crate) done: Vec<Done>,
+    /// What atomics read since one of them changed a word, and how often.
+    seen: HashMap<u64, u32>,
+    /// True if it waits in a loop for another one to change what it reads.
+    pub(crate) waits: bool,
 }
 
 /// Where a machine stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pause {
-    /// Behind an atomic, if it waits there.
+    /// Before an atomic, if it stops there.
     Atomic,
-    Barrier,
+    /// At a barrier, with its site.
+    Barrier(u32),
     End,
 }
 
@@ -134,7 +153,15 @@ impl<'p, A: Rules> Machine<'p, A> {
             helpers: Vec::new(),
             detector: None,
             yields: false,
-            order: Vec::new(),
+            paused: false,
+            relaxes: false,
+            stores: Vec::new(),
+            issued: Vec::new(),
+            numbered: 0,
+            turn: 0,
+            done: Vec::new(),
+            seen: HashMap::new(),
+            waits: false,
         };
         for &(register, constant) in &code.constants {
             let index = register.index;
@@ -255,6 +282,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.open.clear();
         self.parted.fill(None);
         self.helpers.clear();
+        (self.paused, self.waits, self.numbered) = (false, false, 0);
+        self.seen.clear();
         if A::UNDECIDED {
             self.worlds.start(active);
         } else {
@@ -278,12 +307,22 @@ impl<'p, A: Rules> Machine<'p, A> {
         let code = self.code;
         let mut at = self.at;
         let keeps_parting = self.detector.is_some() || SEEN && code.has_neighbours();
+        let mut has_turn = std::mem::take(&mut self.paused);
         loop {
             let instruction = &code.instructions[at];
             at += 1;
             self.site = instruction.site;
             let start = instruction.at as usize;
             let registers = &code.pool[start..start + instruction.count as usize];
+            let mut before = None;
+            if self.yields && code.is_atomic(instruction.op) {
+                if !std::mem::take(&mut has_turn) && self.pauses(instruction.op, registers, memory)
+                {
+                    (self.at, self.paused) = (at - 1, true);
+                    return Ok(Pause::Atomic);
+                }
+                before = Some(self.words_at(instruction.op, registers, memory));
+            }
             if SEEN && !instruction.op.is_an_end() {
                 observer.reached(self.site(instruction));
             }
@@ -399,6 +438,9 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Load(scalar, walk) => {
                     self.load(scalar, walk, registers, memory);
+                    if !self.stores.is_empty() {
+                        self.forward(instruction.op, registers, memory);
+                    }
                     self.estrange(instruction, registers);
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
@@ -408,31 +450,27 @@ impl<'p, A: Rules> Machine<'p, A> {
                         let shown = (scalar.file(), registers[0], &[][..]);
                         self.show_other::<SEEN>(observer, instruction, case, shown);
                     }
-                    if self.yields && !code.walks[walk as usize].plain {
-                        self.at = at;
-                        return Ok(Pause::Atomic);
-                    }
                 }
                 Op::Write(scalar, walk) => {
-                    self.write(scalar, walk, registers, memory);
-                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
-                    if self.yields && !code.walks[walk as usize].plain {
-                        self.at = at;
-                        return Ok(Pause::Atomic);
+                    if self.postpones(instruction.op, registers, memory) {
+                        before = None;
+                    } else {
+                        self.write(scalar, walk, registers, memory);
                     }
+                    self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => {
-                    self.atomic(walk, registers, memory);
+                    if self.postpones(instruction.op, registers, memory) {
+                        before = None;
+                    } else {
+                        self.atomic(walk, registers, memory);
+                    }
                     if code.walks[walk as usize].atomic.is_some_and(|atomic| atomic.result) {
                         let shown = (File::Int, registers[0], &[][..]);
                         self.show_other::<SEEN>(observer, instruction, case, shown);
                     }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
-                    if self.yields {
-                        self.at = at;
-                        return Ok(Pause::Atomic);
-                    }
                 }
                 Op::Subgroup(operation) => {
                     self.subgroup(operation, registers);
@@ -521,7 +559,6 @@ impl<'p, A: Rules> Machine<'p, A> {
                             ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
                             bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
                             active: &self.acting(),
-                            order: &self.order,
                         });
                     }
                 }
@@ -533,9 +570,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.detector = Some(detector);
                     }
                     self.at = at;
-                    return Ok(Pause::Barrier);
+                    return Ok(Pause::Barrier(instruction.site));
                 }
                 Op::Halt => break,
+            }
+            if let Some(before) = before {
+                self.note_turn(instruction.op, registers, memory, &before);
             }
         }
         self.forget_lost();
@@ -626,7 +666,6 @@ impl<'p, A: Rules> Machine<'p, A> {
             ints: &[],
             bools: &[],
             active: &self.acting(),
-            order: &self.order,
         });
     }
 
@@ -657,7 +696,6 @@ impl<'p, A: Rules> Machine<'p, A> {
             ints: ints.as_slice(),
             bools: bools.as_slice(),
             active: &self.acting(),
-            order: &self.order,
         });
     }
 
@@ -711,7 +749,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 op => Fault::Index(self.bounds(op)),
             };
             for &lane in &self.strayed {
-                let case = case_of(case, &self.order, lane);
+                let case = case + lane;
                 observer.fault(&Faulty { fault, site, case, missing: None });
             }
         }
@@ -776,7 +814,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let site = self.site(instruction);
         let here = (0..self.active().len()).filter(|lane| self.acts(*lane));
         for lane in here.filter(|lane| wrong(*lane)) {
-            let case = case_of(case, &self.order, lane);
+            let case = case + lane;
             observer.fault(&Faulty { fault, site, case, missing: None });
         }
     }
@@ -797,7 +835,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let lanes = (0..active.len()).map(parted);
         for (lane, other) in lanes.filter(|(lane, other)| self.acts(*lane) && !comes(*other)) {
             let parted = self.parted[other].map(|site| &self.code.sites[site as usize]);
-            let [case, other] = [lane, other].map(|lane| case_of(case, &self.order, lane));
+            let [case, other] = [case + lane, case + other];
             let missing = Some(Missing { case: other, parted });
             observer.fault(&Faulty { fault: Fault::Parted, site, case, missing });
         }
@@ -843,20 +881,22 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Gives what was read outside of an array or texture the number that stands for it.
+    /// Gives zero to what was read outside of an array or a texture, where that is what stands there.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
-        let Some(number) = self.outside() else { return };
+        if self.strayed.is_empty() || self.elsewhere() != Elsewhere::Zero {
+            return;
+        }
         let [floats, ints, bools] = self.code.shape(instruction.op).outs.map(|n| n as usize);
         for &lane in &self.strayed {
             for &out in &registers[..floats] {
-                self.floats.get_mut(out)[lane] = A::float(f32::from(number));
+                self.floats.get_mut(out)[lane] = A::float(0.0);
             }
             for &out in &registers[floats..floats + ints] {
-                self.ints.get_mut(out)[lane] = A::int(u32::from(number), false);
+                self.ints.get_mut(out)[lane] = A::int(0, false);
             }
             for &out in &registers[floats + ints..floats + ints + bools] {
-                self.bools.get_mut(out)[lane] = A::bool(number != 0);
+                self.bools.get_mut(out)[lane] = A::bool(false);
             }
         }
     }

@@ -21,23 +21,13 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub bools: &'a [&'a [A::Bool]],
     /// Which lanes are here; values of others mean nothing.
     pub active: &'a [A::Bool],
-    /// The invocations of the lanes, by their numbers in the workgroup; empty where they come by them.
-    pub(crate) order: &'a [usize],
 }
 
 impl<A: Arithmetic> Lanes<'_, A> {
     /// The case that a lane is.
     #[must_use]
     pub fn case_of(&self, lane: usize) -> usize {
-        case_of(self.case, self.order, lane)
-    }
-}
-
-/// The case of a lane, by that of the first one.
-pub(crate) fn case_of(case: usize, order: &[usize], lane: usize) -> usize {
-    match (order.first(), order.get(lane)) {
-        (Some(first), Some(own)) => case - first + own,
-        _ => case + lane,
+        self.case + lane
     }
 }
 

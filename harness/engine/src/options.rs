@@ -6,6 +6,42 @@ use std::time::Instant;
 use crate::accuracy::Accuracy;
 use crate::schedule::Schedule;
 
+/// The element that an index outside of its array finds. WGSL allows a read there to give any element, or zero
+/// (6.4.4, *Out of Bounds Access*).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Elsewhere {
+    /// The nearest.
+    #[default]
+    Clamped,
+    /// The first.
+    First,
+    /// The one that the index is modulo the number of elements.
+    Wrapped,
+    /// None: it reads zero.
+    Zero,
+}
+
+impl Elsewhere {
+    /// The element of an index, of so many.
+    pub(crate) fn find(self, index: i64, last: i64) -> i64 {
+        match self {
+            _ if (0..=last).contains(&index) => index,
+            Self::First => 0,
+            Self::Wrapped => index.rem_euclid(last + 1),
+            Self::Clamped | Self::Zero => index.clamp(0, last),
+        }
+    }
+}
+
+/// What indices outside of their arrays read and write.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// What is read.
+    pub reads: Elsewhere,
+    /// True if nothing is written there; else the nearest element is.
+    pub drops: bool,
+}
+
 /// How a program runs.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -28,24 +64,21 @@ pub struct Options {
     /// What was measured of an adapter, whose bounds are then asked for in place of the
     /// specification's, in intervals.
     pub accuracy: Option<Arc<Accuracy>>,
-    /// The number that is read with an index outside of its array, or at a texel that isn't there, where WGSL
-    /// allows any element or zero; `None`: the nearest one that is there. With a number, nothing is
-    /// written there. What differs between two such runs depends on what WGSL leaves open.
-    pub outside: Option<u8>,
-    /// The one operation of which that is so; `None`: each.
-    pub outside_at: Option<u32>,
-    /// The order in which workgroups and invocations of a dispatch run; `None`: by their numbers.
-    pub schedule: Option<Schedule>,
-    /// Workgroups that run beside each other, each to its next atomic or barrier before the next one goes on: 1 by default.
-    /// So one of them may act upon what an atomic gave it after another one has changed that. In a serial schedule each
-    /// invocation does so, and in a shuffled one chance decides whose turn it is.
-    pub beside: usize,
+    /// What indices outside of their arrays read and write. What differs between two such runs depends on what WGSL
+    /// leaves open.
+    pub outside: Choice,
+    /// One operation that reads elsewhere than the others, by its site.
+    pub outside_at: Option<(u32, Elsewhere)>,
+    /// The order in which workgroups and invocations of a dispatch run.
+    pub schedule: Schedule,
+    /// True if a dispatch returns the order of its atomics.
+    pub shows_order: bool,
 }
 
 impl Options {
     /// Invocations of a subgroup. A ballot has a bit for each of 128.
     pub(crate) fn subgroup(&self) -> u32 {
-        self.schedule.map_or(Schedule::SUBGROUP, |schedule| schedule.subgroup).clamp(1, 128)
+        self.schedule.subgroup.clamp(1, 128)
     }
 }
 
@@ -59,10 +92,10 @@ impl Default for Options {
             flush: false,
             decimals: false,
             accuracy: None,
-            outside: None,
+            outside: Choice::default(),
             outside_at: None,
-            schedule: None,
-            beside: 1,
+            schedule: Schedule::default(),
+            shows_order: false,
         }
     }
 }

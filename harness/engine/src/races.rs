@@ -18,6 +18,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use naga::Barrier;
 
 use crate::code::{Binding, Code, Site};
+use crate::dispatch::Turn;
+use crate::explore::{Access as Touch, Word};
 use crate::refusal::Stop;
 
 /// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
@@ -189,8 +191,57 @@ pub struct Observed {
     pub invocations: usize,
     /// Rounds of loops, of all of them together.
     pub rounds: u64,
+    /// Its atomics.
+    pub atomics: Atomics,
+    /// The order of the atomics, if it was asked for.
+    pub order: Vec<Turn>,
     /// Accesses of elements beyond those that are remembered.
     pub unwatched: u64,
+}
+
+/// The atomics of a dispatch, as far as the number of their orders depends on them.
+#[derive(Clone, Debug, Default)]
+pub struct Atomics {
+    /// How many each invocation has, by its number.
+    pub of_invocation: Vec<u32>,
+    /// Those of each word: their kinds as bits, and how many the invocations have.
+    words: HashMap<Word, (u32, BTreeMap<usize, u32>)>,
+    count: usize,
+}
+
+impl Atomics {
+    /// Atomics whose orders are counted: of more there are too many to try each.
+    const COUNTED: usize = 1 << 12;
+
+    fn add(&mut self, invocation: usize, word: Word, kind: Touch) {
+        if self.of_invocation.len() <= invocation {
+            self.of_invocation.resize(invocation + 1, 0);
+        }
+        self.of_invocation[invocation] += 1;
+        self.count += 1;
+        let (kinds, counts) = self.words.entry(word).or_default();
+        *kinds |= 1 << kind as u32;
+        if self.count <= Self::COUNTED {
+            *counts.entry(invocation).or_default() += 1;
+        }
+    }
+
+    /// The binary logarithm of a number that the orders, but for those that lead to the same, don't exceed: words are
+    /// taken to be independent of each other.
+    #[must_use]
+    pub fn most_orders(&self) -> f64 {
+        let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
+        let log_factorial = |n: u32| (1..=n).map(|k| f64::from(k).log2()).sum::<f64>();
+        let of_word = |counts: &BTreeMap<usize, u32>| {
+            let all = log_factorial(counts.values().sum());
+            all - counts.values().copied().map(log_factorial).sum::<f64>()
+        };
+        let mut left = self.words.values().filter(|(kinds, _)| !commute(*kinds)).peekable();
+        if self.count > Self::COUNTED && left.peek().is_some() {
+            return f64::INFINITY;
+        }
+        left.map(|(_, counts)| of_word(counts)).sum()
+    }
 }
 
 /// An access that an element remembers: its invocation, how many barriers of the element's address space its workgroup had
@@ -280,16 +331,12 @@ type Key = (u32, bool, (u32, u32), bool);
 pub(crate) struct Detector {
     /// Invocations of a workgroup.
     width: u32,
-    /// The invocation of each lane in its workgroup.
-    order: Vec<usize>,
     /// The first invocation of each workgroup that has run, of which not all may run.
     starts: Vec<usize>,
     /// The number of the first invocation of the workgroup that runs, among those that run.
     first: u32,
     /// Barriers that it has passed, of workgroup memory, storage and textures.
     epochs: [u32; 3],
-    /// True if the invocations of a workgroup run one after the other. Then a barrier counts once all of them are there.
-    serial: bool,
     /// The first lane of those that run, and the address spaces that the barriers name at which the others wait.
     base: u32,
     waiting: [bool; 3],
@@ -305,6 +352,7 @@ pub(crate) struct Detector {
     texels: HashMap<u32, [u32; 4]>,
     /// How often the operations of each site that have an index ran.
     ran: Vec<u64>,
+    atomics: Atomics,
 }
 
 /// An access that the machine makes.
@@ -319,8 +367,8 @@ pub(crate) struct Accessed {
 }
 
 impl Detector {
-    /// One of workgroups whose lanes are these invocations, which run side by side or one after the other.
-    pub(crate) fn new(code: &Code, order: &[usize], serial: bool) -> Self {
+    /// One of workgroups of so many invocations.
+    pub(crate) fn new(code: &Code, invocations: usize) -> Self {
         let shadow = |written: bool, own: bool| Shadow { written, own, ..Shadow::default() };
         let buffers = code
             .buffers
@@ -328,12 +376,10 @@ impl Detector {
             .map(|slot| shadow(slot.written, slot.binding == Binding::Workgroup));
         let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
         Self {
-            width: order.len() as u32,
-            order: order.to_vec(),
+            width: invocations as u32,
             starts: Vec::new(),
             first: 0,
             epochs: [0; 3],
-            serial,
             base: 0,
             waiting: [false; 3],
             buffers: buffers.collect(),
@@ -346,6 +392,7 @@ impl Detector {
             unwritten: BTreeMap::new(),
             texels: HashMap::new(),
             ran: vec![0; code.sites.len()],
+            atomics: Atomics::default(),
         }
     }
 
@@ -383,7 +430,7 @@ impl Detector {
     /// The number that an invocation has in the whole dispatch.
     fn invocation(&self, number: u32) -> usize {
         let (group, lane) = (number / self.width, number % self.width);
-        self.starts[group as usize] + self.order[lane as usize]
+        self.starts[group as usize] + lane as usize
     }
 
     /// That of a lane of those that run.
@@ -396,11 +443,27 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// All invocations of the workgroup that haven't ended have come to a barrier.
-    pub(crate) fn release(&mut self) {
+    /// All invocations of the workgroup that haven't ended have come to a barrier: the first of each machine, with the
+    /// barrier's site, and how many share one.
+    pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));
         }
+        let Some(&(reached, site)) = held.iter().min() else { return };
+        let is_here = |lane: usize| held.contains(&(lane, site));
+        let missing = (0..self.width as usize).step_by(lanes).filter(|lane| !is_here(*lane));
+        let missing: Vec<usize> = missing.collect();
+        let Some(first) = missing.first() else { return };
+        let [reached, one] =
+            [reached, *first].map(|lane| self.invocation(self.first + lane as u32));
+        self.divergences.entry(site).or_insert_with(|| Divergence {
+            site: code.sites[site as usize].clone(),
+            reached,
+            missing: one,
+            count: missing.len() * lanes,
+            subgroup: false,
+            parted: None,
+        });
     }
 
     /// True if accesses of a buffer can race, or reads of it come before a write.
@@ -427,11 +490,7 @@ impl Detector {
         for (waiting, space) in self.waiting.iter_mut().zip(spaces) {
             *waiting |= barrier.contains(space);
         }
-        // One lane says nothing of the others.
-        if !self.serial {
-            self.meet(code, site, (0, false), (parted, active));
-            self.release();
-        }
+        self.meet(code, site, (0, false), (parted, active));
     }
 
     /// Invocations that should all meet an operation: the first of these lanes, whether they are a subgroup, where the
@@ -482,6 +541,12 @@ impl Detector {
         if writes {
             shadow.touched.add(byte as usize);
         }
+    }
+
+    /// A lane has an atomic at a byte of a buffer.
+    pub(crate) fn atomic(&mut self, lane: usize, (slot, at): (u32, usize), kind: Touch) {
+        let group = if self.buffers[slot as usize].own { self.first + 1 } else { 0 };
+        self.atomics.add(self.of_lane(lane), (slot, group, at as u32), kind);
     }
 
     /// The index of a lane leaves its array.
@@ -660,6 +725,8 @@ impl Detector {
             written,
             stopped: None,
             rounds: 0,
+            atomics: self.atomics,
+            order: Vec::new(),
             invocations: self.starts.len() * self.width as usize,
             unwatched: self.unwatched,
         }

@@ -1,102 +1,234 @@
-//! Orders of workgroups and of invocations within them: WGSL promises none.
+//! Orders of the invocations of a dispatch: WGSL promises none.
 
-/// An order of the workgroups of a dispatch, and one of the invocations of each workgroup.
-///
-/// It is made of swaps, so that an order of which only the first swaps are made is simpler: the one that makes a
-/// difference tells two workgroups or two invocations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Schedule {
-    /// Which order: 0 is the reverse one, others are shuffled.
-    pub seed: u64,
-    /// How many of its swaps are made, of workgroups first.
-    pub swaps: usize,
-    /// True if each invocation runs to its end, or to the next barrier, before the next one runs. Otherwise they go
-    /// from operation to operation side by side.
-    pub serial: bool,
-    /// Invocations of a subgroup: WebGPU has devices of 4 to 128 (*subgroupMinSize*).
-    pub subgroup: u32,
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap, HashMap};
+
+use crate::explore::Step;
+
+/// Invocations of a workgroup that run from operation to operation side by side, or one of their stores that has
+/// yet to take effect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Actor {
+    /// The number of the invocations' unit, workgroup after workgroup.
+    pub(crate) unit: u32,
+    /// 0: the invocations themselves; else their store of this number, counted from 1.
+    pub(crate) store: u32,
 }
 
-/// Two that change places.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Swap {
-    /// Workgroups, by their numbers.
-    Workgroups(usize, usize),
-    /// Invocations of each workgroup, by their numbers.
-    Invocations(usize, usize),
+/// Which of those that can go on does so, up to its next atomic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Priorities {
+    /// The first by number.
+    #[default]
+    ByNumber,
+    /// The last by number.
+    Backwards,
+    /// One by a seed.
+    Shuffled(u64),
+}
+
+/// When atomic stores take effect. WGSL's atomics are relaxed: nothing but a barrier orders two of them that access
+/// different words (15.4, *Memory model*).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stores {
+    /// At once.
+    #[default]
+    AtOnce,
+    /// Some of them, by a seed, when all else has ended or waits; never behind a barrier, or behind an access of
+    /// the same word, by their invocation.
+    Late(u64),
+}
+
+/// An order of the invocations of a dispatch.
+///
+/// Each runs to its next atomic, and then the one of the highest priority goes on. One that waits in a loop for
+/// others, or comes to an atomic where it is to stall, has the lowest priority from then on. Such orders find with a
+/// known chance each failure that few changes of turn make (Burckhardt et al. 2010, *A randomized scheduler with
+/// probabilistic guarantees of finding bugs*).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    /// Which of them goes on.
+    pub priorities: Priorities,
+    /// Invocations that stall before their n-th atomic, counted from 1.
+    pub stalls: Vec<(usize, u32)>,
+    /// The turns before priorities decide: those of an order that was explored.
+    pub turns: Vec<Actor>,
+    /// When atomic stores take effect.
+    pub stores: Stores,
+    /// Neighbours of a workgroup that go from operation to operation side by side.
+    pub together: usize,
+    /// Invocations of a subgroup: WebGPU has devices of 4 to 128 (*subgroupMinSize*).
+    pub subgroup: u32,
 }
 
 impl Schedule {
     /// Invocations of a subgroup where no schedule says another number: most GPUs have 32.
     pub const SUBGROUP: u32 = 32;
 
-    /// All swaps of an order of so many workgroups and invocations.
+    /// The one by numbers in which the invocations of a workgroup run one by one.
     #[must_use]
-    pub fn whole(seed: u64, groups: usize, invocations: usize) -> Self {
-        let all = Self { seed, swaps: usize::MAX, serial: false, subgroup: Self::SUBGROUP };
-        Self { swaps: all.all(groups).count() + all.all(invocations).count(), ..all }
+    pub fn one_by_one() -> Self {
+        Self { together: 1, ..Self::default() }
     }
+}
 
-    /// The last swap that is made; `None` if none is.
-    #[must_use]
-    pub fn last(&self, groups: usize, invocations: usize) -> Option<Swap> {
-        let (of_groups, of_invocations) = self.orders(groups, invocations);
-        let before = Self { swaps: self.swaps.checked_sub(1)?, ..*self };
-        let (groups_before, invocations_before) = before.orders(groups, invocations);
-        let other = |now: &[usize], before: &[usize]| {
-            let at = now.iter().zip(before).position(|(now, before)| now != before)?;
-            Some((before[at], now[at]))
+impl Default for Schedule {
+    /// The usual order: workgroup after workgroup, the invocations of each side by side.
+    fn default() -> Self {
+        Self {
+            priorities: Priorities::ByNumber,
+            stalls: Vec::new(),
+            turns: Vec::new(),
+            stores: Stores::AtOnce,
+            together: usize::MAX,
+            subgroup: Self::SUBGROUP,
+        }
+    }
+}
+
+/// Decides whose turn it is.
+pub(crate) trait Turns {
+    /// An actor can go on. What it does then to words that others see is `step`.
+    fn ready(&mut self, actor: Actor, step: Step);
+
+    /// The actor whose turn it is, which isn't ready any more. `None`: none is, or the run isn't worth its end.
+    fn next(&mut self) -> Option<Actor>;
+
+    /// The actor that had its turn last waits for another one to change what it reads.
+    fn waits(&mut self);
+
+    /// All that these actors have done comes before all that they do from now on.
+    fn joined(&mut self, units: std::ops::Range<u32>);
+
+    /// True if it asks what actors do next.
+    fn asks(&self) -> bool {
+        false
+    }
+}
+
+/// Turns by priorities.
+pub(crate) struct ByPriority<'s> {
+    schedule: &'s Schedule,
+    /// Units that stall, each before the atomic of this number.
+    stalls: Vec<(u32, u32)>,
+    heap: BinaryHeap<(i64, Reverse<Actor>)>,
+    /// Of an order that was explored: what changes nothing that others see, which isn't a turn there.
+    eager: BTreeSet<Actor>,
+    /// Priorities that aren't those of the schedule any more.
+    changed: HashMap<u32, i64>,
+    atomics: HashMap<u32, u32>,
+    lowest: i64,
+    last: Actor,
+    turns: std::slice::Iter<'s, Actor>,
+}
+
+impl<'s> ByPriority<'s> {
+    /// Of workgroups of so many invocations, of which so many are a unit.
+    pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
+        let units = invocations.div_ceil(lanes);
+        let unit_of = |invocation: usize| {
+            let unit = (invocation / invocations) * units + (invocation % invocations) / lanes;
+            u32::try_from(unit).unwrap_or(u32::MAX)
         };
-        let of_groups = other(&of_groups, &groups_before);
-        let of_groups = of_groups.map(|(one, two)| Swap::Workgroups(one, two));
-        of_groups.or_else(|| {
-            let (one, two) = other(&of_invocations, &invocations_before)?;
-            Some(Swap::Invocations(one, two))
-        })
+        let stalls = schedule.stalls.iter().map(|(invocation, at)| (unit_of(*invocation), *at));
+        Self {
+            schedule,
+            stalls: stalls.collect(),
+            heap: BinaryHeap::new(),
+            eager: BTreeSet::new(),
+            changed: HashMap::new(),
+            atomics: HashMap::new(),
+            // Below each number of a unit.
+            lowest: -(1 << 62),
+            last: Actor::default(),
+            turns: schedule.turns.iter(),
+        }
     }
 
-    /// Workgroups in their order, and the invocations of each in theirs.
-    pub(crate) fn orders(&self, groups: usize, invocations: usize) -> (Vec<usize>, Vec<usize>) {
-        let [mut of_groups, mut of_invocations] =
-            [groups, invocations].map(|count| (0..count).collect::<Vec<usize>>());
-        let mut left = self.swaps;
-        for list in [&mut of_groups, &mut of_invocations] {
-            for (one, two) in self.all(list.len()).take(left) {
-                list.swap(one, two);
-                left -= 1;
+    fn priority(&mut self, actor: Actor) -> i64 {
+        if actor.store > 0 {
+            return match self.schedule.stores {
+                Stores::Late(seed) if chance(seed, actor) & 1 == 1 => self.below_all(),
+                _ => i64::MAX,
+            };
+        }
+        if let Some(changed) = self.changed.get(&actor.unit) {
+            return *changed;
+        }
+        match self.schedule.priorities {
+            Priorities::ByNumber => -i64::from(actor.unit),
+            Priorities::Backwards => i64::from(actor.unit),
+            Priorities::Shuffled(seed) => (chance(seed, actor) >> 2) as i64,
+        }
+    }
+
+    /// A priority below each that there is.
+    fn below_all(&mut self) -> i64 {
+        self.lowest -= 1;
+        self.lowest
+    }
+
+    fn lower(&mut self, unit: u32) {
+        let lowest = self.below_all();
+        self.changed.insert(unit, lowest);
+    }
+}
+
+impl Turns for ByPriority<'_> {
+    fn ready(&mut self, actor: Actor, step: Step) {
+        if !step.is_atomic() && !self.schedule.turns.is_empty() {
+            self.eager.insert(actor);
+            return;
+        }
+        if actor.store == 0 && step.is_atomic() && !self.stalls.is_empty() {
+            let count = self.atomics.entry(actor.unit).or_default();
+            *count += 1;
+            if self.stalls.contains(&(actor.unit, *count)) {
+                self.lower(actor.unit);
             }
         }
-        (of_groups, of_invocations)
+        let priority = self.priority(actor);
+        self.heap.push((priority, Reverse(actor)));
     }
 
-    /// The swaps that make an order of so many, of places. Each is of two neighbours, so that it turns these two around and
-    /// no others, unless there are too many: the neighbours of a reverse order of n change places n^2 / 2 times.
-    fn all(&self, count: usize) -> Box<dyn Iterator<Item = (usize, usize)>> {
-        /// As many invocations as a workgroup may have on any device.
-        const MOST: usize = 1024;
-        if count > MOST {
-            return self.shuffle(count);
+    fn next(&mut self) -> Option<Actor> {
+        if let Some(actor) = self.eager.pop_first() {
+            self.last = actor;
+            return Some(actor);
         }
-        let mut wanted: Vec<usize> = (0..count).collect();
-        self.shuffle(count).for_each(|(one, two)| wanted.swap(one, two));
-        let mut list: Vec<usize> = (0..count).collect();
-        Box::new(wanted.into_iter().enumerate().flat_map(move |(to, one)| {
-            let from = list.iter().position(|other| *other == one).unwrap_or(to);
-            list[to..=from].rotate_right(1);
-            (to..from).rev().map(|at| (at, at + 1))
-        }))
+        // What an explored order didn't come to has no turn in it.
+        if let Some(wanted) = self.turns.next()
+            && self.heap.iter().any(|(_, actor)| actor.0 == *wanted)
+        {
+            self.heap.retain(|(_, actor)| actor.0 != *wanted);
+            self.last = *wanted;
+            return Some(*wanted);
+        }
+        self.last = self.heap.pop()?.1.0;
+        Some(self.last)
     }
 
-    /// Fisher and Yates' shuffle; or the reverse order.
-    fn shuffle(&self, count: usize) -> Box<dyn Iterator<Item = (usize, usize)>> {
-        if self.seed == 0 {
-            return Box::new((0..count / 2).map(move |at| (at, count - 1 - at)));
-        }
-        let mut state = self.seed;
-        Box::new(
-            (1..count).rev().map(move |at| (at, (next(&mut state) % (at as u64 + 1)) as usize)),
-        )
+    fn waits(&mut self) {
+        self.lower(self.last.unit);
     }
+
+    fn joined(&mut self, _: std::ops::Range<u32>) {}
+}
+
+/// The numbers below a count, shuffled (Fisher and Yates).
+pub(crate) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
+    let (mut all, mut state): (Vec<usize>, u64) = ((0..count).collect(), seed);
+    for at in (1..count).rev() {
+        all.swap(at, (next(&mut state) % (at as u64 + 1)) as usize);
+    }
+    all
+}
+
+/// A number by a seed, for an actor.
+fn chance(seed: u64, actor: Actor) -> u64 {
+    let mut state = seed ^ (u64::from(actor.unit) << 32 | u64::from(actor.store)).rotate_left(17);
+    next(&mut state);
+    next(&mut state)
 }
 
 /// The next number of `splitmix64`.
@@ -105,42 +237,4 @@ pub(crate) fn next(state: &mut u64) -> u64 {
     let mut z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_order_is_made_swap_by_swap() {
-        for seed in 0..20 {
-            let whole = Schedule::whole(seed, 5, 8);
-            let (groups, invocations) = whole.orders(5, 8);
-            for (mut list, count) in [(groups, 5), (invocations, 8)] {
-                list.sort_unstable();
-                assert_eq!(list, (0..count).collect::<Vec<_>>(), "each once");
-            }
-            // Each swap turns two around, and no others.
-            for swaps in 1..=whole.swaps {
-                let [(groups, own), (groups_before, before)] =
-                    [swaps, swaps - 1].map(|swaps| Schedule { swaps, ..whole }.orders(5, 8));
-                let turned = |now: &[usize], before: &[usize]| {
-                    now.iter().zip(before).filter(|(now, before)| now != before).count()
-                };
-                let of_both = turned(&groups, &groups_before) + turned(&own, &before);
-                assert_eq!(of_both, 2, "seed {seed}, {swaps} swaps");
-            }
-            let none = Schedule { swaps: 0, ..whole };
-            assert_eq!(none.orders(5, 8), ((0..5).collect(), (0..8).collect()));
-            assert_eq!(none.last(5, 8), None);
-        }
-        let reverse = Schedule::whole(0, 1, 4);
-        assert_eq!(reverse.orders(1, 4), (vec![0], vec![3, 2, 1, 0]));
-        assert_eq!(reverse.last(1, 4), Some(Swap::Invocations(0, 1)));
-        assert_eq!(
-            Schedule { seed: 0, swaps: 1, serial: false, subgroup: Schedule::SUBGROUP }.last(4, 4),
-            Some(Swap::Workgroups(2, 3))
-        );
-        assert_ne!(Schedule::whole(1, 1, 8).orders(1, 8), Schedule::whole(2, 1, 8).orders(1, 8));
-    }
 }

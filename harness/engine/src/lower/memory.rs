@@ -326,8 +326,9 @@ impl<'m> Lower<'m> {
             }
         }
         let walk = self.bytes_walk(&place, buffer, place.bytes);
+        let result_is = result.is_some();
         self.code.walks[walk as usize].atomic =
-            Some(crate::code::AtomicOp { function, scalar, result: result.is_some() });
+            Some(crate::code::AtomicOp { function, scalar, result: result_is, used: result_is });
         self.emit(Op::Atomic(walk), &outs, &ins)?;
         if let Some(result) = result {
             scope.values[result.index()] = Some(Value::Flat(outs.into()));

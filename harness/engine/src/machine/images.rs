@@ -112,7 +112,8 @@ impl<A: Rules> Machine<'_, A> {
     fn index(&self, op: &ImageOp, register: u32, k: usize, lane: usize, last: u32) -> Index {
         let (lo, hi) = A::bounds(self.ints.get(register)[lane], op.signed >> k & 1 == 1);
         let clamped = lo < 0 || hi > i64::from(last);
-        let inside = |i: i64| i.clamp(0, i64::from(last)) as u32;
+        let elsewhere = self.elsewhere();
+        let inside = |i: i64| elsewhere.find(i, i64::from(last)) as u32;
         Index { at: inside(lo), one: inside(lo) == inside(hi), clamped }
     }
 

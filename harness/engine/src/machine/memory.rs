@@ -8,6 +8,7 @@ use super::Machine;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Count, Instruction, Op, Step, Walk};
 use crate::columns::Columns;
+use crate::options::Elsewhere;
 use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
@@ -37,14 +38,14 @@ impl<'a, A: Rules> Buffer<'a, A> {
         self.floats.fill(None);
     }
 
-    fn word(&self, at: usize) -> u32 {
+    pub(super) fn word(&self, at: usize) -> u32 {
         match self.bytes.get(at..at + 4) {
             Some(bytes) => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
             None => 0,
         }
     }
 
-    fn put(&mut self, at: usize, word: &[u8]) {
+    pub(super) fn put(&mut self, at: usize, word: &[u8]) {
         if let Some(bytes) = self.bytes.to_mut().get_mut(at..at + word.len()) {
             bytes.copy_from_slice(word);
         }
@@ -87,8 +88,8 @@ impl Step {
 }
 
 /// The offsets that indices may lead to, and whether one of them was clamped.
-fn walk_lane<A: Rules>(
-    walk: &Walk,
+pub(super) fn walk_lane<A: Rules>(
+    (walk, elsewhere): (&Walk, Elsewhere),
     indices: &[u32],
     ints: &Columns<A::Int>,
     lane: usize,
@@ -102,13 +103,13 @@ fn walk_lane<A: Rules>(
         let last = step.length(bytes).saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(ints.get(index)[lane], step.signed);
         clamped |= lo < 0 || hi > last;
-        let (lo, hi) = (lo.clamp(0, last), hi.clamp(0, last));
+        let (lo, hi) = (elsewhere.find(lo, last), elsewhere.find(hi, last));
         if lo == hi && many.is_empty() {
             one += lo as u64 * u64::from(step.stride);
             continue;
         }
         let before = if many.is_empty() { vec![one] } else { std::mem::take(&mut many) };
-        for index in lo..=hi {
+        for index in lo.min(hi)..=hi.max(lo) {
             many.extend(before.iter().map(|at| at + index as u64 * u64::from(step.stride)));
         }
     }
@@ -124,9 +125,11 @@ fn walk_lane<A: Rules>(
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
         let (base, indices) = ($base, $indices);
+        let elsewhere = $self.elsewhere();
         for lane in 0..$self.width {
             let mut value = None;
-            let clamped = walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| {
+            let walk = ($walk, elsewhere);
+            let clamped = walk_lane::<A>(walk, indices, &$self.ints, lane, 0, |at| {
                 let here = $self.$columns.get(base + at as u32)[lane];
                 value = Some(match value {
                     Some(before) => $select(A::undecided(), before, here),
@@ -153,8 +156,9 @@ macro_rules! scattered {
             }
             let value = $self.$columns.get(from)[lane];
             let mut places = Vec::new();
+            let walk = ($walk, Elsewhere::Clamped);
             let clamped =
-                walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
+                walk_lane::<A>(walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped && $self.leave_unwritten(lane) {
                 continue;
             }
@@ -230,16 +234,18 @@ impl<'p, A: Rules> Machine<'p, A> {
         (slot.map(|slot| &*code.buffers[slot as usize].name), nested)
     }
 
-    /// The number that stands for what the operation that runs reads outside of an array.
-    pub(super) fn outside(&self) -> Option<u8> {
-        let here = self.options.outside_at.is_none_or(|site| site == self.site);
-        self.options.outside.filter(|_| here)
+    /// The element that the operation that runs finds with an index outside of its array.
+    pub(super) fn elsewhere(&self) -> Elsewhere {
+        match self.options.outside_at {
+            Some((site, elsewhere)) if site == self.site => elsewhere,
+            _ => self.options.outside.reads,
+        }
     }
 
     /// The same of a write. Whether it is left out.
     fn leave_unwritten(&mut self, lane: usize) -> bool {
         self.leave(lane);
-        self.outside().is_some()
+        self.options.outside.drops
     }
 
     pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) {
@@ -304,7 +310,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         let last = count.saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
         let clamped = (lo < 0 || hi > last) && A::possible(self.active()[lane]);
-        (lo.clamp(0, last) as usize, hi.clamp(0, last) as usize, clamped)
+        let find = |index: i64| self.elsewhere().find(index, last) as usize;
+        (find(lo).min(find(hi)), find(hi).max(find(lo)), clamped)
     }
 
     pub(super) fn pick(&mut self, file: File, count: u32, signed: bool, registers: &[u32]) {
@@ -384,6 +391,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
         for lane in 0..lanes {
             let mut places = Vec::new();
+            let walk = (walk, self.elsewhere());
             let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
                 places.push(at);
             });
@@ -455,7 +463,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let mut at = 0;
-            let strays = walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+            let found = (walk, Elsewhere::Clamped);
+            let strays = walk_lane::<A>(found, indices, &self.ints, lane, length, |to| at = to);
             // An access outside of the array may go anywhere, which is a fault of its own.
             if strays {
                 continue;
@@ -504,7 +513,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let mut at = 0;
-            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to)
+            let found = (walk, Elsewhere::Clamped);
+            if walk_lane::<A>(found, indices, &self.ints, lane, length, |to| at = to)
                 && self.leave_unwritten(lane)
             {
                 continue;
@@ -562,38 +572,29 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let mut at = 0;
-            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
-                self.leave(lane);
-                if let Some(number) = self.outside() {
-                    if atomic.result {
-                        self.ints.get_mut(registers[0])[lane] = A::int(u32::from(number), signed);
-                        if compared {
-                            self.bools.get_mut(registers[1])[lane] = A::bool(number != 0);
-                        }
+            let found = (walk, Elsewhere::Clamped);
+            if walk_lane::<A>(found, indices, &self.ints, lane, length, |to| at = to)
+                && self.leave_unwritten(lane)
+            {
+                if atomic.result {
+                    let zero = self.elsewhere() == Elsewhere::Zero;
+                    let old = if zero { 0 } else { buffer.word(at) };
+                    self.ints.get_mut(registers[0])[lane] = A::int(old, signed);
+                    if compared {
+                        self.bools.get_mut(registers[1])[lane] = A::bool(false);
                     }
-                    continue;
                 }
+                continue;
             }
             let old = buffer.word(at);
             let x = A::int_word(self.ints.get(operand)[lane]);
-            let order = |less: bool| {
-                let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };
-                if x_is_less == less { x } else { old }
-            };
             let mut exchanged = true;
             let new = match atomic.function {
-                AtomicFunction::Add => old.wrapping_add(x),
-                AtomicFunction::Subtract => old.wrapping_sub(x),
-                AtomicFunction::And => old & x,
-                AtomicFunction::ExclusiveOr => old ^ x,
-                AtomicFunction::InclusiveOr => old | x,
-                AtomicFunction::Min => order(true),
-                AtomicFunction::Max => order(false),
-                AtomicFunction::Exchange { compare: None } => x,
                 AtomicFunction::Exchange { compare: Some(_) } => {
                     exchanged = A::int_word(self.ints.get(registers[outs + 1])[lane]) == old;
                     if exchanged { x } else { old }
                 }
+                function => changed_by(function, old, x, signed),
             };
             buffer.put(at, &new.to_le_bytes());
             if let Some(detector) = self.detector.as_mut().filter(|_| compared && exchanged) {
@@ -608,6 +609,24 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
             }
         }
+    }
+}
+
+/// The word that an atomic makes of another one; of an exchange that compares, where both are equal.
+pub(super) fn changed_by(function: AtomicFunction, old: u32, x: u32, signed: bool) -> u32 {
+    let order = |less: bool| {
+        let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };
+        if x_is_less == less { x } else { old }
+    };
+    match function {
+        AtomicFunction::Add => old.wrapping_add(x),
+        AtomicFunction::Subtract => old.wrapping_sub(x),
+        AtomicFunction::And => old & x,
+        AtomicFunction::ExclusiveOr => old ^ x,
+        AtomicFunction::InclusiveOr => old | x,
+        AtomicFunction::Min => order(true),
+        AtomicFunction::Max => order(false),
+        AtomicFunction::Exchange { .. } => x,
     }
 }
 

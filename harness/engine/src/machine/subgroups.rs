@@ -5,6 +5,7 @@ use naga::{CollectiveOperation, SubgroupOperation};
 use super::Machine;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{From, SubgroupKind, SubgroupOp};
+use crate::options::Elsewhere;
 use crate::scalar::{File, Scalar};
 
 impl<A: Rules> Machine<'_, A> {
@@ -106,7 +107,11 @@ impl<A: Rules> Machine<'_, A> {
             if there.is_none() {
                 self.leave(*lane);
             }
-            let there = there.unwrap_or(at);
+            let there = there.unwrap_or(match self.elsewhere() {
+                Elsewhere::First => 0,
+                Elsewhere::Wrapped => here.len() - 1,
+                Elsewhere::Clamped | Elsewhere::Zero => at,
+            });
             match is_float {
                 true => self.floats.get_mut(registers[0])[*lane] = floats[there],
                 false => self.set_word(operation.scalar, registers[0], *lane, words[there]),

@@ -4,6 +4,7 @@ mod builtins;
 mod common;
 mod control;
 mod differential;
+mod explore;
 mod hostile;
 mod intervals;
 mod memory;

@@ -1,6 +1,8 @@
 //! Fragment entry points, whose invocations are the pixels of a draw.
 
-use karat_engine::{F32, Options, Place, Program, Resources, Schedule, Settings, pixel_of};
+use karat_engine::{
+    F32, Options, Place, Priorities, Program, Resources, Schedule, Settings, pixel_of,
+};
 
 use crate::common::module;
 
@@ -55,9 +57,12 @@ fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
                 x = x * x; d[at(p)] = dpdx(x); atomicAdd(&count, 1u);\n\
                 loop { if atomicCompareExchangeWeak(&count, 1000u, 0u).exchanged || at(p) % 2u == 1u { break; } }";
     for serial in [false, true] {
-        let schedule = Schedule { serial, ..Schedule::whole(3, 2, 16) };
-        for schedule in [None, Some(schedule)] {
-            let (left, count) = drawn(body, &Options { schedule, ..Options::default() });
+        let together = if serial { 1 } else { usize::MAX };
+        let priorities = Priorities::Shuffled(3);
+        let schedule = Schedule { priorities, together, ..Schedule::default() };
+        for schedule in [Schedule::default(), schedule] {
+            let options = Options { schedule: schedule.clone(), ..Options::default() };
+            let (left, count) = drawn(body, &options);
             assert_eq!(count, 5 * 5, "{schedule:?}");
             for (index, value) in left.into_iter().enumerate() {
                 let (x, y) = (index % 16, index / 16);

@@ -3,16 +3,16 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use karat_engine::{Observed, Options, Place, Program, Resources, Schedule, Settings};
+use karat_engine::{Observed, Options, Place, Priorities, Program, Resources, Schedule, Settings};
 
 use crate::common::module;
 
 /// Dispatches `main` over groups in the usual order, with a buffer of so many words as `d`.
 fn observe(source: &str, groups: u32, words: usize) -> Observed {
-    observe_in(None, source, groups, words)
+    observe_in(Schedule::default(), source, groups, words)
 }
 
-fn observe_in(schedule: Option<Schedule>, source: &str, groups: u32, words: usize) -> Observed {
+fn observe_in(schedule: Schedule, source: &str, groups: u32, words: usize) -> Observed {
     let (module, info) = module(source);
     let program = Program::entry_point(&module, &info, "main", &Settings::default());
     let program = program.unwrap_or_else(|refusal| panic!("{refusal}\n{source}"));
@@ -340,14 +340,15 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     for at in 0..1000 {
         let kernel = generated(&mut random);
         let text = text(&kernel);
-        // Seed 0 is the reverse order.
-        let other = Schedule::whole(at / 6, 3, WIDTH as usize);
+        let usual = Schedule::default();
+        let one_by_one = Schedule::one_by_one();
         let schedule = match at % 6 {
-            0..3 => None,
-            3 => Some(other),
-            4 => Some(Schedule { serial: true, ..other }),
-            _ => Some(Schedule { serial: true, swaps: 0, ..other }),
+            0..3 => usual.clone(),
+            3 => Schedule { priorities: Priorities::Backwards, ..one_by_one },
+            4 => Schedule { priorities: Priorities::Shuffled(at), ..one_by_one },
+            _ => Schedule { together: 4, ..one_by_one },
         };
+        let is_usual = schedule == usual;
         let observed = observe_in(schedule, &text, 3, 24);
         let expected = naive(&kernel, 3);
         for (expected, storage) in expected.iter().zip([false, true]) {
@@ -360,7 +361,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let (first, second) = (race.first.invocation as u32, race.second.invocation as u32);
                 let known = |first, second| (at / 4, first, second, race.writes_equally());
                 let is = expected.contains(&known(first, second));
-                let turned = schedule.is_some() && expected.contains(&known(second, first));
+                let turned = !is_usual && expected.contains(&known(second, first));
                 assert!(is || turned, "{race:?} of {expected:?}\n{text}");
             }
             for race in &found {
@@ -380,9 +381,9 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
 }
 
-/// Two workgroups beside each other may act upon the same atomic load.
+/// Two workgroups may act upon the same atomic load, where one of them stalls behind it.
 #[test]
-fn workgroups_beside_each_other_act_upon_what_is_old() {
+fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     let source = |body: &str| {
         format!(
             "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\
@@ -396,24 +397,48 @@ fn workgroups_beside_each_other_act_upon_what_is_old() {
     };
     let stale = source("n = atomicLoad(&count); atomicStore(&count, n + 1u); d[n] = 1u;");
     let whole = source("n = atomicAdd(&count, 1u); d[n] = 1u;");
-    for (source, beside, races) in
-        [(&stale, 1, 0), (&stale, 2, 1), (&stale, 64, 1), (&whole, 1, 0), (&whole, 3, 0)]
-    {
+    // The second atomic of the first invocation of a workgroup.
+    for (source, stalls, races) in [
+        (&stale, vec![], 0),
+        (&stale, vec![(4, 2)], 1),
+        (&stale, vec![(0, 2), (12, 2)], 1),
+        (&stale, vec![(4, 3)], 0),
+        (&stale, vec![(5, 2)], 0),
+        (&whole, vec![(4, 1)], 0),
+    ] {
+        let schedule = Schedule { stalls: stalls.clone(), ..Schedule::one_by_one() };
         let (module, info) = module(source);
         let program = Program::entry_point(&module, &info, "main", &Settings::default());
         let program = program.unwrap_or_else(|refusal| panic!("{refusal}\n{source}"));
         let mut resources = Resources::new();
         resources.set_buffer(0, 0, vec![0; 4 * 32]);
         resources.set_buffer(0, 1, vec![0; 4]);
-        let options = Options { beside, ..Options::default() };
+        let options = Options { schedule, ..Options::default() };
         let seen = program.observe_races([5, 1, 1], &mut resources, &options, None);
         let seen = seen.unwrap_or_else(|stop| panic!("{stop}\n{source}"));
-        assert_eq!(seen.races.len(), races, "{beside} of {source}: {:?}", seen.races);
+        assert_eq!(seen.races.len(), races, "{stalls:?} of {source}: {:?}", seen.races);
         assert!(seen.races.iter().all(|race| !race.one_workgroup && race.variable == "d"));
         assert!(seen.divergences.is_empty() && seen.unwritten.is_empty() && seen.invocations == 20);
         // Each workgroup has memory of its own.
         let left = resources.buffer(0, 0).expect("it is bound").as_chunks::<4>().0;
         let of_group = |at: usize| u32::from_le_bytes(left[8 + at]) % 10;
-        assert!((0..20).all(|at| of_group(at) == at as u32 / 4), "{beside} of {source}");
+        assert!((0..20).all(|at| of_group(at) == at as u32 / 4), "{stalls:?} of {source}");
     }
+}
+
+/// A barrier that only some come to, by what an atomic gives them.
+#[test]
+fn a_barrier_that_the_order_of_atomics_divides() {
+    let source = "@group(0) @binding(0) var<storage, read_write> d: array<atomic<u32>>;\n\
+        @compute @workgroup_size(4) fn main(@builtin(local_invocation_index) i: u32) {\n\
+            if i == 3u { atomicStore(&d[0], 1u); }\n\
+            if atomicLoad(&d[0]) == 1u || i < 3u { storageBarrier(); }\n\
+            if i == 0u && atomicLoad(&d[1]) == 0u { atomicStore(&d[2], 1u); }\n\
+            if i == 1u { atomicStore(&d[1], 1u); }\n\
+            if i == 2u && atomicLoad(&d[2]) == 0u { storageBarrier(); }\n\
+        }";
+    let missing = |schedule: Schedule| observe_in(schedule, source, 1, 4).divergences.len();
+    let backwards = Schedule { priorities: Priorities::Backwards, ..Schedule::one_by_one() };
+    assert_eq!(missing(Schedule::one_by_one()), 0);
+    assert_eq!(missing(backwards), 1, "the third comes first, and waits for all others");
 }

@@ -1,6 +1,8 @@
 //! Subgroup operations, by what each lane sees of the others.
 
-use karat_engine::{F32, Options, Program, Resources, Schedule, Settings};
+use karat_engine::{
+    Choice, Elsewhere, F32, Options, Priorities, Program, Resources, Schedule, Settings,
+};
 
 use crate::common::module;
 
@@ -25,7 +27,7 @@ fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     assert!(program.has_subgroups());
     let mut resources = Resources::new();
     resources.set_buffer(0, 0, vec![0xff; 4 * LANES as usize]);
-    let options = Options { schedule: Some(schedule), ..Options::default() };
+    let options = Options { schedule, ..Options::default() };
     program.dispatch::<F32>([1, 1, 1], &mut resources, &options, &()).expect("it runs");
     let bytes = resources.buffer(0, 0).expect("it was bound");
     let words = bytes.chunks_exact(4).map(|word| word.try_into().expect("four bytes"));
@@ -111,9 +113,14 @@ fn lanes_see_each_other() {
     ];
     for (body, expected) in cases {
         for subgroup in [4, 8, 16, 32, 64, 128] {
-            for (serial, seed) in [(false, 0), (true, 1), (true, 5), (false, 9)] {
-                let schedule = Schedule { seed, swaps: usize::MAX, serial, subgroup };
-                let found = run(body, schedule);
+            for (together, priorities) in [
+                (usize::MAX, Priorities::ByNumber),
+                (1, Priorities::Backwards),
+                (1, Priorities::Shuffled(5)),
+                (8, Priorities::Shuffled(9)),
+            ] {
+                let schedule = Schedule { together, priorities, subgroup, ..Schedule::default() };
+                let found = run(body, schedule.clone());
                 for (i, found) in (0..LANES).zip(found) {
                     // A subgroup of which the workgroup has a part is cut.
                     let size = subgroup.min(LANES);
@@ -131,9 +138,9 @@ fn lanes_see_each_other() {
 /// A lane that isn't there has any value, as an index outside of an array.
 #[test]
 fn a_lane_that_is_not_there() {
-    let number = Options {
-        outside: Some(9),
-        schedule: Some(Schedule { seed: 1, swaps: 0, serial: false, subgroup: 8 }),
+    let zero = Options {
+        outside: Choice { reads: Elsewhere::Zero, drops: true },
+        schedule: Schedule { subgroup: 8, ..Schedule::default() },
         ..Options::default()
     };
     let source = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -145,14 +152,14 @@ fn a_lane_that_is_not_there() {
         Program::entry_point(&module, &info, "main", &Settings::default()).expect("valid");
     let mut resources = Resources::new();
     resources.set_buffer(0, 0, vec![0; 64]);
-    program.dispatch::<F32>([1, 1, 1], &mut resources, &number, &()).expect("it runs");
+    program.dispatch::<F32>([1, 1, 1], &mut resources, &zero, &()).expect("it runs");
     let bytes = resources.buffer(0, 0).expect("it was bound");
     let words: Vec<u8> = bytes.iter().step_by(4).copied().collect();
-    assert_eq!(words, [2, 3, 4, 5, 6, 7, 9, 9, 10, 11, 12, 13, 14, 15, 9, 9]);
+    assert_eq!(words, [2, 3, 4, 5, 6, 7, 0, 0, 10, 11, 12, 13, 14, 15, 0, 0]);
     let seen = program.observe_races([1, 1, 1], &mut resources, &Options::default(), None);
     let outside = seen.expect("it runs").outside;
     assert_eq!((outside.len(), outside[0].count, outside[0].invocation), (1, 2, 14));
-    let of_eight = Options { outside: None, ..number.clone() };
+    let of_eight = Options { outside: Choice::default(), ..zero.clone() };
     let seen = program.observe_races([1, 1, 1], &mut resources, &of_eight, None);
     let outside = seen.expect("it runs").outside;
     assert_eq!((outside.len(), outside[0].count, outside[0].invocation), (1, 4, 6));

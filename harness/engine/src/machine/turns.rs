@@ -1,0 +1,247 @@
+//! Atomics where others may go first, and stores that take effect late.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use naga::AtomicFunction;
+
+use super::memory::{Buffer, changed_by, walk_lane};
+use super::{Machine, Memory};
+use crate::arithmetic::sealed::Rules;
+use crate::code::{Code, Instruction, Op, Walk};
+use crate::explore::{Access, Step, Word};
+use crate::options::Elsewhere;
+
+/// How often an invocation reads the same in a loop, and changes nothing, until it counts as one that waits for another.
+const PATIENCE: u32 = 3;
+
+/// A store of an invocation that has yet to take effect.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Late {
+    pub(crate) number: u32,
+    lane: usize,
+    slot: u32,
+    at: usize,
+    /// What it does to the word; `None`: it replaces it.
+    function: Option<AtomicFunction>,
+    signed: bool,
+    word: u32,
+    site: u32,
+    /// The turn in which its invocation came to it.
+    pub(crate) turn: usize,
+}
+
+/// An atomic that took effect.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Done {
+    pub(crate) lane: usize,
+    pub(crate) site: u32,
+    /// The word that it read, or else wrote.
+    pub(crate) word: u32,
+    pub(crate) place: (u32, usize),
+    /// Of a store that waited its number, and the turn in which its invocation came to it.
+    pub(crate) late: Option<(u32, usize)>,
+}
+
+impl Code {
+    /// True of an operation on an atomic, a load and a store included.
+    pub(crate) fn is_atomic(&self, op: Op) -> bool {
+        self.walk_of(op).is_some()
+    }
+
+    fn walk_of(&self, op: Op) -> Option<&Walk> {
+        match op {
+            Op::Load(_, walk) | Op::Write(_, walk) | Op::Atomic(walk) => {
+                Some(&self.walks[walk as usize]).filter(|walk| !walk.plain)
+            }
+            _ => None,
+        }
+    }
+
+    fn access_of(&self, op: Op, walk: &Walk) -> Access {
+        match (op, walk.atomic) {
+            (Op::Load(..), _) => Access::Reads,
+            (_, Some(atomic)) => Access::of(atomic.function, atomic.used),
+            _ => Access::Changes,
+        }
+    }
+
+    /// What an operation does to a word where nothing uses what it returns, so that its invocation needn't wait for it.
+    fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
+        let walk = self.walk_of(op)?;
+        match (op, walk.atomic) {
+            (Op::Write(..), _) => Some(None),
+            (Op::Atomic(_), Some(atomic)) if !atomic.used => Some(Some(atomic.function)),
+            _ => None,
+        }
+    }
+
+    /// The registers of an operation's indices, and of the value that it stores.
+    fn operands_of<'r>(&self, op: Op, walk: &Walk, registers: &'r [u32]) -> (&'r [u32], u32) {
+        let shape = self.shape(op);
+        let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
+        let outs = shape.outs.iter().sum::<u32>() as usize;
+        (&registers[all - walk.steps.len()..all], registers[outs.min(all - 1)])
+    }
+}
+
+impl<A: Rules> Machine<'_, A> {
+    fn here(&self) -> (&Instruction, &[u32]) {
+        let instruction = &self.code.instructions[self.at];
+        let start = instruction.at as usize;
+        (instruction, &self.code.pool[start..start + instruction.count as usize])
+    }
+
+    /// The words that an operation on an atomic accesses, by the lanes that act. One outside of its array is the nearest.
+    fn places(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<(usize, usize)> {
+        let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
+        let (indices, _) = self.code.operands_of(op, walk, registers);
+        let length = memory.buffers[walk.buffer as usize].bytes.len();
+        let mut all = Vec::new();
+        for lane in (0..self.width).filter(|lane| self.acts(*lane)) {
+            let clamped = Elsewhere::Clamped;
+            walk_lane::<A>((walk, clamped), indices, &self.ints, lane, length, |at| {
+                all.push((lane, at));
+            });
+        }
+        all
+    }
+
+    fn waiting_at(&self, slot: u32, (lane, at): (usize, usize)) -> Option<&Late> {
+        self.stores.iter().find(|one| (one.slot, one.lane, one.at) == (slot, lane, at))
+    }
+
+    /// True if another one may have its turn before this atomic.
+    pub(super) fn pauses(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
+        if !self.relaxes {
+            return (0..self.width).any(|lane| self.acts(lane));
+        }
+        let Some(walk) = self.code.walk_of(op) else { return false };
+        let places = self.places(op, registers, memory);
+        let own = |place: &(usize, usize)| self.waiting_at(walk.buffer, *place);
+        match self.code.stored(op) {
+            Some(_) => places.iter().any(|place| own(place).is_some()),
+            None => !places.is_empty(),
+        }
+    }
+
+    /// True if it stands before an access of a word that a store of its own has yet to change.
+    pub(crate) fn is_blocked(&self, memory: &Memory<'_, A>) -> bool {
+        let (instruction, registers) = self.here();
+        let Some(walk) = self.code.walk_of(instruction.op) else { return false };
+        // An invocation that loads sees its own store.
+        let is_load = matches!(instruction.op, Op::Load(..));
+        let blocks = |one: &Late| !is_load || one.function.is_some();
+        let places = self.places(instruction.op, registers, memory);
+        places.iter().any(|place| self.waiting_at(walk.buffer, *place).is_some_and(blocks))
+    }
+
+    /// What it does in its next turn, at an atomic.
+    pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
+        let (instruction, registers) = self.here();
+        let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };
+        let access = self.code.access_of(instruction.op, walk);
+        let places = self.places(instruction.op, registers, memory);
+        let touches = places.iter().map(|(_, at)| (self.word_of(walk.buffer, *at, group), access));
+        Step::atomic(touches.collect())
+    }
+
+    /// The same of a store that has yet to take effect.
+    pub(crate) fn step_of_store(&self, number: u32, group: u32) -> Step {
+        let store = self.stores.iter().find(|store| store.number == number);
+        let touches = store.iter().map(|store| {
+            let access = store.function.map_or(Access::Changes, |own| Access::of(own, false));
+            (self.word_of(store.slot, store.at, group), access)
+        });
+        Step::atomic(touches.collect())
+    }
+
+    fn word_of(&self, slot: u32, at: usize, group: u32) -> Word {
+        let own = self.code.buffers[slot as usize].binding == crate::code::Binding::Workgroup;
+        (slot, if own { group + 1 } else { 0 }, at as u32)
+    }
+
+    /// Has the store of the atomic that is next wait. `false`: it is no store, or all take effect at once.
+    pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
+        let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
+        let Some(walk) = self.code.walk_of(op) else { return false };
+        let (_, value) = self.code.operands_of(op, walk, registers);
+        let signed = matches!(op, Op::Write(crate::Scalar::I32, _))
+            || walk.atomic.is_some_and(|atomic| atomic.scalar.signed());
+        for (lane, at) in self.places(op, registers, memory) {
+            self.numbered += 1;
+            let word = A::int_word(self.ints.get(value)[lane]);
+            let (number, site, turn, slot) = (self.numbered, self.site, self.turn, walk.buffer);
+            self.stores.push(Late { number, lane, slot, at, function, signed, word, site, turn });
+            self.issued.push(number);
+        }
+        true
+    }
+
+    /// Has a load see what its invocation stores.
+    pub(super) fn forward(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) {
+        let Op::Load(scalar, walk) = op else { return };
+        let slot = self.code.walks[walk as usize].buffer;
+        for place in self.places(op, registers, memory) {
+            if let Some(word) = self.waiting_at(slot, place).map(|one| one.word) {
+                self.ints.get_mut(registers[0])[place.0] = A::int(word, scalar.signed());
+            }
+        }
+    }
+
+    /// A store takes effect.
+    pub(crate) fn settle(&mut self, number: u32, memory: &mut Memory<'_, A>) -> Option<Done> {
+        let at = self.stores.iter().position(|store| store.number == number)?;
+        let Late { lane, slot, at, function, signed, word, site, turn, .. } =
+            self.stores.remove(at);
+        let buffer: &mut Buffer<'_, A> = &mut memory.buffers[slot as usize];
+        let new = match function {
+            Some(function) => changed_by(function, buffer.word(at), word, signed),
+            None => word,
+        };
+        buffer.put(at, &new.to_le_bytes());
+        Some(Done { lane, site, word: new, place: (slot, at), late: Some((number, turn)) })
+    }
+
+    /// Notes an atomic that took effect, and whether its invocation waits for another one to change the word.
+    pub(super) fn note_turn(
+        &mut self,
+        op: Op,
+        registers: &[u32],
+        memory: &Memory<'_, A>,
+        before: &[u32],
+    ) {
+        let Some(walk) = self.code.walk_of(op) else { return };
+        let places = self.places(op, registers, memory);
+        let buffer = &memory.buffers[walk.buffer as usize];
+        let reads = self.code.stored(op).is_none();
+        let mut hasher = DefaultHasher::new();
+        self.site.hash(&mut hasher);
+        let mut changes = false;
+        for ((lane, at), before) in places.iter().zip(before) {
+            let now = buffer.word(*at);
+            changes |= now != *before;
+            let word = if reads { A::int_word(self.ints.get(registers[0])[*lane]) } else { now };
+            (lane, at, word).hash(&mut hasher);
+            let (lane, site, place) = (*lane, self.site, (walk.buffer, *at));
+            self.done.push(Done { lane, site, word, place, late: None });
+            if let Some(detector) = &mut self.detector {
+                detector.atomic(lane, place, self.code.access_of(op, walk));
+            }
+        }
+        if changes {
+            self.seen.clear();
+            return;
+        }
+        let seen = self.seen.entry(hasher.finish()).or_default();
+        *seen += 1;
+        self.waits |= reads && *seen > PATIENCE;
+    }
+
+    /// The words of an atomic's places before it takes effect.
+    pub(super) fn words_at(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<u32> {
+        let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
+        let buffer = &memory.buffers[walk.buffer as usize];
+        let places = self.places(op, registers, memory);
+        places.iter().map(|(_, at)| buffer.word(*at)).collect()
+    }
+}
