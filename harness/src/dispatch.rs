@@ -194,20 +194,8 @@ impl Pass {
     #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
-        let (group, local) = (self.workgroup(number / width), split(number % width, size));
+        let (group, local) = (split(number / width, self.workgroups), split(number % width, size));
         format!("local {local} of workgroup {group}")
-    }
-
-    /// A workgroup by its number.
-    #[cfg(feature = "engine")]
-    pub(crate) fn workgroup(&self, number: usize) -> String {
-        split(number, self.workgroups)
-    }
-
-    /// An invocation of a workgroup by its number.
-    #[cfg(feature = "engine")]
-    pub(crate) fn local(&self, number: usize) -> String {
-        split(number, self.workgroup_size())
     }
 }
 

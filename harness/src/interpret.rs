@@ -8,9 +8,11 @@ mod coverage;
 mod dispatch;
 pub(crate) mod hazards;
 mod order;
+mod outside;
 mod parting;
 pub(crate) mod passes;
 mod quads;
+mod runner;
 mod sanitizer;
 mod supply;
 pub(crate) mod trace;
@@ -23,12 +25,14 @@ use std::time::Instant;
 
 pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
-    F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered, Range,
-    Refusal, Resources, Results, Runs, Settings, Stop, Truth,
+    Choice, F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered,
+    Range, Refusal, Resources, Results, Runs, Settings, Stop, Truth,
 };
 
 use crate::diagnostic::{Diagnostic, Span};
-use crate::dispatch::{DispatchError, Pass, Passes};
+use crate::dispatch::Pass;
+#[cfg(feature = "routes")]
+use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
@@ -42,10 +46,11 @@ pub use coverage::{Missed, Uncovered};
 #[cfg(feature = "routes")]
 pub(crate) use dispatch::dispatch_briefly;
 pub(crate) use dispatch::{dispatch, dispatch_rounding};
-pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
+pub(crate) use order::{OrderOf, SUBGROUP, Tried, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub(crate) use sanitizer::{examine, examine_in, examine_made_up};
+pub(crate) use runner::{Run, Runner};
+pub(crate) use sanitizer::{examine, examine_made_up};
 pub(crate) use written::written;
 
 /// A function that is lowered, with what it reads.
@@ -427,53 +432,23 @@ impl Bound {
     }
 }
 
-/// True if a word that passes leave depends on what an operation of one of them reads or writes outside of an array
-/// or a texture.
-fn depends_on(
-    passes: &Passes,
-    (pass, operation): (&Pass, u32),
-    schedule: Option<karat_engine::Schedule>,
-) -> Result<bool, DispatchError> {
-    let run = |outside: Option<u8>| {
-        let here = |own: &Pass| Options {
-            outside: outside.filter(|_| std::ptr::eq(own, pass)),
-            outside_at: Some(operation),
-            schedule,
-            ..dispatch::options()
-        };
-        dispatch::dispatched(passes, &here)
-    };
-    let usual = run(None)?;
-    // Kinds, flags and counts are compared with small numbers, one of which may be the only one that matters.
-    for number in OUTSIDE.into_iter().chain(1..4) {
-        if run(Some(number))? != usual {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
-
 /// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
 /// that is.
 #[cfg(feature = "routes")]
 pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
-        let options = |_: &Pass| Options { outside, ..dispatch::options() };
+        let options = |_: usize| Options { outside, ..dispatch::options() };
         let afterwards = dispatch::dispatched(passes, &options)?;
         Ok(afterwards.into_iter().flat_map(|(_, words)| words).collect())
     })
 }
 
-/// Numbers that stand for what is read outside. Drivers read 0 there, or the nearest element; a result
-/// that is the same with all four doesn't depend on it.
-const OUTSIDE: [u8; 3] = [0, 47, u8::MAX];
-
-/// Which words of runs differ with what is read outside of arrays.
-fn differing<E>(run: impl Fn(Option<u8>) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
-    let usual = run(None)?;
+/// Which words of runs differ with what is read outside of arrays, and whether what is written there is.
+fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
+    let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
-    for number in OUTSIDE {
-        let other = run(Some(number))?;
+    for choice in outside::choices() {
+        let other = run(choice)?;
         let words = usual.iter().zip(&other);
         differs.iter_mut().zip(words).for_each(|(differs, (a, b))| *differs |= a != b);
     }

@@ -221,8 +221,10 @@ pub struct Turn {
     pub invocation: usize,
     /// Where the author wrote it.
     pub site: Site,
-    /// The word that it read, or if it reads none the one that it wrote.
+    /// The word that it returned, or else the one that it wrote.
     pub word: u32,
+    /// True if it returned one that something uses.
+    pub reads: bool,
     /// Of a store that took effect late, the atomic behind it that others could see before.
     pub behind: Option<Site>,
 }
@@ -254,7 +256,8 @@ impl Order {
         for one in done {
             let (invocation, site) = (first + one.lane, code.sites[one.site as usize].clone());
             let behind = one.late.and_then(|late| Self::behind(taken, invocation, one, late));
-            taken.push((Turn { invocation, site, word: one.word, behind }, one));
+            let Done { word, reads, .. } = one;
+            taken.push((Turn { invocation, site, word, reads, behind }, one));
         }
     }
 

@@ -117,6 +117,9 @@ struct Node {
     asleep: BTreeMap<Actor, Step>,
 }
 
+/// Turns that an order may have: of more there are too many orders, or it has no end.
+const MOST_TURNS: usize = 512;
+
 /// Explores the orders of dispatches, run by run.
 #[derive(Debug, Default)]
 pub struct Explorer {
@@ -133,6 +136,7 @@ pub struct Explorer {
     last: Actor,
     last_waits: bool,
     cut: bool,
+    too_long: bool,
     has_begun: bool,
 }
 
@@ -177,6 +181,12 @@ impl Explorer {
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut
+    }
+
+    /// True if a run had too many turns to explore its orders.
+    #[must_use]
+    pub fn is_too_long(&self) -> bool {
+        self.too_long
     }
 
     /// The turns of each dispatch of the run.
@@ -283,6 +293,10 @@ impl Turns for Explorer {
             self.ready.append(&mut self.waiting);
         }
         let at = self.taken.len();
+        if at >= MOST_TURNS {
+            (self.cut, self.too_long) = (true, true);
+            return None;
+        }
         if at == self.nodes.len() {
             let mut asleep = BTreeMap::new();
             if let (Some(node), Some(taken)) = (self.nodes.last(), self.taken.last()) {

@@ -106,6 +106,9 @@ pub(crate) trait Turns {
     }
 }
 
+/// Turns in a row, after which others have theirs: a loop may wait for them in a way that looks like work.
+const MOST_IN_A_ROW: u32 = 1 << 12;
+
 /// Turns by priorities.
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
@@ -119,6 +122,8 @@ pub(crate) struct ByPriority<'s> {
     atomics: HashMap<u32, u32>,
     lowest: i64,
     last: Actor,
+    /// The turns that it has had in a row.
+    row: u32,
     turns: std::slice::Iter<'s, Actor>,
 }
 
@@ -141,6 +146,7 @@ impl<'s> ByPriority<'s> {
             // Below each number of a unit.
             lowest: -(1 << 62),
             last: Actor::default(),
+            row: 0,
             turns: schedule.turns.iter(),
         }
     }
@@ -187,6 +193,10 @@ impl Turns for ByPriority<'_> {
                 self.lower(actor.unit);
             }
         }
+        if self.row >= MOST_IN_A_ROW && actor == self.last {
+            self.row = 0;
+            self.lower(actor.unit);
+        }
         let priority = self.priority(actor);
         self.heap.push((priority, Reverse(actor)));
     }
@@ -204,8 +214,10 @@ impl Turns for ByPriority<'_> {
             self.last = *wanted;
             return Some(*wanted);
         }
-        self.last = self.heap.pop()?.1.0;
-        Some(self.last)
+        let next = self.heap.pop()?.1.0;
+        self.row = if next == self.last { self.row + 1 } else { 0 };
+        self.last = next;
+        Some(next)
     }
 
     fn waits(&mut self) {

@@ -6,7 +6,7 @@ use super::{
 use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
 use crate::fixture::Fixtures;
-use crate::interpret::{OrderOf, examine_made_up, in_order_of};
+use crate::interpret::{OrderOf, Runner, examine_made_up, in_order_of};
 use crate::made_up::{Extents, Ranges};
 use crate::package::Package;
 use crate::path::Path;
@@ -204,20 +204,24 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
+/// Orders that are drawn for passes over made-up resources.
+const ORDERS: u64 = 6;
+
 /// The change in an order of invocations that left the same as the usual one before the edit.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
     members: &[(String, String)],
 ) -> Result<Option<PathChange>, String> {
-    let run =
-        |passes: &Passes, order| in_order_of(passes, order).map_err(|error| error.to_string());
-    let usual = run(old, None)?;
-    for seed in 0..OrderOf::KINDS {
-        let order = OrderOf::whole(new, seed);
+    let left = |passes: &Passes, order: Option<&OrderOf>| {
+        in_order_of(passes, order).map_err(|error| error.to_string())
+    };
+    let usual = left(old, None)?;
+    for run in Runner::new(new).few(ORDERS) {
+        let Some(order) = run.order else { continue };
         // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
-        let Some(was) = run(old, Some(order)).ok().filter(|was| *was == usual) else { continue };
-        let is = run(new, Some(order))?;
+        let was = left(old, Some(&order)).ok().filter(|was| *was == usual);
+        let (Some(was), Some(is)) = (was, run.left) else { continue };
         let path = format!("{}, in another order", Path::CPU);
         let difference = Difference::of((old, was), (new, is), renamed)?;
         if let Some(change) = difference.change(path, members) {

@@ -94,7 +94,7 @@ impl After<'_> {
                 let identity = Identity::of(function, "after.matches")?;
                 let replayed = Replayed { case: 0, steps: &[], input: None };
                 let again = identity.replay(None, 0, function, &identity.check, replayed);
-                self.expect_no_violations(&passes, report, &again)?;
+                self.expect_each_order(None, &passes, report, &again)?;
                 return Err(left(first()?, None).into());
             };
             // The verdict below reports what stops this path.

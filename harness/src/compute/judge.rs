@@ -284,8 +284,8 @@ impl After<'_> {
         }
         let replayed = || Replayed { case: 0, steps: &[], input: None };
         let again = identity.replay(None, 0, function, &identity.check, replayed());
-        self.expect_no_violations(&passes, report, &again)?;
-        self.expect_no_order(assertion, &passes, (number, &element), report, &again)?;
+        let asserted = Some((assertion, number, &element));
+        self.expect_each_order(asserted, &passes, report, &again)?;
         let has_subgroups = passes.has_subgroups();
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();

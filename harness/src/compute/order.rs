@@ -7,20 +7,12 @@ use std::fmt;
 
 use super::judge::{Assertion, Element, Expected, Sum};
 use super::{After, ComputeError};
-use crate::dispatch::{DispatchError, Pass, Passes, Watched};
-use crate::interpret::{OrderOf, in_order_of, parting};
+use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
+use crate::interpret::{OrderOf, Run, Runner, Tried, in_order_of, parting};
 use crate::probe::ProbeError;
 use crate::record::{Fault, Replay};
 use crate::run::Report;
-use crate::settings;
 use crate::value::Shape;
-
-/// Orders that are tried: of passes of so few invocations, and of so few rounds of their loops, many, of others few, as each is a
-/// run of all passes. A million of rounds takes a tenth of a second.
-const SMALL: u64 = 4096;
-const SHORT: u64 = 1 << 20;
-const MANY: u64 = 32;
-const FEW: u64 = 3;
 
 /// A dependence of passes' results on the order in which their invocations run.
 ///
@@ -40,7 +32,7 @@ const FEW: u64 = 3;
 /// };
 /// let wrong = passes().try_agrees_with([0_u32, 1, 2, 3], Abs(0.0));
 /// let Err(ComputeError::Order(order)) = wrong else { panic!("each driver has an order of its own") };
-/// assert!(order.swap.contains("local"), "{}", order.swap);
+/// assert!(order.swap.contains("the last one first"), "{}", order.swap);
 /// passes().up_to_order().agrees_with([0_u32, 1, 2, 3], Abs(0.0));
 /// ```
 #[derive(Clone, Debug)]
@@ -56,10 +48,12 @@ pub struct OrderDependence {
     /// The first operation that gives an invocation something else, or if there is none the entry point of the pass whose
     /// order matters, or the last one: `file:line:column`.
     pub location: String,
-    /// The difference between the orders: `local (3, 0, 0) and (5, 0, 0) change places in each workgroup of .. `.
+    /// The difference between the orders: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
     /// The operation, the invocation and both results; `None` if writes alone come in another order.
     pub operation: Option<String>,
+    /// The atomics in that order, if they are few, and the two that others see in another order than they stand in.
+    pub turns: Vec<String>,
     /// Invocations of a subgroup in that order; `None` if the passes don't depend on it.
     pub subgroup: Option<u32>,
     /// The first element that is wrong then.
@@ -104,6 +98,9 @@ impl fmt::Display for OrderDependence {
             writeln!(f, "      actual = {actual}")?;
             writeln!(f, "    expected = {expected}")?;
         }
+        for turns in &self.turns {
+            writeln!(f, "  = {}", turns.replace('\n', "\n  "))?;
+        }
         if self.subgroup.is_some() {
             writeln!(
                 f,
@@ -117,12 +114,6 @@ impl fmt::Display for OrderDependence {
         )?;
         writeln!(f, "  replay: {}", self.replay)
     }
-}
-
-/// How many orders are tried of passes.
-pub(super) fn orders(watched: &Watched) -> u64 {
-    let usual = if watched.of <= SMALL && watched.rounds <= SHORT { MANY } else { FEW };
-    settings::schedules().unwrap_or(usual)
 }
 
 impl After<'_> {
@@ -145,45 +136,147 @@ impl After<'_> {
         self
     }
 
-    /// Judges the results of other orders of the invocations. Others report a failure in the usual one.
-    pub(super) fn expect_no_order(
+    /// Runs the passes in the engine, in one order of their invocations after the other: none may have a violation that
+    /// isn't accepted, and the assertion has to hold of what each leaves. Others report a failure in the usual order.
+    pub(super) fn expect_each_order(
         &self,
-        assertion: &Assertion<'_>,
+        assertion: Option<(&Assertion<'_>, usize, &Shape)>,
         passes: &Passes,
-        (number, element): (usize, &Shape),
         report: &mut Report,
         replay: &Replay,
     ) -> Result<(), ComputeError> {
-        let Some(watched) = report.watched.as_mut().filter(|one| one.reason.is_empty()) else {
+        self.expect_known_variables(passes)?;
+        let assertion = assertion.filter(|(assertion, ..)| !assertion.is_settled());
+        let mut runner = Runner::new(passes);
+        let mut examined = Examined::default();
+        let mut judged: Option<InOrders<'_>> = None;
+        let mut dependent = None;
+        while let Some(run) = runner.next() {
+            let Run { order, mut left, examined: own, .. } = run;
+            let endless = own.endless.is_some();
+            let has_violation = own.violations.iter().any(|(one, _)| self.fails(one));
+            if order.is_none() {
+                examined = own;
+                judged = match (assertion, left.take()) {
+                    (Some((assertion, number, element)), Some(left)) => {
+                        let lanes = lanes_of(passes, number, left);
+                        Some(InOrders::new(self, assertion, (number, element), lanes)?)
+                    }
+                    _ => None,
+                };
+            } else {
+                examined.violations.extend(own.violations);
+            }
+            if has_violation {
+                runner.found();
+            }
+            let (Some(order), Some(judged)) = (order, &judged) else { continue };
+            if judged.sum(passes, left, endless)?.failures > 0 {
+                dependent = Some(order);
+                break;
+            }
+        }
+        let examined = self.with_tint(passes, examined);
+        self.expect_no_violations(examined, report, replay)?;
+        if let (Some(order), Some(judged)) = (dependent, &judged) {
+            return Err(self.dependence(passes, order, judged, replay)?);
+        }
+        let Some(watched) = report.watched.as_mut() else { return Ok(()) };
+        let tried = runner.tried();
+        (watched.orders, watched.all_orders) = (tried.orders, tried.all);
+        let Some(judged) = judged.filter(|_| watched.reason.is_empty() && watched.of > 1) else {
             return Ok(());
         };
-        let orders = orders(watched);
-        // A single invocation has one order.
-        if watched.of <= 1 || assertion.is_settled() {
-            return Ok(());
-        }
-        if orders == 0 {
+        if tried == Tried::default() {
             "no other order of invocations was tried: 0 are asked for"
                 .clone_into(&mut watched.reason);
-            return Ok(());
+        } else if tried.orders > 0 && judged.is_undecided() {
+            "in Karat's engine the assertion holds in no order, so none shows whether it depends on one"
+                .clone_into(&mut watched.reason);
         }
-        let function = self.last_entry_point();
-        let left = |order: Option<OrderOf>| -> Result<Option<Vec<u32>>, ComputeError> {
-            let afterwards = match in_order_of(passes, order) {
+        Ok(())
+    }
+
+    /// The failure in an order, by the simplest one that has it.
+    fn dependence(
+        &self,
+        passes: &Passes,
+        mut order: OrderOf,
+        judged: &InOrders<'_>,
+        replay: &Replay,
+    ) -> Result<ComputeError, ComputeError> {
+        let run = |order: &OrderOf| {
+            let left = match in_order_of(passes, Some(order)) {
                 // A loop that waits for an invocation behind it: WGSL promises that none of them makes progress.
-                Err(DispatchError::Probe(ProbeError::Rounds { .. }) | DispatchError::Rounds(_))
-                    if order.is_some() =>
-                {
-                    return Ok(None);
+                Err(DispatchError::Probe(ProbeError::Rounds { .. }) | DispatchError::Rounds(_)) => {
+                    None
                 }
-                other => other?,
+                other => Some(other?),
             };
-            let own = afterwards.into_iter().find(|(of, _)| *of == number);
-            let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
-            Ok(Some(lanes.expect("a pass writes the resource")))
+            let endless = left.is_none();
+            judged.sum(passes, left, endless)
         };
-        let usual = left(None)?.expect("the usual order has no time limit of its own");
-        let holds = self.sum(assertion, None, element, &usual, function)?.failures == 0;
+        'simpler: loop {
+            for other in order.simpler().collect::<Vec<_>>() {
+                if run(&other)?.failures > 0 {
+                    order = other;
+                    continue 'simpler;
+                }
+            }
+            break;
+        }
+        let entry_points: Vec<&str> = passes.entry_points().collect();
+        let parting = parting(passes, &order);
+        let (first, turns) = parting.map(|own| (own.first, own.turns)).unwrap_or_default();
+        let (place, operation) = first.unzip();
+        let place = turns.late.as_ref().map(|(span, _)| span.clone()).or(place);
+        let last = || order.passes(passes).last().and_then(|(pass, _)| pass.span());
+        let place = place.or_else(last);
+        Ok(ComputeError::Order(Box::new(OrderDependence {
+            entry_points: entry_points.join(", "),
+            variable: self.variable.clone(),
+            assertion: judged.assertion.holds(),
+            holds: judged.holds,
+            location: place.map_or_else(String::new, |span| span.to_string()),
+            swap: order.told(passes),
+            operation,
+            turns: turns.told(),
+            subgroup: passes.has_subgroups().then_some(order.subgroup()),
+            element: run(&order)?.shown.into_iter().next(),
+            replay: replay.clone(),
+        })))
+    }
+}
+
+/// The lanes of a resource that passes left.
+fn lanes_of(passes: &Passes, number: usize, left: Afterwards) -> Vec<u32> {
+    let own = left.into_iter().find(|(of, _)| *of == number);
+    let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
+    lanes.expect("a pass writes the resource")
+}
+
+/// An assertion of what passes leave in each order.
+struct InOrders<'a> {
+    after: &'a After<'a>,
+    assertion: &'a Assertion<'a>,
+    number: usize,
+    element: &'a Shape,
+    /// The lanes that the usual order leaves, and whether the assertion holds of them.
+    usual: Vec<u32>,
+    holds: bool,
+    /// What is asserted where it doesn't.
+    own: Option<Assertion<'a>>,
+}
+
+impl<'a> InOrders<'a> {
+    fn new(
+        after: &'a After<'a>,
+        assertion: &'a Assertion<'a>,
+        (number, element): (usize, &'a Shape),
+        usual: Vec<u32>,
+    ) -> Result<Self, ComputeError> {
+        let function = after.last_entry_point();
+        let holds = after.sum(assertion, None, element, &usual, function)?.failures == 0;
         // Drivers round otherwise than the engine, so what it leaves may be beyond the tolerance. Each order has to leave the
         // same nevertheless; and a statement that holds in one of them depends on the order.
         let own = match assertion {
@@ -191,76 +284,39 @@ impl After<'_> {
                 let shape = element.clone();
                 let scalars = element.lanes().into_iter().cycle();
                 let lanes = usual.iter().zip(scalars).map(|(word, scalar)| scalar.decode(*word));
-                Some(Assertion::Agrees(
-                    Expected { shape, lanes: lanes.collect() },
-                    tolerance.clone(),
-                ))
+                let expected = Expected { shape, lanes: lanes.collect() };
+                Some(Assertion::Agrees(expected, tolerance.clone()))
             }
             _ => None,
         };
-        let judged = |order: Option<OrderOf>| -> Result<Sum, ComputeError> {
-            let Some(lanes) = left(order)? else { return Ok(Sum::endless()) };
-            if lanes == usual {
-                return Ok(Sum::of_failures(0));
-            }
-            let sum =
-                self.sum(own.as_ref().unwrap_or(assertion), None, element, &lanes, function)?;
-            if !holds && own.is_none() {
-                return Ok(Sum::of_failures(usize::from(sum.failures == 0)));
-            }
-            Ok(sum.of(passes, number))
+        Ok(Self { after, assertion, number, element, usual, holds, own })
+    }
+
+    /// True if neither what the usual order leaves nor a statement says what an order has to leave.
+    fn is_undecided(&self) -> bool {
+        !self.holds && self.own.is_none()
+    }
+
+    /// What another order left, judged; where it left nothing, whether by a loop without an end.
+    fn sum(
+        &self,
+        passes: &Passes,
+        left: Option<Afterwards>,
+        endless: bool,
+    ) -> Result<Sum, ComputeError> {
+        let Some(left) = left else {
+            return Ok(if endless { Sum::endless() } else { Sum::of_failures(0) });
         };
-        for seed in 0..orders {
-            let whole = OrderOf::whole(passes, seed);
-            if judged(Some(whole))?.failures == 0 {
-                continue;
-            }
-            // The first swap that makes a difference, by halves: no swap makes none, all of them make one.
-            let (mut right, mut wrong) = (0, whole.swaps());
-            if judged(Some(whole.first(0)))?.failures > 0 {
-                wrong = 0;
-            }
-            while wrong > right + 1 {
-                let middle = right + (wrong - right) / 2;
-                match judged(Some(whole.first(middle)))?.failures {
-                    0 => right = middle,
-                    _ => wrong = middle,
-                }
-            }
-            // One pass is to blame, as a rule.
-            let mut order = whole.first(wrong);
-            let count = passes.passes.len();
-            for number in (0..count).filter(|_| count > 1) {
-                if judged(Some(order.only(number)))?.failures > 0 {
-                    order = order.only(number);
-                    break;
-                }
-            }
-            let entry_points: Vec<&str> = passes.entry_points().collect();
-            // And swaps alone are simpler than turns.
-            if judged(Some(order.apart()))?.failures > 0 {
-                order = order.apart();
-            }
-            let (place, operation) = parting(passes, order).unzip();
-            let place = place.or_else(|| order.passes(passes).last().and_then(Pass::span));
-            return Err(ComputeError::Order(Box::new(OrderDependence {
-                entry_points: entry_points.join(", "),
-                variable: self.variable.clone(),
-                assertion: assertion.holds(),
-                holds,
-                location: place.map_or_else(String::new, |span| span.to_string()),
-                swap: order.last(passes),
-                operation,
-                subgroup: passes.has_subgroups().then_some(order.subgroup()),
-                element: judged(Some(order))?.shown.into_iter().next(),
-                replay: replay.clone(),
-            })));
+        let lanes = lanes_of(passes, self.number, left);
+        if lanes == self.usual {
+            return Ok(Sum::of_failures(0));
         }
-        watched.orders = orders;
-        if !holds && own.is_none() {
-            "in Karat's engine the assertion holds in no order, so none shows whether it depends on one"
-                .clone_into(&mut watched.reason);
+        let assertion = self.own.as_ref().unwrap_or(self.assertion);
+        let function = self.after.last_entry_point();
+        let sum = self.after.sum(assertion, None, self.element, &lanes, function)?;
+        if self.is_undecided() {
+            return Ok(Sum::of_failures(usize::from(sum.failures == 0)));
         }
-        Ok(())
+        Ok(sum.of(passes, self.number))
     }
 }

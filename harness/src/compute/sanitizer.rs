@@ -2,18 +2,13 @@
 
 use std::fmt;
 
-use super::order::orders;
 use super::{After, Compute, ComputeError};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
-use crate::interpret::{self, OrderOf};
+use crate::interpret;
 use crate::package::Package;
 use crate::record::{Fault, Replay};
 use crate::run::Report;
-
-/// Orders in which accesses are looked at, too, by their numbers: backwards side by side; one after the other, forwards and
-/// backwards; shuffled; and in turns.
-const WATCHED: [u64; 5] = [0, 1, 2, 4, 5];
 
 /// Messages that are shown whole. Several lines often have one cause.
 const SHOWN: usize = 4;
@@ -128,13 +123,13 @@ impl Compute<'_> {
 }
 
 impl After<'_> {
-    /// Has the sanitizer look through the passes for what no path's result would show for sure.
-    pub(super) fn expect_no_violations(
-        &self,
-        passes: &Passes,
-        report: &mut Report,
-        replay: &Replay,
-    ) -> Result<(), ComputeError> {
+    /// True of a violation that isn't accepted.
+    pub(super) fn fails(&self, one: &Violation) -> bool {
+        one.kind.fails() && !self.compute.accepted.iter().any(|accepted| accepted.covers(one))
+    }
+
+    /// Refuses accepted races without a reason, or of a variable that no pass has.
+    pub(super) fn expect_known_variables(&self, passes: &Passes) -> Result<(), ComputeError> {
         let accepted = &self.compute.accepted;
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
             return Err(one.wrong("has no reason: say why the race is meant".to_owned()));
@@ -149,14 +144,22 @@ impl After<'_> {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(one.wrong(format!("names a variable that no pass has{near}")));
         }
-        let mut examined = examined(passes, self.compute.package);
-        // Data that come in another order may lead to an access that the usual one doesn't have.
-        if examined.watched.reason.is_empty() && examined.watched.of > 1 {
-            let orders = orders(&examined.watched);
-            for number in WATCHED.into_iter().filter(|number| *number < orders) {
-                interpret::examine_in(passes, &mut examined, OrderOf::whole(passes, number));
-            }
-        }
+        Ok(())
+    }
+
+    /// The findings in passes; at a barrier that some invocations miss with Tint's word, if it is here.
+    pub(super) fn with_tint(&self, passes: &Passes, examined: Examined) -> Examined {
+        with_tint(passes, self.compute.package, examined)
+    }
+
+    /// Records how much the sanitizer looked through, and fails by what it found.
+    pub(super) fn expect_no_violations(
+        &self,
+        examined: Examined,
+        report: &mut Report,
+        replay: &Replay,
+    ) -> Result<(), ComputeError> {
+        let accepted = &self.compute.accepted;
         let Examined { violations, mut watched, .. } = examined;
         let is_met = |one: &&Accepted| violations.iter().any(|(race, _)| one.covers(race));
         let met = accepted.iter().filter(is_met);
@@ -164,9 +167,8 @@ impl After<'_> {
         let whole = watched.reason.is_empty();
         report.watched = Some(watched);
         let unmet = accepted.iter().find(|one| !is_met(one));
-        let is_meant = |race: &Violation| accepted.iter().any(|one| one.covers(race));
         let (all, messages): (Vec<_>, Vec<_>) =
-            violations.into_iter().filter(|(one, _)| one.kind.fails() && !is_meant(one)).unzip();
+            violations.into_iter().filter(|(one, _)| self.fails(one)).unzip();
         if !all.is_empty() {
             let replay = replay.clone();
             return Err(ComputeError::Violations(Box::new(Violations { all, replay, messages })));
@@ -179,9 +181,12 @@ impl After<'_> {
     }
 }
 
-/// The findings in passes; at a barrier that some invocations miss with Tint's word, if it is here.
+/// The findings in passes in the usual order.
 pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
-    let mut examined = interpret::examine(passes);
+    with_tint(passes, package, interpret::examine(passes))
+}
+
+fn with_tint(passes: &Passes, package: &Package, mut examined: Examined) -> Examined {
     for (violation, message) in &mut examined.violations {
         let of = passes.passes.iter().find(|pass| pass.name == violation.entry_point);
         if let (ViolationKind::Barrier, Some(pass)) = (violation.kind, of) {

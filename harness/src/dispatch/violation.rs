@@ -167,9 +167,12 @@ pub struct Watched {
     /// Rounds of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// Orders of invocations, beside that by their numbers, in which the assertion held.
+    /// Orders of invocations, beside the usual one, in which the assertion held.
     #[serde(default)]
     pub orders: u64,
+    /// True if there are no others, but for those that lead to the same.
+    #[serde(default)]
+    pub all_orders: bool,
     /// Variables whose races are accepted, each with its reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,

@@ -30,7 +30,7 @@ pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards,
 }
 
 /// How each pass runs.
-pub(super) type OfPass<'o> = &'o dyn Fn(&Pass) -> Options;
+pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
 /// The same where each pass runs in its own way.
 pub(super) fn dispatched(
@@ -45,19 +45,7 @@ fn dispatched_by(
     settings: &Settings,
     options_of: OfPass<'_>,
 ) -> Result<Afterwards, DispatchError> {
-    let held = in_order_by(passes, settings, &mut |pass, lowered, resources| {
-        lowered.dispatch::<F32>(pass.workgroups, resources, &options_of(pass), &())?;
-        Ok(true)
-    })?;
-    let mut afterwards = Vec::new();
-    for number in 0..passes.resources.len() {
-        if let Some((_, binding)) = passes.writer(number) {
-            let mut binding = binding.clone();
-            (binding.group, binding.binding) = (0, number as u32);
-            afterwards.push((number, after(&held, &binding)));
-        }
-    }
-    Ok(afterwards)
+    Prepared::new(passes, settings)?.dispatched(options_of)
 }
 
 /// How passes run.
@@ -79,41 +67,78 @@ type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool
 
 /// Runs passes one after the other, and returns all resources, each bound under its number in group 0.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
-    in_order_by(passes, &Settings::default(), run)
+    Prepared::new(passes, &Settings::default())?.run(run)
 }
 
-fn in_order_by(
-    passes: &Passes,
-    settings: &Settings,
-    run: Run<'_>,
-) -> Result<Resources, DispatchError> {
-    passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
-    let mut held = Resources::new();
-    for (number, one) in (0..).zip(&passes.resources) {
-        let (pass, binding) = passes.uses(number as usize).next().expect("a resource is used");
-        // A storage texture says its format.
-        let (pass, binding) = passes.writer(number as usize).unwrap_or((pass, binding));
-        let mut binding = binding.clone();
-        (binding.group, binding.binding) = (0, number);
-        supply::supply(&mut held, &pass.program, &binding, &one.fixture)?;
-    }
-    for pass in &passes.passes {
-        let program = &pass.program;
-        let lowered = lowered(pass, settings)?;
+/// Passes that run as often as is wanted.
+pub(super) struct Prepared<'p> {
+    pub(super) passes: &'p Passes,
+    lowered: Vec<Lowered>,
+    /// The resources as they begin, each bound under its number in group 0.
+    resources: Resources,
+}
+
+impl<'p> Prepared<'p> {
+    pub(super) fn new(passes: &'p Passes, settings: &Settings) -> Result<Self, DispatchError> {
+        passes.expect_sizes(Path::CPU, [MOST_INVOCATIONS; 3], MOST_INVOCATIONS)?;
         let mut resources = Resources::new();
-        for (binding, number) in &pass.bindings {
-            let from = [0, *number as u32];
-            resources.take_from(&held, from, [binding.group, binding.binding]);
+        for (number, one) in (0..).zip(&passes.resources) {
+            let (pass, binding) = passes.uses(number as usize).next().expect("a resource is used");
+            // A storage texture says its format.
+            let (pass, binding) = passes.writer(number as usize).unwrap_or((pass, binding));
+            let mut binding = binding.clone();
+            (binding.group, binding.binding) = (0, number);
+            supply::supply(&mut resources, &pass.program, &binding, &one.fixture)?;
         }
-        let goes_on = run(pass, &lowered, &mut resources)
-            .map_err(|stop| stopped(program, &pass.name, &stop))?;
-        for (binding, number) in &pass.bindings {
-            let to = [0, *number as u32];
-            held.take_from(&resources, [binding.group, binding.binding], to);
-        }
-        if !goes_on {
-            break;
-        }
+        let lowered = passes.passes.iter().map(|pass| lowered(pass, settings));
+        Ok(Self { passes, lowered: lowered.collect::<Result<_, _>>()?, resources })
     }
-    Ok(held)
+
+    /// [`in_order`].
+    pub(super) fn run(&self, run: Run<'_>) -> Result<Resources, DispatchError> {
+        let mut held = self.resources.clone();
+        for (pass, lowered) in self.passes.passes.iter().zip(&self.lowered) {
+            let mut resources = Resources::new();
+            for (binding, number) in &pass.bindings {
+                let from = [0, *number as u32];
+                resources.take_from(&held, from, [binding.group, binding.binding]);
+            }
+            let goes_on = run(pass, lowered, &mut resources)
+                .map_err(|stop| stopped(&pass.program, &pass.name, &stop))?;
+            for (binding, number) in &pass.bindings {
+                let to = [0, *number as u32];
+                held.take_from(&resources, [binding.group, binding.binding], to);
+            }
+            if !goes_on {
+                break;
+            }
+        }
+        Ok(held)
+    }
+
+    /// The words that passes leave.
+    pub(super) fn dispatched(&self, options_of: OfPass<'_>) -> Result<Afterwards, DispatchError> {
+        let mut number = 0..;
+        let held = self.run(&mut |pass, lowered, resources| {
+            let options = options_of(number.next().unwrap_or_default());
+            lowered.dispatch::<F32>(pass.workgroups, resources, &options, &())?;
+            Ok(true)
+        })?;
+        Ok(self.left(&held))
+    }
+
+    /// The words of what passes write, of resources after a run.
+    pub(super) fn left(&self, held: &Resources) -> Afterwards {
+        let of = |number: usize| {
+            let mut binding = self.passes.writer(number)?.1.clone();
+            (binding.group, binding.binding) = (0, number as u32);
+            Some((number, after(held, &binding)))
+        };
+        (0..self.passes.resources.len()).filter_map(of).collect()
+    }
+
+    /// True if the size of subgroups may decide it.
+    pub(super) fn has_subgroups(&self) -> bool {
+        self.lowered.iter().any(Lowered::has_subgroups)
+    }
 }

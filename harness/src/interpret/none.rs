@@ -47,14 +47,6 @@ pub(crate) fn strays(
     Err(missing().into())
 }
 
-/// Nothing runs passes.
-pub(crate) fn examine_in(
-    _: &crate::dispatch::Passes,
-    _: &mut crate::dispatch::Examined,
-    _: OrderOf,
-) {
-}
-
 /// No pass is looked through, and the result says so.
 pub(crate) fn examine(passes: &crate::dispatch::Passes) -> crate::dispatch::Examined {
     let mut examined = crate::dispatch::Examined::default();
@@ -134,56 +126,108 @@ impl Interpreted {
 }
 
 /// Nothing runs passes in another order: what looks through them says so before one is asked for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct OrderOf;
+#[derive(Clone, Debug)]
+pub(crate) enum OrderOf {}
 
 impl OrderOf {
-    pub(crate) fn whole(_: &crate::dispatch::Passes, _: u64) -> Self {
-        Self
+    pub(crate) fn subgroup(&self) -> u32 {
+        match *self {}
     }
 
-    pub(crate) fn swaps(self) -> usize {
-        0
-    }
-
-    pub(crate) fn subgroup(self) -> u32 {
-        0
-    }
-
-    pub(crate) fn first(self, _: usize) -> Self {
-        self
-    }
-
-    pub(crate) fn apart(self) -> Self {
-        self
-    }
-
-    pub(crate) fn only(self, _: usize) -> Self {
-        self
-    }
-
-    pub(crate) fn passes(
-        self,
-        _: &crate::dispatch::Passes,
-    ) -> impl Iterator<Item = &crate::dispatch::Pass> {
+    pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         std::iter::empty()
     }
 
-    pub(crate) fn last(self, _: &crate::dispatch::Passes) -> String {
-        String::new()
+    pub(crate) fn passes(
+        &self,
+        _: &crate::dispatch::Passes,
+    ) -> impl Iterator<Item = (&crate::dispatch::Pass, ())> {
+        std::iter::empty()
+    }
+
+    pub(crate) fn told(&self, _: &crate::dispatch::Passes) -> String {
+        match *self {}
+    }
+}
+
+/// How many orders were tried: none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Tried {
+    pub(crate) orders: u64,
+    pub(crate) all: bool,
+}
+
+/// A run that didn't happen.
+pub(crate) struct Run {
+    pub(crate) order: Option<OrderOf>,
+    #[cfg(feature = "routes")]
+    pub(crate) is_of_size: bool,
+    pub(crate) left: Option<crate::dispatch::Afterwards>,
+    pub(crate) examined: crate::dispatch::Examined,
+}
+
+/// Has one run, which says that nothing runs passes.
+pub(crate) struct Runner(Option<crate::dispatch::Examined>);
+
+impl Runner {
+    pub(crate) fn new(passes: &crate::dispatch::Passes) -> Self {
+        Self(Some(examine(passes)))
+    }
+
+    #[cfg(feature = "routes")]
+    pub(crate) fn few(self, _: u64) -> Self {
+        self
+    }
+
+    pub(crate) fn tried(&self) -> Tried {
+        Tried::default()
+    }
+
+    pub(crate) fn found(&mut self) {}
+}
+
+impl Iterator for Runner {
+    type Item = Run;
+
+    fn next(&mut self) -> Option<Run> {
+        let examined = self.0.take()?;
+        Some(Run {
+            order: None,
+            #[cfg(feature = "routes")]
+            is_of_size: false,
+            left: None,
+            examined,
+        })
     }
 }
 
 /// Nothing runs passes.
 pub(crate) fn in_order_of(
     _: &crate::dispatch::Passes,
-    _: Option<OrderOf>,
+    _: Option<&OrderOf>,
 ) -> Result<crate::dispatch::Afterwards, crate::dispatch::DispatchError> {
     Err(missing().into())
 }
 
 /// Nothing runs passes.
-pub(crate) fn parting(_: &crate::dispatch::Passes, _: OrderOf) -> Option<(Span, String)> {
+pub(crate) struct Parting {
+    pub(crate) first: Option<(Span, String)>,
+    pub(crate) turns: Turns,
+}
+
+#[derive(Default)]
+pub(crate) struct Turns {
+    pub(crate) late: Option<(Span, String)>,
+}
+
+impl Turns {
+    pub(crate) fn told(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// Nothing runs passes.
+pub(crate) fn parting(_: &crate::dispatch::Passes, _: &OrderOf) -> Option<Parting> {
     None
 }
 

@@ -1,180 +1,226 @@
 //! Compute passes in other orders of their workgroups and invocations.
 
-use karat_engine::{Options, Schedule, Swap};
+use karat_engine::{Actor, Atomics, Options, Priorities, Schedule, Stores};
 
-use super::dispatch::{dispatched, options};
+use super::dispatch::{Prepared, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
 /// Invocations of a subgroup where no order says another number.
 pub(crate) const SUBGROUP: u32 = Schedule::SUBGROUP;
 
-/// Workgroups that run beside each other: any two neighbours do, and a few more.
-pub(super) const BESIDE: usize = 4;
+/// Invocations of a subgroup that devices of WebGPU have, beside the usual ones.
+pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
-/// Invocations of a subgroup, by the seed of an order: those that GPUs have, the least and the most first.
-const SUBGROUPS: [u32; 5] = [4, 64, 8, 32, 16];
+/// Passes of at most so many invocations run them one by one; in larger ones some neighbours stay side by side, since
+/// that costs an eighth.
+const ONE_BY_ONE: u64 = 4096;
+const TOGETHER: usize = 8;
 
-/// An order of the invocations of passes: the same shuffle in each pass, as far as that has as many.
-#[derive(Clone, Copy, Debug)]
+/// An order of the invocations of passes.
+#[derive(Clone, Debug)]
 pub(crate) struct OrderOf {
-    schedule: Schedule,
-    /// The pass that has this order, by its number; the others have the usual one. `None`: all passes have it.
-    only: Option<usize>,
-    /// Workgroups that run beside each other.
-    beside: usize,
+    of_pass: Vec<Schedule>,
 }
 
 impl OrderOf {
-    /// The first orders, which have one of each kind: the reverse one, three in which each invocation runs to its next
-    /// barrier by itself, a shuffled one, and one in which chance decides whose turn it is at each atomic.
-    pub(crate) const KINDS: u64 = 6;
+    /// The usual order, in subgroups of another size.
+    pub(super) fn of_size(passes: &Passes, subgroup: u32) -> Self {
+        Self { of_pass: vec![Schedule { subgroup, ..Schedule::default() }; passes.passes.len()] }
+    }
 
-    /// All swaps of an order. In the second and the third one each invocation runs by itself to the next barrier, once by
-    /// their numbers and once backwards: any two of them meet in both orders, wherever their statements stand. The others
-    /// have workgroups run beside each other. In the first of them, and in every other one, invocations keep their statements
-    /// side by side; in the rest each goes from atomic to atomic by itself, in a turn that chance decides.
-    pub(crate) fn whole(passes: &Passes, number: u64) -> Self {
-        let subgroup = SUBGROUPS[number as usize % SUBGROUPS.len()];
-        // The reverse order is that of the seed 0.
-        let (seed, serial) = match number {
-            1 | 2 => (0, true),
-            _ => (number, number % 2 == 1),
-        };
-        let beside = if (1..=3).contains(&number) { 1 } else { BESIDE };
-        let of_pass = passes.passes.iter().map(|pass| {
-            let (groups, together) = counts(pass, subgroup);
-            Schedule::whole(seed, groups, together).swaps
+    /// One that was explored, by its turns.
+    pub(super) fn of_turns(turns: Vec<Vec<Actor>>, stores: Stores) -> Self {
+        let of = |turns| Schedule { turns, stores, ..Schedule::one_by_one() };
+        Self { of_pass: turns.into_iter().map(of).collect() }
+    }
+
+    /// The order of a number: by numbers one by one, backwards, shuffled; and then with one or two invocations of
+    /// each pass that stall at one of their atomics, in each second of which stores may be late.
+    pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
+        let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
+        let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
+            let mut chance = Chance(number << 8 | at as u64);
+            let seed = chance.next();
+            let priorities = match number % 3 {
+                0 => Priorities::ByNumber,
+                1 => Priorities::Backwards,
+                _ => Priorities::Shuffled(seed),
+            };
+            let count = match number {
+                0..3 => 0,
+                _ => 1 + number / 3 % 2,
+            };
+            let own: Vec<_> =
+                atomics.of_invocation.iter().enumerate().filter(|(_, n)| **n > 0).collect();
+            let stall = |_| {
+                let (invocation, count) = own.get(chance.below(own.len() as u64) as usize)?;
+                Some((*invocation, 1 + chance.below(u64::from(**count)) as u32))
+            };
+            let stalls = (0..count).filter_map(stall).collect();
+            let late = number >= 3 && number % 2 == 1;
+            let stores = if late { Stores::Late(seed) } else { Stores::AtOnce };
+            let subgroup = [SUBGROUP, 4, 64, 8, 16, 128][number as usize % 6];
+            Schedule { priorities, stalls, stores, together, subgroup, ..Schedule::default() }
         });
-        let swaps = if number == 1 { 0 } else { of_pass.max().unwrap_or_default() };
-        Self { schedule: Schedule { seed, swaps, serial, subgroup }, only: None, beside }
+        Self { of_pass: of_pass.collect() }
     }
 
-    /// How one of the passes that have it runs.
-    pub(super) fn options(self, base: &Options) -> Options {
-        Options { schedule: Some(self.schedule), beside: self.beside, ..base.clone() }
-    }
-
-    /// A whole order in words.
-    pub(super) fn told(self) -> &'static str {
-        let Schedule { seed, swaps, serial, .. } = self.schedule;
-        match (serial, seed) {
-            (false, 0) => "workgroups and invocations come backwards, from statement to statement",
-            (false, _) => {
-                "workgroups and invocations are shuffled, and go from statement to statement"
-            }
-            (true, 0) if swaps == 0 => {
-                "each invocation runs to the next barrier, or to its end, before the next one"
-            }
-            (true, 0) => {
-                "each invocation runs to the next barrier, or to its end, before the next one, the last one first"
-            }
-            (true, _) => "invocations take turns, each to its next atomic",
-        }
-    }
-
-    /// The swaps that it is made of.
-    pub(crate) fn swaps(self) -> usize {
-        self.schedule.swaps
+    /// How the pass of this number runs.
+    pub(super) fn options(&self, number: usize, base: &Options) -> Options {
+        Options { schedule: self.of_pass[number].clone(), ..base.clone() }
     }
 
     /// Invocations of a subgroup.
-    pub(crate) fn subgroup(self) -> u32 {
-        self.schedule.subgroup
+    pub(crate) fn subgroup(&self) -> u32 {
+        self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// The invocations by their numbers, in the smallest subgroups.
-    pub(super) fn in_small_subgroups() -> Schedule {
-        Schedule { seed: 0, swaps: 0, serial: false, subgroup: SUBGROUPS[0] }
-    }
-
-    /// The same with the first so many swaps.
-    pub(crate) fn first(self, swaps: usize) -> Self {
-        Self { schedule: Schedule { swaps, ..self.schedule }, ..self }
-    }
-
-    /// The same where no workgroup runs beside another one, and no invocation waits at an atomic.
-    pub(crate) fn apart(self) -> Self {
-        Self { beside: 1, ..self }
-    }
-
-    /// The same in one pass alone.
-    pub(crate) fn only(self, pass: usize) -> Self {
-        Self { only: Some(pass), ..self }
-    }
-
-    /// The passes that have this order.
-    pub(crate) fn passes(self, passes: &Passes) -> impl Iterator<Item = &Pass> {
-        let all = passes.passes.iter().enumerate();
-        all.filter(move |(number, _)| self.only.is_none_or(|only| only == *number))
-            .map(|(_, pass)| pass)
-    }
-
-    /// The two that change places last, in each pass that has as many.
-    pub(crate) fn last(self, passes: &Passes) -> String {
-        let sizes = || format!("subgroups have {} invocations", self.schedule.subgroup);
-        let sizes = passes.has_subgroups().then(sizes);
-        let of_one = self.only.and_then(|number| passes.passes.get(number));
-        let of_one = of_one.map_or_else(String::new, |pass| format!(" in `{}`", pass.name));
-        let apart = passes.passes.iter().any(|pass| counts(pass, 1).0 > 1);
-        let how = match (self.schedule.serial, self.beside > 1) {
-            (true, true) => {
-                Some(format!("invocations take turns{of_one}, each to its next atomic"))
+    /// Orders with one difference less to the usual one.
+    pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
+        let usual = Schedule::default();
+        let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
+            let mut all = Vec::new();
+            if *own == usual {
+                return all;
             }
-            (false, true) if apart => {
-                Some(format!("workgroups run beside each other{of_one}, each to its next atomic"))
+            // One pass is to blame, as a rule.
+            all.push((at, usual.clone()));
+            all.push((at, Schedule { stores: Stores::AtOnce, ..own.clone() }));
+            all.push((at, Schedule { subgroup: SUBGROUP, ..own.clone() }));
+            if own.turns.is_empty() {
+                all.push((at, Schedule { priorities: Priorities::ByNumber, ..own.clone() }));
+                all.push((at, Schedule { together: usize::MAX, ..own.clone() }));
             }
-            (true, false) if self.schedule.swaps == 0 => Some(format!(
-                "invocations run to the next barrier, or to their ends, one after the other{of_one}"
-            )),
-            _ => None,
-        };
-        let of_pass = |pass: &Pass| {
-            let (groups, together) = counts(pass, self.schedule.subgroup);
-            Some(match self.schedule.last(groups, together)? {
-                Swap::Workgroups(one, two) => {
-                    let [one, two] = [one, two].map(|group| pass.workgroup(group));
-                    format!("workgroups {one} and {two} of `{}` change places", pass.name)
+            for left_out in 0..own.stalls.len() {
+                let mut stalls = own.stalls.clone();
+                stalls.remove(left_out);
+                all.push((at, Schedule { stalls, ..own.clone() }));
+            }
+            all.retain(|(_, other)| other != own);
+            all
+        });
+        of_one.map(|(at, own)| {
+            let mut of_pass = self.of_pass.clone();
+            of_pass[at] = own;
+            Self { of_pass }
+        })
+    }
+
+    /// The passes that have another order than the usual one, by their numbers.
+    pub(crate) fn passes<'p>(
+        &'p self,
+        passes: &'p Passes,
+    ) -> impl Iterator<Item = (&'p Pass, &'p Schedule)> {
+        let usual = Schedule::default();
+        let all = passes.passes.iter().zip(&self.of_pass);
+        all.filter(move |(_, own)| **own != usual)
+    }
+
+    /// True if only the size of subgroups is another one.
+    fn is_of_size(&self) -> bool {
+        let usual = Schedule::default();
+        self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
+    }
+
+    /// How the headline of what only it has begins.
+    pub(super) fn headline(&self) -> String {
+        match self.is_of_size() {
+            true => format!("in subgroups of {}", self.subgroup()),
+            false => "in another order".to_owned(),
+        }
+    }
+
+    /// What explains it.
+    pub(super) fn note(&self, passes: &Passes) -> String {
+        match self.is_of_size() {
+            true => format!("a device may have subgroups of {} invocations", self.subgroup()),
+            false => format!("WGSL promises no order: here {}", self.told(passes)),
+        }
+    }
+
+    /// Its differences to the usual one, in words.
+    pub(crate) fn told(&self, passes: &Passes) -> String {
+        let several = passes.passes.len() > 1;
+        let of_pass = |(pass, own): (&Pass, &Schedule)| {
+            let of = if several { format!(" of `{}`", pass.name) } else { String::new() };
+            let mut all = Vec::new();
+            let plain = own.together == usize::MAX;
+            match (own.priorities, &own.turns[..]) {
+                (_, [_, ..]) => all.push(format!("the atomics{of} come in another order")),
+                (Priorities::ByNumber, _) if plain => {}
+                (Priorities::ByNumber, _) => {
+                    all.push(format!("the invocations{of} run one after the other"));
                 }
-                Swap::Invocations(one, two) => {
-                    let who = if pass.program.has_subgroups() {
-                        format!("subgroups {one} and {two}")
-                    } else {
-                        let [one, two] = [one, two].map(|own| pass.local(own));
-                        format!("local {one} and {two}")
-                    };
-                    format!("{who} change places in each workgroup of `{}`", pass.name)
-                }
-            })
+                (Priorities::Backwards, _) => all.push(format!(
+                    "the invocations{of} run one after the other, the last one first"
+                )),
+                (Priorities::Shuffled(_), _) => all.push(format!(
+                    "the invocations{of} run one after the other, in a shuffled order"
+                )),
+            }
+            let size = pass.workgroup_size();
+            all.extend(own.stalls.iter().map(|(invocation, at)| {
+                let who = super::invocation(pass, size, *invocation);
+                format!("{who}{of} stalls before its {}", ordinal(*at))
+            }));
+            if own.stores != Stores::AtOnce {
+                all.push(format!("atomic stores{of} take effect late"));
+            }
+            if pass.program.has_subgroups() && own.subgroup != SUBGROUP {
+                all.push(format!("subgroups{of} have {} invocations", own.subgroup));
+            }
+            all
         };
-        let swaps = self.passes(passes).filter_map(of_pass);
-        let all: Vec<String> = swaps.chain(sizes).chain(how).collect();
+        let all: Vec<String> = self.passes(passes).flat_map(of_pass).collect();
         if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
     }
 }
 
-/// Workgroups of a pass, and the invocations of each, or the subgroups if it has any.
-fn counts(pass: &Pass, subgroup: u32) -> (usize, usize) {
-    let groups = pass.workgroups.iter().map(|count| *count as usize).product();
-    let invocations: usize = pass.workgroup_size().iter().map(|count| *count as usize).product();
-    let together = if pass.program.has_subgroups() { subgroup as usize } else { 1 };
-    (groups, invocations / together)
+fn ordinal(number: u32) -> String {
+    match number {
+        1 => "first atomic".to_owned(),
+        2 => "second atomic".to_owned(),
+        3 => "third atomic".to_owned(),
+        more => format!("atomic number {more}"),
+    }
 }
 
-/// The words that passes leave in an order of their invocations; `None`: by their numbers.
+/// Numbers by a seed (Knuth's constants, as in MMIX).
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 ^ self.0 >> 29
+    }
+
+    fn below(&mut self, count: u64) -> u64 {
+        (self.next() >> 33) % count.max(1)
+    }
+}
+
+/// The words that passes leave in an order of their invocations; `None`: the usual one.
 pub(crate) fn in_order_of(
     passes: &Passes,
-    order: Option<OrderOf>,
+    order: Option<&OrderOf>,
 ) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, &|pass| options_in(passes, pass, order))
+    let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
+    prepared.dispatched(&|number| options_in(number, order, &options()))
 }
 
-/// How one of some passes runs in an order.
-pub(super) fn options_in(passes: &Passes, pass: &Pass, order: Option<OrderOf>) -> Options {
-    let has_it = |order: &OrderOf| order.passes(passes).any(|own| std::ptr::eq(own, pass));
-    match order.filter(has_it) {
-        Some(order) => order.options(&options()),
-        None => options(),
-    }
+/// How the pass of this number runs in an order.
+pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options) -> Options {
+    order.map_or_else(|| base.clone(), |order| order.options(number, base))
+}
+
+/// How many orders were tried.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Tried {
+    /// Beside the usual one, those that lead to the same counted once.
+    pub(crate) orders: u64,
+    /// True if there are no others.
+    pub(crate) all: bool,
 }
 
 #[cfg(test)]
@@ -236,11 +282,13 @@ mod tests {
             let passes = passes.expect("they fit");
             let drivers = crate::executor::dispatch(vulkan, &passes).expect("the driver runs it");
             // A driver with a range has a size of its own for each pipeline.
-            let sizes = SUBGROUPS.into_iter().filter(|size| (least..=most).contains(size));
+            let sizes = SUBGROUPS
+                .into_iter()
+                .chain([SUBGROUP])
+                .filter(|size| (least..=most).contains(size));
             let left = sizes.map(|subgroup| {
-                let order = Schedule { seed: 0, swaps: 0, serial: false, subgroup };
-                in_order_of(&passes, Some(OrderOf { schedule: order, only: None, beside: 1 }))
-                    .expect("the engine runs it")
+                let order = OrderOf::of_size(&passes, subgroup);
+                in_order_of(&passes, Some(&order)).expect("the engine runs it")
             });
             let left: Vec<_> = left.collect();
             assert!(left.contains(&drivers), "{operation}: {drivers:?} is none of {left:?}");

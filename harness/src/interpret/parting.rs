@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Lanes, Observer, Site};
+use karat_engine::{F32, Lanes, Observer, Options, Settings, Site};
 
-use super::dispatch::in_order;
+use super::dispatch::{Prepared, options};
 use super::order::{OrderOf, options_in};
 use crate::diagnostic::Span;
 use crate::dispatch::Passes;
@@ -17,7 +17,7 @@ const MOST: usize = 1 << 20;
 /// The result of an operation for an invocation.
 #[derive(Clone, Copy)]
 struct Given {
-    /// The address of its site, and once the run has ended its number: each run has sites of its own.
+    /// The address of its site, and once the run has ended its number.
     site: usize,
     case: u32,
     word: u32,
@@ -58,15 +58,93 @@ impl Observer<F32> for Results {
     }
 }
 
-/// The first operation, in the usual order, that gives an invocation something else in another one: its place, and a clause
-/// with the invocation and both results. `None` if writes alone come in another order.
-pub(crate) fn parting(passes: &Passes, order: OrderOf) -> Option<(Span, String)> {
-    let run = |order: Option<OrderOf>| {
+/// Atomics of an order that are told: more nobody reads.
+const TOLD: usize = 16;
+
+/// The atomics of passes in an order.
+#[derive(Debug, Default)]
+pub(crate) struct Turns {
+    /// Each in its order, in words; none where there are too many.
+    lines: Vec<String>,
+    /// A store that took effect behind a later atomic of its invocation, as others saw: both.
+    pub(crate) late: Option<(Span, String)>,
+}
+
+impl Turns {
+    /// They as notes of a message.
+    pub(crate) fn told(&self) -> Vec<String> {
+        let order = (!self.lines.is_empty())
+            .then(|| format!("its atomics come in this order:\n{}", self.lines.join("\n")));
+        let relaxed = self.late.as_ref().map(|(_, late)| {
+            format!(
+                "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so others may see them in another order than \
+                 they stand in. A barrier between both orders them for the invocations of one workgroup, and another pass for \
+                 all; or let one atomic hold both numbers"
+            )
+        });
+        order.into_iter().chain(relaxed).collect()
+    }
+}
+
+/// The atomics of passes in an order, as they take effect.
+pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
+    let mut all = Turns::default();
+    let (mut number, mut count) = (0, 0);
+    // A loop that doesn't end in this order has had its atomics before.
+    let ran = prepared.run(&mut |pass, lowered, resources| {
+        let base = Options { shows_order: true, ..options() };
+        let own = options_in(number, Some(order), &base);
+        number += 1;
+        let observed = lowered.observe_races(pass.workgroups, resources, &own, None)?;
+        let size = lowered.workgroup_size().expect("a pass is an entry point");
+        count += observed.order.len();
+        for turn in observed.order {
+            let author = |site: &Site| super::author_of(&pass.program, site);
+            let Some((span, text)) = author(&turn.site) else { continue };
+            let who = super::invocation(pass, size, turn.invocation);
+            let verb = if turn.reads { "gives" } else { "writes" };
+            let line = format!("  {who}: `{text}` {verb} {} ({span})", turn.word);
+            if all.lines.len() < TOLD {
+                all.lines.push(line);
+            }
+            if let (None, Some((other, behind))) = (&all.late, turn.behind.as_ref().and_then(author)) {
+                let late = format!(
+                    "`{text}` ({span}) of {who} is seen after `{behind}` ({other}), which stands behind it"
+                );
+                all.late = Some((span, late));
+            }
+        }
+        Ok(true)
+    });
+    drop(ran);
+    if count > TOLD {
+        all.lines.clear();
+    }
+    all
+}
+
+/// What an order of passes has otherwise than the usual one.
+pub(crate) struct Parting {
+    /// The first operation, in the usual order, that gives an invocation something else: its place, and a clause with the
+    /// invocation and both results. `None` if writes alone come in another order.
+    pub(crate) first: Option<(Span, String)>,
+    pub(crate) turns: Turns,
+}
+
+/// What an order of passes has otherwise than the usual one.
+pub(crate) fn parting(passes: &Passes, order: &OrderOf) -> Option<Parting> {
+    let prepared = Prepared::new(passes, &Settings::default()).ok()?;
+    Some(Parting { first: first(&prepared, order), turns: turns(&prepared, order) })
+}
+
+fn first(prepared: &Prepared<'_>, order: &OrderOf) -> Option<(Span, String)> {
+    let passes = prepared.passes;
+    let run = |order: Option<&OrderOf>| {
         let mut of_passes = Vec::new();
         // A loop that doesn't end in this order has had its results before.
-        let ran = in_order(passes, &mut |pass, lowered, resources| {
+        let ran = prepared.run(&mut |pass, lowered, resources| {
             let results = Results::default();
-            let options = options_in(passes, pass, order);
+            let options = options_in(of_passes.len(), order, &options());
             let ran = lowered.dispatch::<F32>(pass.workgroups, resources, &options, &results);
             let size = lowered.workgroup_size().expect("a pass is an entry point");
             let mut all = results.0.into_inner().unwrap_or_else(PoisonError::into_inner);

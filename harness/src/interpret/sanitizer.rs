@@ -1,18 +1,19 @@
 //! The sanitizer: looks through compute passes for what WGSL doesn't order or define, before any path runs them.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 use karat_engine::{
-    Access, Bounds, Divergence, Observed, Options, Outside, Place, Race as Found, Stop, Unwritten,
+    Access, Atomics, Bounds, Divergence, Explorer, Observed, Options, Outside, Place,
+    Race as Found, Stop, Unwritten,
 };
 
-use super::OrderOf;
-use super::dispatch::{in_order, options};
-use super::order::BESIDE;
+use super::dispatch::{Prepared, options};
+use super::order::{OrderOf, SUBGROUPS, options_in};
+use super::{outside, parting};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
-    DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind, Watched,
+    Afterwards, DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind,
+    Watched,
 };
 use crate::output::{counted, headline};
 use crate::probe::ProbeError;
@@ -35,86 +36,123 @@ pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options())
 }
 
-/// Runs passes in the engine and returns its findings. The result says which passes it couldn't execute.
+/// Runs passes in the usual order, in subgroups of the usual size and of the smallest, and returns the findings. The
+/// result says which passes the engine couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
     examine_with(passes, &options())
 }
 
-fn examine_with(passes: &Passes, options: &Options) -> Examined {
-    let of = passes.invocations();
-    let options = &Options { beside: BESIDE, ..options.clone() };
-    let mut examined =
-        Examined { watched: Watched { of, ..Watched::default() }, ..Examined::default() };
-    if let Err(error) = run(passes, &mut examined, options) {
-        examined.watched.reason = headline(&error.to_string()).to_owned();
-    }
-    if passes.has_subgroups() && examined.watched.reason.is_empty() {
-        in_small_subgroups(passes, &mut examined, options);
+fn examine_with(passes: &Passes, base: &Options) -> Examined {
+    let prepared = match Prepared::new(passes, &karat_engine::Settings::default()) {
+        Ok(prepared) => prepared,
+        Err(error) => return refused(passes, &error),
+    };
+    let mut known = Known::default();
+    let (mut examined, _) = observe(&prepared, Ways::Ordered(None, base), &mut known);
+    if prepared.has_subgroups() && examined.watched.reason.is_empty() {
+        // There are the most of them, and a lane has the fewest others.
+        let size = SUBGROUPS[0];
+        let order = OrderOf::of_size(passes, size);
+        let (small, _) = observe(&prepared, Ways::Ordered(Some(&order), base), &mut known);
+        examined.violations.extend(small.violations);
+        if !small.watched.reason.is_empty() {
+            examined.watched.reason = format!("in subgroups of {size}: {}", small.watched.reason);
+        }
+        examined.endless = examined.endless.take().or(small.endless);
+        examined.too_long |= small.too_long;
     }
     examined
 }
 
-/// Adds the findings of the smallest subgroups that WebGPU has, where there are the most of them and a lane has the
-/// fewest others.
-fn in_small_subgroups(passes: &Passes, examined: &mut Examined, options: &Options) {
-    let schedule = OrderOf::in_small_subgroups();
-    let size = schedule.subgroup;
-    let told = (
-        format!("in subgroups of {size}"),
-        format!("a device may have subgroups of {size} invocations"),
-    );
-    let small =
-        add(passes, examined, &Options { schedule: Some(schedule), ..options.clone() }, told);
-    if !small.watched.reason.is_empty() {
-        examined.watched.reason = format!("in subgroups of {size}: {}", small.watched.reason);
-    }
-    examined.endless = examined.endless.take().or(small.endless);
-    examined.too_long |= small.too_long;
+/// The findings in passes that the engine doesn't execute.
+pub(super) fn refused(passes: &Passes, error: &DispatchError) -> Examined {
+    let reason = headline(&error.to_string()).to_owned();
+    let watched = Watched { of: passes.invocations(), reason, ..Watched::default() };
+    Examined { watched, ..Examined::default() }
 }
 
-/// Adds the findings of another order of the invocations. A loop may not end in it, as WGSL promises none: what comes before
-/// that counts.
-pub(crate) fn examine_in(passes: &Passes, examined: &mut Examined, order: OrderOf) {
-    let note = format!("WGSL promises no order: here {}", order.told());
-    add(passes, examined, &order.options(&options()), ("in another order".to_owned(), note));
+/// The findings of runs so far.
+#[derive(Default)]
+pub(super) struct Known {
+    violations: Vec<Violation>,
+    /// Operations whose indices leave their arrays, by pass.
+    outside: BTreeSet<(usize, u32)>,
+    /// True if there was a race, of whichever kind.
+    pub(super) races: bool,
+    /// The atomics of each pass of the last run.
+    pub(super) atomics: Vec<Atomics>,
 }
 
-/// Adds the violations that passes have with these options and not with the usual ones, with a beginning of their headlines
-/// and a note. Returns what else was found.
-fn add(
-    passes: &Passes,
-    examined: &mut Examined,
-    options: &Options,
-    (beginning, note): (String, String),
-) -> Examined {
-    let mut own = Examined::default();
-    if let Err(error) = run(passes, &mut own, options) {
-        headline(&error.to_string()).clone_into(&mut own.watched.reason);
-    }
-    for (violation, diagnostic) in std::mem::take(&mut own.violations) {
+impl Known {
+    /// Adds a violation. `false`: it is known.
+    fn add(&mut self, one: &Violation) -> bool {
         // The access that comes second in one order comes first in another.
         let places = |one: &Violation| -> BTreeSet<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
         let subject = |one: &Violation| (one.entry_point.clone(), one.kind, one.variable.clone());
-        let is_same = |other: &Violation| {
-            subject(other) == subject(&violation) && places(other) == places(&violation)
-        };
-        if !examined.violations.iter().any(|(other, _)| is_same(other)) {
-            let headline = format!("{beginning}, {}", violation.headline);
-            let diagnostic =
-                Diagnostic { message: headline.clone(), ..diagnostic }.note(note.clone());
-            examined.violations.push((Violation { headline, ..violation }, diagnostic));
+        let is_same =
+            |other: &Violation| subject(other) == subject(one) && places(other) == places(one);
+        let is_new = !self.violations.iter().any(is_same);
+        if is_new {
+            self.violations.push(one.clone());
         }
+        is_new
     }
-    own
 }
 
-fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<(), DispatchError> {
+/// In which order passes are run.
+pub(super) enum Ways<'w> {
+    /// In this one; `None`: the usual.
+    Ordered(Option<&'w OrderOf>, &'w Options),
+    /// In the next one of an explorer, which is then that of its turns.
+    Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
+}
+
+/// Runs passes in an order, and returns the findings that no run before had, and what is left; `None`: not all ran.
+///
+/// In another order than the usual one a loop may not end, as WGSL promises none: what comes before that counts.
+pub(super) fn observe(
+    prepared: &Prepared<'_>,
+    mut ways: Ways<'_>,
+    known: &mut Known,
+) -> (Examined, Option<Afterwards>) {
+    let watched = Watched { of: prepared.passes.invocations(), ..Watched::default() };
+    let mut examined = Examined { watched, ..Examined::default() };
+    let left = run(prepared, &mut examined, &mut ways, known);
+    let order = match &ways {
+        Ways::Ordered(order, _) => order.cloned(),
+        Ways::Explored(_, explorer, order) => Some(order(explorer)),
+    };
+    let left = left.unwrap_or_else(|error| {
+        headline(&error.to_string()).clone_into(&mut examined.watched.reason);
+        None
+    });
+    examined.violations.retain(|(one, _)| known.add(one));
+    if let Some(order) = order.filter(|_| !examined.violations.is_empty()) {
+        let note = order.note(prepared.passes);
+        let turns = parting::turns(prepared, &order);
+        for (violation, diagnostic) in &mut examined.violations {
+            violation.headline = format!("{}, {}", order.headline(), violation.headline);
+            diagnostic.message.clone_from(&violation.headline);
+            diagnostic.notes.push(note.clone());
+            diagnostic.notes.extend(turns.told());
+        }
+    }
+    (examined, left)
+}
+
+fn run(
+    prepared: &Prepared<'_>,
+    examined: &mut Examined,
+    ways: &mut Ways<'_>,
+    known: &mut Known,
+) -> Result<Option<Afterwards>, DispatchError> {
     let Examined { violations, watched, endless, too_long } = examined;
     let (mut outside, mut number) = (Vec::new(), 0);
-    let together = options.schedule.is_none_or(|schedule| !schedule.serial);
-    in_order(passes, &mut |pass, lowered, resources| {
+    let is_usual = matches!(ways, Ways::Ordered(None, _));
+    known.atomics.clear();
+    let held = prepared.run(&mut |pass, lowered, resources| {
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
         let size = lowered.workgroup_size().expect("a pass is an entry point");
@@ -122,8 +160,16 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
         watched.of += pass.invocations_of(size).saturating_sub(pass.invocations());
         let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
-        let observed =
-            lowered.observe_races(pass.workgroups, resources, options, some.as_deref())?;
+        let mut options = Options::default();
+        let observed = match ways {
+            Ways::Ordered(order, base) => {
+                options = options_in(number, *order, base);
+                lowered.observe_races(pass.workgroups, resources, &options, some.as_deref())?
+            }
+            Ways::Explored(options, explorer, _) => {
+                lowered.explore(pass.workgroups, resources, options, explorer)?
+            }
+        };
         watched.invocations += observed.invocations as u64;
         watched.rounds += observed.rounds;
         if let Some(some) = &some {
@@ -160,36 +206,68 @@ fn run(passes: &Passes, examined: &mut Examined, options: &Options) -> Result<()
             }
         }
         let goes_on = is_whole && observed.stopped.is_none();
-        violations.extend(violations_of(&Examining { pass, size, together }, &observed));
-        outside.extend(observed.outside.into_iter().map(|one| (number, size, one)));
+        known.races |= !observed.races.is_empty();
+        violations.extend(violations_of(&Examining { pass, size, together: is_usual }, &observed));
+        known.atomics.push(observed.atomics);
+        let outside_of = observed.outside.into_iter().map(|one| (number, size, one));
+        outside.extend(outside_of.filter(|(_, _, one)| known.outside.insert((number, one.number))));
         number += 1;
         Ok(goes_on)
     })?;
-    // A read outside of an array is often meant: `select` gives up the word. It is a fault if the words that passes
-    // leave depend on it, and then only a whole run shows that. A write has no such excuse.
-    let mut written = Vec::new();
-    outside.sort_by_key(|(.., one)| !one.writes);
-    for (number, size, one) in outside {
-        let pass = &passes.passes[number];
-        let range = one.site.span.to_range();
-        let is_part = |(other, whole): &(usize, Option<Range<usize>>)| {
+    let is_cut = matches!(ways, Ways::Explored(_, explorer, _) if explorer.is_cut());
+    let is_whole = number == prepared.passes.passes.len()
+        && endless.is_none()
+        && watched.reason.is_empty()
+        && !is_cut;
+    // A write has no excuse; of a read only a whole run shows whether it matters.
+    let (writes, reads): (Vec<_>, Vec<_>) =
+        outside.into_iter().partition(|(.., one)| one.writes || one.bounds == Bounds::Wrapped);
+    let mut told = Vec::new();
+    for (number, size, one) in &writes {
+        let pass = &prepared.passes.passes[*number];
+        violations.push(of_outside(&Examining { pass, size: *size, together: is_usual }, one, &[]));
+        told.push((*number, one.site.span.to_range()));
+    }
+    // `data[i] += 1` reads and writes outside, and has one message.
+    let is_part = |number: usize, one: &Outside| {
+        told.iter().any(|(other, whole)| {
+            let range = one.site.span.to_range();
             let (Some(own), Some(whole)) = (&range, whole) else { return false };
             *other == number && whole.start <= own.start && own.end <= whole.end
-        };
-        // `data[i] += 1` reads and writes outside, and has one message.
-        if !one.writes && written.iter().any(is_part) {
-            continue;
+        })
+    };
+    let order = match &ways {
+        Ways::Ordered(order, _) => order.cloned(),
+        Ways::Explored(_, explorer, order) => Some(order(explorer)),
+    };
+    let base = match &ways {
+        Ways::Ordered(_, base) => *base,
+        Ways::Explored(options, ..) => *options,
+    };
+    for number in (0..prepared.passes.passes.len()).filter(|_| is_whole) {
+        let own = reads.iter().filter(|(of, _, one)| *of == number && !is_part(number, one));
+        let own: Vec<_> = own.collect();
+        let Some((_, size, _)) = own.first() else { continue };
+        let of_pass: Vec<&Outside> = own.iter().map(|(.., one)| one).collect();
+        let options_of = |number: usize| options_in(number, order.as_ref(), base);
+        let found = outside::matter(prepared, number, &of_pass, &options_of)?;
+        let pass = &prepared.passes.passes[number];
+        let examining = Examining { pass, size: *size, together: is_usual };
+        for one in of_pass.iter().filter(|one| found.alone.contains(&one.number)) {
+            violations.push(of_outside(&examining, one, &[]));
         }
-        let matters = one.writes
-            || one.bounds == Bounds::Wrapped
-            || (watched.reason.is_empty()
-                && super::depends_on(passes, (pass, one.number), options.schedule)?);
-        if matters {
-            violations.push(of_outside(&Examining { pass, size, together }, &one));
-            written.push((number, range));
+        if let ([first, others @ ..], true) = (&of_pass[..], found.together) {
+            violations.push(of_outside(&examining, first, others));
+        }
+        if found.untried > 0 {
+            watched.reason = format!(
+                "of `{}` {} that reads outside of an array wasn't tried with what else it may read",
+                pass.name,
+                counted(found.untried as u64, "line")
+            );
         }
     }
-    Ok(())
+    Ok(is_whole.then(|| prepared.left(&held)))
 }
 
 /// A pass with violations, and the size of its workgroups.
@@ -393,7 +471,12 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     )
 }
 
-fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnostic) {
+/// An index outside, which matters together with others.
+fn of_outside(
+    examining: &Examining<'_>,
+    one: &Outside,
+    others: &[&Outside],
+) -> (Violation, Diagnostic) {
     let pass = examining.pass;
     let reads = "and the words that the passes leave depend on it";
     let name = one.variable.as_ref().map(|variable| named(&pass.program, variable, "").1);
@@ -461,7 +544,16 @@ fn of_outside(examining: &Examining<'_>, one: &Outside) -> (Violation, Diagnosti
              (6.4.4): compare the index with `arrayLength` or a count, and return"
         }
     };
-    let diagnostic = diagnostic.note(note);
+    let mut diagnostic = diagnostic.note(note);
+    if !others.is_empty() {
+        let places = others.iter().filter_map(|other| examining.span(&other.site));
+        let mut places: Vec<String> = places.map(|span| span.to_string()).collect();
+        places.dedup();
+        diagnostic = diagnostic.note(format!(
+            "it matters together with what is read outside at {}: each of them alone changes nothing",
+            places.join(", ")
+        ));
+    }
     // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
     // is likely made for a larger array.
     let by_size = match one.bounds {

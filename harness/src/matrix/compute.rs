@@ -6,7 +6,7 @@ use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::executor;
 use crate::fixture::{self, Fixture};
-use crate::interpret::{OrderOf, dispatch_briefly, in_order_of, strays};
+use crate::interpret::{Runner, dispatch_briefly, strays};
 use crate::path::{self, Api, Device, Path, Via};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Texels, Watched};
@@ -218,31 +218,29 @@ fn initial(passes: &Passes) -> Vec<u32> {
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
-    let left = |order| {
-        let words = in_order_of(passes, order).ok()?;
-        Some(words.into_iter().flat_map(|(_, words)| words).collect::<Vec<u32>>())
-    };
+    /// Orders that are drawn.
+    const ORDERS: u64 = 6;
+    let mut usual: Vec<u32> = Vec::new();
     // A pass that doesn't run in a moment differs in no order.
-    let usual = left(None).unwrap_or_default();
-    if passes.has_subgroups() {
-        // Each order has another size of subgroups; without its swaps it has nothing else.
-        let sizes = (0..5).map(|number| OrderOf::whole(passes, number).first(0));
-        for words in sizes.filter_map(|order| left(Some(order))) {
-            let pairs = usual.iter().zip(&words);
-            for (open, (usual, word)) in open.iter_mut().zip(pairs) {
-                *open |= usual != word;
-            }
+    for run in Runner::new(passes).few(ORDERS) {
+        let Some(left) = run.left else { continue };
+        let words: Vec<u32> = left.into_iter().flat_map(|(_, words)| words).collect();
+        if run.order.is_none() {
+            usual = words;
+            continue;
         }
-    }
-    // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
-    for words in (0..OrderOf::KINDS).filter_map(|number| left(Some(OrderOf::whole(passes, number))))
-    {
+        let pairs = usual.iter().zip(&words).map(|(usual, word)| usual != word);
+        if run.is_of_size {
+            open.iter_mut().zip(pairs).for_each(|(open, differs)| *open |= differs);
+            continue;
+        }
+        // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
+        let differs: Vec<bool> = pairs.collect();
         let mut begin = 0;
         for (_, own) in writable(passes) {
             let own = begin..begin + own.len();
             begin = own.end;
-            let differs = usual.get(own.clone()).is_some_and(|usual| usual != &words[own.clone()]);
-            if differs {
+            if differs.get(own.clone()).is_some_and(|differs| differs.contains(&true)) {
                 open[own].fill(true);
             }
         }

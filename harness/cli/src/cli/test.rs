@@ -54,8 +54,7 @@ pub(super) struct Args {
     /// Paths that must run
     #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
     require: Option<String>,
-    /// Orders of invocations in which compute passes run before a test of them is judged [default: 32, or 3 above 4,096
-    /// invocations]
+    /// Orders of invocations that are drawn for compute passes with more than 4,096 orders [default: 16]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(..=65536))]
     schedules: Option<u64>,
     /// Leave frames out, which need a driver

@@ -475,6 +475,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             detector.touch(self.code, walk.buffer, accessed, (reads, writes));
             if walk.plain {
                 detector.buffer(self.code, walk.buffer, accessed, writes);
+            } else {
+                detector.atomic(lane, (walk.buffer, at), walk.access(writes));
             }
         }
         self.detector = Some(detector);

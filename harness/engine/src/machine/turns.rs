@@ -35,11 +35,23 @@ pub(crate) struct Late {
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that it read, or else wrote.
+    /// The word that it returned, or else wrote, and whether it returned one.
     pub(crate) word: u32,
+    pub(crate) reads: bool,
     pub(crate) place: (u32, usize),
     /// Of a store that waited its number, and the turn in which its invocation came to it.
     pub(crate) late: Option<(u32, usize)>,
+}
+
+impl Walk {
+    /// What an atomic does to the word that it finds; of a load and a store whether it writes.
+    pub(super) fn access(&self, writes: bool) -> Access {
+        match self.atomic {
+            Some(atomic) => Access::of(atomic.function, atomic.used),
+            None if writes => Access::Changes,
+            None => Access::Reads,
+        }
+    }
 }
 
 impl Code {
@@ -54,14 +66,6 @@ impl Code {
                 Some(&self.walks[walk as usize]).filter(|walk| !walk.plain)
             }
             _ => None,
-        }
-    }
-
-    fn access_of(&self, op: Op, walk: &Walk) -> Access {
-        match (op, walk.atomic) {
-            (Op::Load(..), _) => Access::Reads,
-            (_, Some(atomic)) => Access::of(atomic.function, atomic.used),
-            _ => Access::Changes,
         }
     }
 
@@ -139,7 +143,7 @@ impl<A: Rules> Machine<'_, A> {
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };
-        let access = self.code.access_of(instruction.op, walk);
+        let access = walk.access(!matches!(instruction.op, Op::Load(..)));
         let places = self.places(instruction.op, registers, memory);
         let touches = places.iter().map(|(_, at)| (self.word_of(walk.buffer, *at, group), access));
         Step::atomic(touches.collect())
@@ -199,7 +203,8 @@ impl<A: Rules> Machine<'_, A> {
             None => word,
         };
         buffer.put(at, &new.to_le_bytes());
-        Some(Done { lane, site, word: new, place: (slot, at), late: Some((number, turn)) })
+        let late = Some((number, turn));
+        Some(Done { lane, site, word: new, reads: false, place: (slot, at), late })
     }
 
     /// Notes an atomic that took effect, and whether its invocation waits for another one to change the word.
@@ -223,10 +228,7 @@ impl<A: Rules> Machine<'_, A> {
             let word = if reads { A::int_word(self.ints.get(registers[0])[*lane]) } else { now };
             (lane, at, word).hash(&mut hasher);
             let (lane, site, place) = (*lane, self.site, (walk.buffer, *at));
-            self.done.push(Done { lane, site, word, place, late: None });
-            if let Some(detector) = &mut self.detector {
-                detector.atomic(lane, place, self.code.access_of(op, walk));
-            }
+            self.done.push(Done { lane, site, word, reads, place, late: None });
         }
         if changes {
             self.seen.clear();

@@ -55,6 +55,19 @@ fn unwatched(records: &[Record]) -> Option<String> {
     ))
 }
 
+/// Checks of compute passes whose invocations have more orders than were tried.
+fn in_some_orders(records: &[Record]) -> Option<String> {
+    let watched = records.iter().filter_map(|record| record.watched.as_ref());
+    let orders = watched.filter(|one| one.orders > 0 && !one.all_orders).map(|one| one.orders);
+    let orders: Vec<u64> = orders.collect();
+    let least = orders.iter().min()?;
+    let checks = counted(orders.len(), "check");
+    Some(format!(
+        "{checks} of passes held in {} of invocations, of more",
+        counted(*least as usize, "order")
+    ))
+}
+
 /// Races of compute passes that are accepted.
 fn accepted(records: &[Record]) -> Option<String> {
     // Each assertion about one pass accepts the race that its declaration does.
@@ -87,6 +100,7 @@ impl Sum {
             remarks: run.map_or_else(Vec::new, |run| run.remarks.clone()),
         };
         sum.remarks.extend(unwatched(records));
+        sum.remarks.extend(in_some_orders(records));
         sum.remarks.extend(accepted(records));
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
@@ -225,6 +239,15 @@ mod tests {
         let expected = "; 2 checks of passes or draws weren't looked through by the sanitizer, or not whole: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
+        let in_orders = |orders, all_orders| {
+            let mut record = with("");
+            let watched = record.watched.as_mut().expect("it has passes");
+            (watched.orders, watched.all_orders) = (orders, all_orders);
+            record
+        };
+        assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
+        let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
+        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations, of more");
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
         watched.accepted.push(("any".to_owned(), "whichever comes last will do".to_owned()));

@@ -1,0 +1,73 @@
+//! Whether what indices outside of arrays read and write matters.
+//!
+//! WGSL allows a read there to give any element or zero, and a write to go to any element or nowhere (6.4.4). A read
+//! matters if the words that passes leave are others for another such choice: by itself, with all else as it was, or
+//! together with all other reads outside.
+
+use karat_engine::{Choice, Elsewhere, Options, Outside};
+
+use super::dispatch::{OfPass, Prepared};
+use crate::dispatch::DispatchError;
+
+/// Runs by which a pass' reads are judged.
+const MOST_RUNS: usize = 64;
+
+const OTHERS: [Elsewhere; 3] = [Elsewhere::Zero, Elsewhere::First, Elsewhere::Wrapped];
+
+/// The reads outside of a pass that matter.
+#[derive(Debug, Default)]
+pub(super) struct Matter {
+    /// Operations that do by themselves.
+    pub(super) alone: Vec<u32>,
+    /// True if none does by itself, and all of them do together.
+    pub(super) together: bool,
+    /// Operations that weren't tried.
+    pub(super) untried: usize,
+}
+
+/// Judges the reads of the pass of this number.
+pub(super) fn matter(
+    prepared: &Prepared<'_>,
+    number: usize,
+    reads: &[&Outside],
+    options_of: OfPass<'_>,
+) -> Result<Matter, DispatchError> {
+    let mut runs = 0;
+    let mut left = |outside: Choice, outside_at: Option<(u32, Elsewhere)>| {
+        runs += 1;
+        prepared.dispatched(&|own| match options_of(own) {
+            options if own == number => Options { outside, outside_at, ..options },
+            options => options,
+        })
+    };
+    let mut all = Matter::default();
+    // A write outside may put back what a read outside has changed.
+    let dropped = Choice { drops: true, ..Choice::default() };
+    let usual = left(dropped, None)?;
+    // Two for those together.
+    let most = (MOST_RUNS - 1 - 2 * OTHERS.len() - 1) / OTHERS.len();
+    all.untried = reads.len().saturating_sub(most);
+    for read in reads.iter().take(most) {
+        for elsewhere in OTHERS {
+            if left(dropped, Some((read.number, elsewhere)))? != usual {
+                all.alone.push(read.number);
+                break;
+            }
+        }
+    }
+    if all.alone.is_empty() && !reads.is_empty() {
+        for drops in [true, false] {
+            let usual = left(Choice { drops, ..Choice::default() }, None)?;
+            for reads in OTHERS {
+                all.together |= left(Choice { reads, drops }, None)? != usual;
+            }
+        }
+    }
+    debug_assert!(runs <= MOST_RUNS, "{runs}");
+    Ok(all)
+}
+
+/// The choices between which all that is read and written outside is compared.
+pub(super) fn choices() -> impl Iterator<Item = Choice> {
+    OTHERS.into_iter().map(|reads| Choice { reads, drops: true })
+}

@@ -1,0 +1,203 @@
+//! Passes in one order of their invocations after the other: what each run leaves, and what it does that WGSL doesn't
+//! order or define.
+
+use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
+
+use super::dispatch::{Prepared, options};
+use super::order::{OrderOf, SUBGROUPS, Tried};
+use super::sanitizer::{Known, Ways};
+use crate::dispatch::{Afterwards, DispatchError, Examined, Pass, Passes};
+use crate::settings;
+
+/// Orders that are drawn where there are too many to try all.
+const DRAWN: u64 = 16;
+
+/// Orders that are tried at most where all of them are, and the invocations of all these runs.
+const MOST_ORDERS: u64 = 4096;
+const MOST_INVOCATIONS: u64 = 1 << 20;
+
+/// All orders are tried where a bound of their number isn't above this power of two: it counts far more than there are.
+const MOST_LIKELY: f64 = 24.0;
+
+/// Orders that are drawn before all are tried: what they find is told in fewer words.
+const SIMPLE: u64 = 3;
+
+/// A run of passes in one order.
+pub(crate) struct Run {
+    /// `None`: the usual order.
+    pub(crate) order: Option<OrderOf>,
+    /// True if only the size of subgroups is another one.
+    pub(crate) is_of_size: bool,
+    /// What is left; `None`: a loop didn't end, or not all of the passes ran.
+    pub(crate) left: Option<Afterwards>,
+    /// The findings that no run before had.
+    pub(crate) examined: Examined,
+}
+
+/// What is run next.
+enum Next {
+    Usual,
+    /// Subgroups of this size, by number.
+    Size(usize),
+    Drawn(u64),
+    /// All orders, with stores at once or late.
+    All(Box<Explorer>, Stores),
+    End,
+}
+
+/// Runs passes in one order after the other.
+pub(crate) struct Runner<'p> {
+    passes: &'p Passes,
+    prepared: Result<Prepared<'p>, Option<DispatchError>>,
+    next: Next,
+    /// Orders that are to be drawn.
+    wanted: u64,
+    /// True if all orders are tried where they are few.
+    explores: bool,
+    atomics: Vec<Atomics>,
+    known: Known,
+    tried: Tried,
+    runs: u64,
+}
+
+impl<'p> Runner<'p> {
+    pub(crate) fn new(passes: &'p Passes) -> Self {
+        Self {
+            passes,
+            prepared: Prepared::new(passes, &karat_engine::Settings::default()).map_err(Some),
+            next: Next::Usual,
+            wanted: settings::schedules().unwrap_or(DRAWN),
+            explores: true,
+            atomics: Vec::new(),
+            known: Known::default(),
+            tried: Tried::default(),
+            runs: 0,
+        }
+    }
+
+    /// The same with so many orders that are drawn, and no others.
+    pub(crate) fn few(self, orders: u64) -> Self {
+        Self { wanted: orders, explores: false, ..self }
+    }
+
+    /// How many orders have been tried.
+    pub(crate) fn tried(&self) -> Tried {
+        self.tried
+    }
+
+    /// No order is tried but those that are drawn: something was found.
+    pub(crate) fn found(&mut self) {
+        self.explores = false;
+    }
+
+    /// What comes behind a run.
+    fn after(&mut self, examined: &Examined) -> Next {
+        let next = std::mem::replace(&mut self.next, Next::End);
+        let Ok(prepared) = &self.prepared else { return Next::End };
+        if matches!(next, Next::Usual) && !examined.watched.reason.is_empty() {
+            return Next::End;
+        }
+        let sizes = self.passes.passes.iter().map(Pass::workgroup_size);
+        let sizes = sizes.map(|size| size.iter().product::<u32>());
+        let size = sizes.max().unwrap_or(1);
+        let of_size = |from: usize| {
+            let differs = |at: &usize| SUBGROUPS[*at] < 2 * size;
+            let has_sizes = prepared.has_subgroups() && self.wanted > 0;
+            (from..SUBGROUPS.len()).find(differs).filter(|_| has_sizes).map(Next::Size)
+        };
+        let most_orders: f64 = self.atomics.iter().map(Atomics::most_orders).sum();
+        // Neither atomics nor races: each order leaves the same.
+        let has_one = most_orders <= 0.0 && !self.known.races;
+        let drawn = |from: u64| match !has_one && from < self.wanted {
+            true => Next::Drawn(from),
+            false => Next::End,
+        };
+        let few = self.explores && !self.known.races && most_orders <= MOST_LIKELY;
+        let next = match next {
+            Next::Usual => of_size(0).unwrap_or_else(|| drawn(0)),
+            Next::Size(at) => of_size(at + 1).unwrap_or_else(|| drawn(0)),
+            Next::Drawn(at) if at + 1 == SIMPLE && few => Next::All(Box::default(), Stores::AtOnce),
+            Next::Drawn(at) => drawn(at + 1),
+            other => other,
+        };
+        self.tried.all |= has_one;
+        next
+    }
+
+    /// The next run of all orders; what comes behind if there is none.
+    fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
+        loop {
+            let spent = self.runs * self.passes.invocations();
+            let spent = explorer.is_too_long() || spent >= MOST_INVOCATIONS;
+            if !self.explores || self.runs >= MOST_ORDERS || spent {
+                // All that there are, but late stores.
+                self.next = match self.explores && stores == Stores::AtOnce {
+                    true => Next::Drawn(SIMPLE),
+                    false => Next::End,
+                };
+                return self.next();
+            }
+            if !explorer.begin() {
+                self.tried.all = true;
+                self.runs = 0;
+                self.next = match stores {
+                    Stores::AtOnce => Next::All(Box::default(), Stores::Late(0)),
+                    Stores::Late(_) => Next::End,
+                };
+                return self.next();
+            }
+            self.runs += 1;
+            let Ok(prepared) = &self.prepared else { return None };
+            let base = options();
+            let schedule = Schedule { stores, ..Schedule::one_by_one() };
+            let options = Options { schedule, ..base.clone() };
+            let order = |explorer: &Explorer| OrderOf::of_turns(explorer.turns(), stores);
+            let ways = Ways::Explored(&options, &mut explorer, &order);
+            let (examined, left) = super::sanitizer::observe(prepared, ways, &mut self.known);
+            if explorer.is_cut() {
+                continue;
+            }
+            self.tried.orders += u64::from(stores == Stores::AtOnce);
+            let order = Some(order(&explorer));
+            self.next = Next::All(explorer, stores);
+            return Some(Run { order, is_of_size: false, left, examined });
+        }
+    }
+}
+
+impl Iterator for Runner<'_> {
+    type Item = Run;
+
+    fn next(&mut self) -> Option<Run> {
+        let prepared = match &mut self.prepared {
+            Ok(prepared) => prepared,
+            Err(error) => {
+                let examined = super::sanitizer::refused(self.passes, &error.take()?);
+                return Some(Run { order: None, is_of_size: false, left: None, examined });
+            }
+        };
+        let (order, is_of_size) = match &mut self.next {
+            Next::End => return None,
+            Next::All(..) => {
+                let Next::All(explorer, stores) = std::mem::replace(&mut self.next, Next::End)
+                else {
+                    return None;
+                };
+                return self.explored(explorer, stores);
+            }
+            Next::Usual => (None, false),
+            Next::Size(at) => (Some(OrderOf::of_size(self.passes, SUBGROUPS[*at])), true),
+            Next::Drawn(number) => {
+                self.tried.orders += 1;
+                (Some(OrderOf::drawn(self.passes, &self.atomics, *number)), false)
+            }
+        };
+        let ways = Ways::Ordered(order.as_ref(), &options());
+        let (examined, left) = super::sanitizer::observe(prepared, ways, &mut self.known);
+        if order.is_none() {
+            self.atomics = std::mem::take(&mut self.known.atomics);
+        }
+        self.next = self.after(&examined);
+        Some(Run { order, is_of_size, left, examined })
+    }
+}
