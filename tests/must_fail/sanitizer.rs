@@ -123,8 +123,12 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     let error = counted(&package(stale, &format!("atomicStore(&count, n + 1u); {fills}")), true);
     let Err(ComputeError::Violations(found)) = error else { panic!("{error:?}") };
     let [race] = &found.all[..] else { panic!("{found}") };
-    assert_eq!((race.kind, &*race.element), (ViolationKind::WriteWrite, "list[0]"));
-    assert!(race.accesses[1].invocation.ends_with("of workgroup (1, 0, 0)"), "{found}");
+    assert_eq!(race.kind, ViolationKind::WriteWrite);
+    assert!(
+        race.element.starts_with("list[")
+            && race.accesses[0].invocation != race.accesses[1].invocation,
+        "{found}"
+    );
     // Without the list nothing races, and the count is too low.
     let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };

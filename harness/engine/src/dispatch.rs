@@ -449,7 +449,9 @@ impl Program {
                 machine.yields = yields;
                 machine.relaxes = yields && schedule.stores != Stores::AtOnce;
             }
-            let mut detector = watch_is_on.then(|| Box::new(Detector::new(code, invocations)));
+            let blank = &resources.blank;
+            let mut detector =
+                watch_is_on.then(|| Box::new(Detector::new(code, invocations, blank)));
             let mut order = Order { taken: options.shows_order.then(Vec::new) };
             let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
             let mut room_of: HashMap<u32, usize> = HashMap::new();
@@ -619,6 +621,9 @@ impl Program {
             (buffers, textures)
         };
         resources.buffers.extend(written);
+        for (at, touched) in &observed.written {
+            resources.blank.entry(*at).and_modify(|own| own.clone_from(touched));
+        }
         resources.textures.extend(textures);
         Ok(observed)
     }

@@ -13,8 +13,8 @@ pub enum Elsewhere {
     /// The nearest.
     #[default]
     Clamped,
-    /// The first.
-    First,
+    /// The one of this number, modulo that of elements.
+    Nth(u32),
     /// The one that the index is modulo the number of elements.
     Wrapped,
     /// None: it reads zero.
@@ -26,7 +26,7 @@ impl Elsewhere {
     pub(crate) fn find(self, index: i64, last: i64) -> i64 {
         match self {
             _ if (0..=last).contains(&index) => index,
-            Self::First => 0,
+            Self::Nth(number) => i64::from(number) % (last + 1),
             Self::Wrapped => index.rem_euclid(last + 1),
             Self::Clamped | Self::Zero => index.clamp(0, last),
         }

@@ -107,13 +107,15 @@ pub struct Divergence {
     pub parted: Option<Site>,
 }
 
-/// Reads of an element of workgroup memory that no invocation of the workgroup has written: zero, by WGSL.
+/// Reads of an element that nothing has written: of workgroup memory, which WGSL begins at zero, or of a blank buffer.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
     /// The first of these reads.
     pub access: Access,
     /// The variable's name in the module.
     pub variable: String,
+    /// True of workgroup memory.
+    pub own: bool,
     /// The byte at which the first element begins in its variable.
     pub byte: u32,
     /// How many reads by the same line are of such an element.
@@ -180,7 +182,7 @@ pub struct Observed {
     pub divergences: Vec<Divergence>,
     /// Operations whose indices leave their arrays or textures, each once.
     pub outside: Vec<Outside>,
-    /// Reads of workgroup memory before it is written, each line once.
+    /// Reads of workgroup memory, and of blank buffers, before they are written, each line once.
     pub unwritten: Vec<Unwritten>,
     /// Of storage buffers and storage textures that the program may write, by group and binding: which of their words, or
     /// texels, it wrote.
@@ -306,10 +308,12 @@ struct Shadow {
     written: bool,
     /// True of a variable in workgroup memory.
     own: bool,
+    /// True of a buffer that may hold anything until it is written.
+    blank: bool,
     /// Elements by the byte of a word at which they begin: 16-bit floats begin at the third one, too, and booleans at
     /// each.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
-    /// Elements that were written: in workgroup memory by this workgroup.
+    /// Elements that were written: in workgroup memory by this workgroup, in blank buffers by earlier passes, too.
     touched: Touched,
 }
 
@@ -367,13 +371,22 @@ pub(crate) struct Accessed {
 }
 
 impl Detector {
-    /// One of workgroups of so many invocations.
-    pub(crate) fn new(code: &Code, invocations: usize) -> Self {
+    /// One of workgroups of so many invocations, with the elements that blank buffers have.
+    pub(crate) fn new(
+        code: &Code,
+        invocations: usize,
+        blank: &BTreeMap<(u32, u32), Touched>,
+    ) -> Self {
         let shadow = |written: bool, own: bool| Shadow { written, own, ..Shadow::default() };
-        let buffers = code
-            .buffers
-            .iter()
-            .map(|slot| shadow(slot.written, slot.binding == Binding::Workgroup));
+        let buffers = code.buffers.iter().map(|slot| {
+            let own = match slot.binding {
+                Binding::Resource { group, binding } => blank.get(&(group, binding)),
+                Binding::Workgroup => None,
+            };
+            let touched = own.cloned().unwrap_or_default();
+            let (blank, is_own) = (own.is_some(), slot.binding == Binding::Workgroup);
+            Shadow { blank, touched, ..shadow(slot.written, is_own) }
+        });
         let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
         Self {
             width: invocations as u32,
@@ -468,8 +481,8 @@ impl Detector {
 
     /// True if accesses of a buffer can race, or reads of it come before a write.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
-        let Shadow { written, own, .. } = self.buffers[slot as usize];
-        written || own
+        let Shadow { written, own, blank, .. } = self.buffers[slot as usize];
+        written || own || blank
     }
 
     /// True if accesses of a texture can race.
@@ -528,11 +541,12 @@ impl Detector {
         let Accessed { lane, site, place: Place::Byte(byte), word, .. } = accessed else { return };
         let invocation = self.of_lane(lane);
         let shadow = &mut self.buffers[slot as usize];
-        if reads && shadow.own && !shadow.touched.contains(byte as usize) {
+        if reads && (shadow.own || shadow.blank) && !shadow.touched.contains(byte as usize) {
             let site_of = || code.sites[site as usize].clone();
             let new = || Unwritten {
                 access: Access { site: site_of(), invocation, writes: false, word, texel: None },
                 variable: code.buffers[slot as usize].name.clone(),
+                own: shadow.own,
                 byte,
                 count: 0,
             };

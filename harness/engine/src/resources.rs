@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::races::Touched;
 use crate::texture::{Sampler, Texture};
 
 /// Buffers, textures and samplers, by group and binding.
@@ -10,6 +11,8 @@ pub struct Resources {
     pub(crate) buffers: BTreeMap<(u32, u32), Vec<u8>>,
     pub(crate) textures: BTreeMap<(u32, u32), Texture>,
     pub(crate) samplers: BTreeMap<(u32, u32), Sampler>,
+    /// Of buffers that hold anything until they are written, the elements that have been.
+    pub(crate) blank: BTreeMap<(u32, u32), Touched>,
 }
 
 impl Resources {
@@ -24,6 +27,9 @@ impl Resources {
         let (from, to) = ((from[0], from[1]), (to[0], to[1]));
         if let Some(bytes) = others.buffers.get(&from) {
             self.buffers.insert(to, bytes.clone());
+        }
+        if let Some(touched) = others.blank.get(&from) {
+            self.blank.insert(to, touched.clone());
         }
         if let Some(texture) = others.textures.get(&from) {
             self.textures.insert(to, texture.clone());
@@ -45,6 +51,24 @@ impl Resources {
     #[must_use]
     pub fn buffer(&self, group: u32, binding: u32) -> Option<&[u8]> {
         self.buffers.get(&(group, binding)).map(Vec::as_slice)
+    }
+
+    /// Says that a buffer may hold anything until it is written.
+    pub fn set_blank(&mut self, group: u32, binding: u32) {
+        self.blank.insert((group, binding), Touched::default());
+    }
+
+    /// The elements of such a buffer that have been written.
+    #[must_use]
+    pub fn blank(&self, group: u32, binding: u32) -> Option<&Touched> {
+        self.blank.get(&(group, binding))
+    }
+
+    /// The bytes of all such buffers.
+    pub fn blank_mut(&mut self) -> impl Iterator<Item = &mut Vec<u8>> {
+        let Self { buffers, blank, .. } = self;
+        let is_blank = |(at, _): &(&(u32, u32), &mut Vec<u8>)| blank.contains_key(at);
+        buffers.iter_mut().filter(is_blank).map(|(_, bytes)| bytes)
     }
 
     /// Binds a texture.

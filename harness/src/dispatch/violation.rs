@@ -173,6 +173,10 @@ pub struct Watched {
     /// True if there are no others, but for those that lead to the same.
     #[serde(default)]
     pub all_orders: bool,
+    /// Elements of buffers that are given by their size alone, read before a pass writes them, where what passes leave
+    /// depends on it: `partials[3]` and where.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unwritten: Vec<String>,
     /// Variables whose races are accepted, each with its reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,

@@ -1,5 +1,7 @@
 //! Compute passes in the engine, one after the other.
 
+use std::sync::Arc;
+
 use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 
 use super::supply::{self, after};
@@ -73,7 +75,7 @@ pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, Dispa
 /// Passes that run as often as is wanted.
 pub(super) struct Prepared<'p> {
     pub(super) passes: &'p Passes,
-    lowered: Vec<Lowered>,
+    lowered: Arc<[Lowered]>,
     /// The resources as they begin, each bound under its number in group 0.
     resources: Resources,
 }
@@ -97,7 +99,7 @@ impl<'p> Prepared<'p> {
     /// [`in_order`].
     pub(super) fn run(&self, run: Run<'_>) -> Result<Resources, DispatchError> {
         let mut held = self.resources.clone();
-        for (pass, lowered) in self.passes.passes.iter().zip(&self.lowered) {
+        for (pass, lowered) in self.passes.passes.iter().zip(&*self.lowered) {
             let mut resources = Resources::new();
             for (binding, number) in &pass.bindings {
                 let from = [0, *number as u32];
@@ -114,6 +116,15 @@ impl<'p> Prepared<'p> {
             }
         }
         Ok(held)
+    }
+
+    /// The same passes, with blank buffers that hold a word everywhere.
+    pub(super) fn filled(&self, word: u32) -> Self {
+        let mut resources = self.resources.clone();
+        for bytes in resources.blank_mut() {
+            bytes.chunks_exact_mut(4).for_each(|own| own.copy_from_slice(&word.to_le_bytes()));
+        }
+        Self { resources, lowered: Arc::clone(&self.lowered), passes: self.passes }
     }
 
     /// The words that passes leave.

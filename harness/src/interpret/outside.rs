@@ -12,7 +12,18 @@ use crate::dispatch::DispatchError;
 /// Runs by which a pass' reads are judged.
 const MOST_RUNS: usize = 64;
 
-const OTHERS: [Elsewhere; 3] = [Elsewhere::Zero, Elsewhere::First, Elsewhere::Wrapped];
+/// What else may be read, the likeliest first: with few reads more elements are tried, as kinds and flags are compared
+/// with small numbers, one of which may be the only one that matters.
+const OTHERS: [Elsewhere; 7] = [
+    Elsewhere::Zero,
+    Elsewhere::Nth(0),
+    Elsewhere::Wrapped,
+    Elsewhere::Nth(2),
+    Elsewhere::Nth(1),
+    Elsewhere::Nth(3),
+    Elsewhere::Nth(5),
+];
+const LEAST: usize = 3;
 
 /// The reads outside of a pass that matter.
 #[derive(Debug, Default)]
@@ -44,11 +55,13 @@ pub(super) fn matter(
     // A write outside may put back what a read outside has changed.
     let dropped = Choice { drops: true, ..Choice::default() };
     let usual = left(dropped, None)?;
-    // Two for those together.
-    let most = (MOST_RUNS - 1 - 2 * OTHERS.len() - 1) / OTHERS.len();
+    // Those together are some, too.
+    let left_over = MOST_RUNS - 1 - 2 * (1 + LEAST);
+    let each = (left_over / reads.len().max(1)).clamp(LEAST, OTHERS.len());
+    let most = left_over / each;
     all.untried = reads.len().saturating_sub(most);
     for read in reads.iter().take(most) {
-        for elsewhere in OTHERS {
+        for elsewhere in OTHERS.into_iter().take(each) {
             if left(dropped, Some((read.number, elsewhere)))? != usual {
                 all.alone.push(read.number);
                 break;
@@ -58,7 +71,7 @@ pub(super) fn matter(
     if all.alone.is_empty() && !reads.is_empty() {
         for drops in [true, false] {
             let usual = left(Choice { drops, ..Choice::default() }, None)?;
-            for reads in OTHERS {
+            for reads in OTHERS.into_iter().take(LEAST) {
                 all.together |= left(Choice { reads, drops }, None)? != usual;
             }
         }
@@ -69,5 +82,5 @@ pub(super) fn matter(
 
 /// The choices between which all that is read and written outside is compared.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
-    OTHERS.into_iter().map(|reads| Choice { reads, drops: true })
+    OTHERS.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

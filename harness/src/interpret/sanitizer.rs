@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use karat_engine::{
     Access, Atomics, Bounds, Divergence, Explorer, Observed, Options, Outside, Place,
-    Race as Found, Stop, Unwritten,
+    Race as Found, Resources, Stop, Unwritten,
 };
 
 use super::dispatch::{Prepared, options};
@@ -149,7 +149,7 @@ fn run(
     known: &mut Known,
 ) -> Result<Option<Afterwards>, DispatchError> {
     let Examined { violations, watched, endless, too_long } = examined;
-    let (mut outside, mut number) = (Vec::new(), 0);
+    let (mut outside, mut unwritten, mut number) = (Vec::new(), Vec::new(), 0);
     let is_usual = matches!(ways, Ways::Ordered(None, _));
     known.atomics.clear();
     let held = prepared.run(&mut |pass, lowered, resources| {
@@ -209,6 +209,11 @@ fn run(
         known.races |= !observed.races.is_empty();
         violations.extend(violations_of(&Examining { pass, size, together: is_usual }, &observed));
         known.atomics.push(observed.atomics);
+        let of_blank = observed.unwritten.iter().filter(|one| !one.own);
+        unwritten.extend(of_blank.map(|one| {
+            let (element, span) = element_read(&Examining { pass, size, together: true }, one);
+            span.map_or_else(|| format!("`{element}`"), |span| format!("`{element}` at {span}"))
+        }));
         let outside_of = observed.outside.into_iter().map(|one| (number, size, one));
         outside.extend(outside_of.filter(|(_, _, one)| known.outside.insert((number, one.number))));
         number += 1;
@@ -267,7 +272,35 @@ fn run(
             );
         }
     }
-    Ok(is_whole.then(|| prepared.left(&held)))
+    let left = is_whole.then(|| prepared.left(&held));
+    if let (Some(left), true, false) = (&left, is_usual, unwritten.is_empty())
+        && depends_on_blank(prepared, (&held, left), base)?
+    {
+        watched.unwritten = unwritten;
+    }
+    Ok(left)
+}
+
+/// True if what passes write depends on what blank buffers hold: by words that are 1 as an integer, and as a float.
+fn depends_on_blank(
+    prepared: &Prepared<'_>,
+    (held, left): (&Resources, &Afterwards),
+    base: &Options,
+) -> Result<bool, DispatchError> {
+    for word in [1, 1.0_f32.to_bits()] {
+        let other = prepared.filled(word).dispatched(&|_| base.clone())?;
+        for ((number, usual), (_, other)) in left.iter().zip(&other) {
+            let touched = held.blank(0, *number as u32);
+            let is_written = |at: usize| {
+                touched.is_none_or(|touched| (4 * at..4 * at + 4).any(|at| touched.contains(at)))
+            };
+            let mut words = usual.iter().zip(other).enumerate();
+            if words.any(|(at, (usual, other))| usual != other && is_written(at)) {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
 }
 
 /// A pass with violations, and the size of its workgroups.
@@ -309,7 +342,8 @@ fn sampled(name: &str, groups: usize) -> Vec<usize> {
 fn violations_of(pass: &Examining<'_>, observed: &Observed) -> Vec<(Violation, Diagnostic)> {
     let races = observed.races.iter().map(|race| of_race(pass, race));
     let divergences = observed.divergences.iter().map(|one| of_divergence(pass, one));
-    let unwritten = observed.unwritten.iter().map(|one| of_unwritten(pass, one));
+    let unwritten = observed.unwritten.iter().filter(|one| one.own);
+    let unwritten = unwritten.map(|one| of_unwritten(pass, one));
     races.chain(divergences).chain(unwritten).collect()
 }
 
@@ -571,14 +605,20 @@ fn of_outside(
     (Violation { by_size, of_fixed_length, ..violation }, diagnostic)
 }
 
+/// An element that is read before it is written, and where.
+fn element_read(examining: &Examining<'_>, one: &Unwritten) -> (String, Option<Span>) {
+    let program = &examining.pass.program;
+    let (path, _) = element(program, &one.variable, one.byte, [one.access.word]);
+    (named(program, &one.variable, &path).1, examining.span(&one.access.site))
+}
+
 fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagnostic) {
     let pass = examining.pass;
-    let (path, _) = element(&pass.program, &one.variable, one.byte, [one.access.word]);
-    let (variable, element) = named(&pass.program, &one.variable, &path);
+    let (variable, _) = named(&pass.program, &one.variable, "");
+    let (element, place) = element_read(examining, one);
     let headline =
         format!("`{}` reads `{element}`, which no invocation has written yet", pass.name);
-    let (place, invocation) =
-        (examining.span(&one.access.site), examining.invocation(one.access.invocation));
+    let invocation = examining.invocation(one.access.invocation);
     let does = match one.count {
         1 => format!("reads `{element}`"),
         count => format!("reads `{element}`, the first of {count} such reads by this line"),

@@ -17,6 +17,9 @@ pub(super) fn supply(
     let (group, number) = (binding.group, binding.binding);
     if let Some(bytes) = fixture.bytes(program, binding) {
         resources.set_buffer(group, number, bytes?);
+        if matches!(fixture, Fixture::Buffer(buffer) if buffer.blank) {
+            resources.set_blank(group, number);
+        }
     } else if let Some(view) = fixture.view() {
         let texture = texture(binding, &view).map_err(|message| {
             let variable = &binding.path;

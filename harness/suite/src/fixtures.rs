@@ -6,7 +6,7 @@
 //! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
-//! | an array without a length | `{ size = 256 }`, of zeros; `{ size = 256, range = "0..1", seed = 7 }`, drawn as arguments are |
+//! | an array without a length | `{ size = 256 }`, of zeros, and the last line counts checks whose passes read them before they write them; `{ size = 256, value = 0 }`, where the host clears it; `{ size = 256, range = "0..1", seed = 7 }`, drawn as arguments are |
 //! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
 //! Texels of depth textures are the red channel of an image. PNGs hold colours in sRGB, which become
@@ -470,7 +470,11 @@ fn buffer(
         (Shape::Array { element, length }, Value::Table(table)) => {
             let lanes = spread(binding.name(), (element, *length), table)?;
             let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
-            return Ok(Buffer::from_bytes(bytes).into());
+            let says = |key: &str| table.contains_key(key);
+            return Ok(match says("value") || says("range") {
+                true => Buffer::from_bytes(bytes).into(),
+                false => Buffer::blank(bytes.len()).into(),
+            });
         }
         // `{ count = 0, items = { size = 150 } }`
         (Shape::Struct { members, .. }, Value::Table(table)) => {
@@ -542,7 +546,7 @@ fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
 }
 
 /// The lanes of an array that says its size, unless the shader does, and what its elements are drawn from:
-/// `{ size = 256, range = "0..1" }`; without a range they are 0.
+/// `{ size = 256, range = "0..1" }`; or what each of them is: `{ size = 256, value = 1 }`. Without either they are 0.
 fn spread(
     name: &str,
     (element, length): (&Shape, u32),
@@ -551,7 +555,7 @@ fn spread(
     /// As many words as a buffer may have on every device: 128 MiB.
     const MOST: usize = 1 << 25;
     let fixed = Some(length as usize).filter(|length| *length > 0);
-    let known = ["size", "range", "seed"];
+    let known = ["size", "value", "range", "seed"];
     if let Some(unknown) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(match unknown.as_str() {
             "values" | "data" => {
@@ -579,7 +583,12 @@ fn spread(
             }
         },
     };
-    Ok(drawn(name, element, size, table)?.unwrap_or_else(|| vec![0; size * width]))
+    let value = table.get("value").map(|value| lanes(element, value)).transpose()?;
+    match (drawn(name, element, size, table)?, value) {
+        (Some(_), Some(_)) => Err("elements have a `value` or a `range`".to_owned()),
+        (None, Some(value)) => Ok(value.repeat(size)),
+        (drawn, None) => Ok(drawn.unwrap_or_else(|| vec![0; size * width])),
+    }
 }
 
 /// The lanes of so many elements, drawn from the table's `range` by its `seed`. `None` without a range.

@@ -108,7 +108,7 @@ impl<A: Rules> Machine<'_, A> {
                 self.leave(*lane);
             }
             let there = there.unwrap_or(match self.elsewhere() {
-                Elsewhere::First => 0,
+                Elsewhere::Nth(number) => number as usize % here.len(),
                 Elsewhere::Wrapped => here.len() - 1,
                 Elsewhere::Clamped | Elsewhere::Zero => at,
             });

@@ -68,6 +68,18 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
+/// Elements that passes read before they write them, and that no test gives a value.
+fn unwritten(records: &[Record]) -> Option<String> {
+    let watched = records.iter().filter_map(|record| record.watched.as_ref());
+    let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
+    let first = all.first()?;
+    let lines = counted(all.len(), "line");
+    let reads = if all.len() == 1 { "reads" } else { "read" };
+    Some(format!(
+        "{lines} {reads} what no pass has written: {first}; say `value = 0` beside `size` if the host clears it"
+    ))
+}
+
 /// Races of compute passes that are accepted.
 fn accepted(records: &[Record]) -> Option<String> {
     // Each assertion about one pass accepts the race that its declaration does.
@@ -101,6 +113,7 @@ impl Sum {
         };
         sum.remarks.extend(unwatched(records));
         sum.remarks.extend(in_some_orders(records));
+        sum.remarks.extend(unwritten(records));
         sum.remarks.extend(accepted(records));
         let Some(run) = run else {
             return sum.with("the record doesn't say that its run ended".to_owned());
@@ -248,6 +261,12 @@ mod tests {
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
         assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations, of more");
+        let mut reading = with("");
+        let watched = reading.watched.as_mut().expect("it has passes");
+        watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());
+        let expected = "; 1 line reads what no pass has written: `partials[3]` at mean.wgsl:17:57; say `value = 0` beside \
+                        `size` if the host clears it";
+        assert_eq!(remarks(&[reading.clone(), reading]), expected, "two checks of one pass");
         let mut accepting = with("");
         let watched = accepting.watched.as_mut().expect("it has passes");
         watched.accepted.push(("any".to_owned(), "whichever comes last will do".to_owned()));
