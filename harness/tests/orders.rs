@@ -142,7 +142,7 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
 fn outcomes_of_other_orders_are_met() {
     /// Programs, and how many of their outcomes are met at least.
     const COUNT: usize = 150;
-    const LEAST: usize = 147;
+    const LEAST: usize = 150;
     let mut random = Random(0x6f72_6465);
     let (mut tried, mut found) = (0, 0);
     while tried < COUNT {

@@ -1,0 +1,124 @@
+//! Reads outside of arrays that matter by what else WGSL lets them give, and others that don't.
+
+use karat::compute::ViolationKind;
+use karat::prelude::*;
+
+/// The lines that read or write outside so that it matters, of one workgroup of four over `d`, which holds these words.
+fn lines(body: &str, words: &[u32]) -> Vec<usize> {
+    let text = format!(
+        "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
+@group(0) @binding(1) var<storage, read_write> out: array<u32, 4>;
+struct Pair {{ a: u32, b: u32 }}
+const table = array<u32, 3>(5u, 6u, 7u);
+@compute @workgroup_size(4) fn main(@builtin(local_invocation_index) i: u32) {{
+{body}
+    out[i] += 0u * d[0];
+}}"
+    );
+    let package = Package::from_source("m", text);
+    let passes = package.compute().with("d", Storage::new(words.iter().copied()));
+    let passes = passes.with("out", Storage::new([9_u32; 4])).dispatch("main", [1, 1, 1]);
+    let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
+    assert_eq!(watched.reason, "", "{body}");
+    let line = |place: &str| place.split(':').nth(1).expect("a line").parse::<usize>();
+    let lines = found.iter().map(|one| {
+        assert_eq!(one.kind, ViolationKind::Outside, "{body}: {one:?}");
+        line(&one.accesses[0].place).expect("a number") - 5
+    });
+    lines.collect()
+}
+
+#[test]
+fn reads_outside_that_matter() {
+    let all: &[(&str, &[u32], &[usize])] = &[
+        // The write of the other site puts the word back that the read has lost.
+        (
+            "for (var k = 0u; k < 8u; k++) {
+    let a = 2u * i + (k & 1u);
+    let x = d[a];
+    let y = d[a + 1u];
+    if x > y { d[a] = y; d[a + 1u] = x; }
+    storageBarrier();
+}",
+            &[7, 2, 3, 4, 6, 5, 1, 8],
+            &[4],
+        ),
+        // Two reads that matter together, of which the second is made if the first is 0.
+        ("if d[i + 1u] == 0u && d[i + 2u] == 0u { out[i] = 1u; }", &[1, 1, 1, 1], &[1]),
+        // Two reads that matter together, and that are both made.
+        (
+            "let x = d[i + 1u];\nlet y = d[i + 2u];\nif x + y == 0u { out[i] = 1u; }",
+            &[1, 1, 1, 1],
+            &[1],
+        ),
+        // Three of them.
+        (
+            "let x = d[i + 1u];\nlet y = d[i + 2u];\nlet z = d[i + 3u];\nif x + y + z == 0u { out[i] = 1u; }",
+            &[2, 2, 2, 2],
+            &[1],
+        ),
+        // A branch that isn't taken where the read is clamped.
+        ("if i < 3u && d[i ^ 1u] < d[i] { out[i] = 1u; }", &[2, 3, 4], &[1]),
+        // An element that only some index finds.
+        ("if d[i + 4u] == 7u { out[i] = 1u; }", &[1, 1, 7, 1], &[1]),
+        ("if d[i + 4u] == 8u { out[i] = 1u; }", &[1, 8, 1, 1], &[1]),
+        // A sum, a minimum, an index by what is read.
+        ("out[i] = d[i] + d[i + 1u];", &[1, 2, 3, 4], &[1]),
+        ("out[i] = min(d[i], d[i + 1u]);", &[1, 2, 3, 4], &[1]),
+        ("out[d[i + 1u] & 3u] = 1u;", &[0, 1, 2, 3], &[1]),
+        // Of workgroup memory, of a variable, of a constant.
+        ("var own = array<u32, 3>(1u, 2u, 3u);\nout[i] = own[i];", &[0; 4], &[2]),
+        ("out[i] = table[i];", &[0; 4], &[1]),
+        // A write matters always, even of the word that is there.
+        ("if i == 3u { d[i + 1u] = 4u; }", &[1, 2, 3, 4], &[1]),
+    ];
+    for (body, words, expected) in all {
+        assert_eq!(lines(body, words), *expected, "{body}");
+    }
+}
+
+#[test]
+fn reads_outside_that_do_not_matter() {
+    let all: &[(&str, &[u32])] = &[
+        // The word is given up, or has no weight.
+        ("out[i] = select(0u, d[i + 1u], i < 3u);", &[1, 2, 3, 4]),
+        ("out[i] = d[i] + 0u * d[i + 1u];", &[1, 2, 3, 4]),
+        ("let x = d[i + 1u];\nif i < 3u { out[i] = x; }", &[1, 2, 3, 4]),
+        // What is read decides nothing: no element, and no zero, is above 9.
+        ("if d[i + 1u] > 9u { out[i] = 1u; }", &[1, 2, 3, 4]),
+        // A number that no element has, and that isn't zero.
+        ("if d[i + 1u] == 47u { out[i] = 1u; }", &[1, 2, 3, 4]),
+        // Two reads, of which one is given up.
+        ("out[i] = select(0u, d[i + 1u] + d[i + 2u], i < 2u);", &[1, 2, 3, 4]),
+        // All elements are zero already.
+        ("out[i] = d[i + 1u];", &[0, 0, 0, 0]),
+        ("out[i] = max(d[i + 1u], 4u);", &[1, 2, 3, 4]),
+        ("out[i] = table[min(i, 2u)];", &[0; 4]),
+        ("out[i] = d[i + 1u] / 5u;", &[1, 2, 3, 4]),
+    ];
+    for (body, words) in all {
+        assert_eq!(lines(body, words), [0; 0], "{body}");
+    }
+}
+
+/// A pass with more lines that read outside than there are runs for says how many weren't tried.
+#[test]
+fn lines_that_are_not_tried_are_counted() {
+    let many: String =
+        (1..30).map(|k| format!("    x += select(0u, d[i + {k}u], i + {k}u < 2u);\n")).collect();
+    let text = format!(
+        "@group(0) @binding(0) var<storage, read> d: array<u32>;
+@group(0) @binding(1) var<storage, read_write> out: array<u32, 4>;
+@compute @workgroup_size(4) fn main(@builtin(local_invocation_index) i: u32) {{
+    var x = 0u;
+{many}    out[i] = x;
+}}"
+    );
+    let package = Package::from_source("m", text);
+    let passes = package.compute().with("d", Storage::new([1_u32, 2]));
+    let passes = passes.with("out", Storage::new([9_u32; 4])).dispatch("main", [1, 1, 1]);
+    let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
+    assert!(found.is_empty(), "{found:?}");
+    let expected = "of `main` 11 lines that read outside of an array weren't tried with what else they may read";
+    assert_eq!(watched.reason, expected);
+}
