@@ -21,7 +21,7 @@ const table = array<u32, 3>(5u, 6u, 7u);
     let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
     assert_eq!(watched.reason, "", "{body}");
     let line = |place: &str| place.split(':').nth(1).expect("a line").parse::<usize>();
-    let lines = found.iter().map(|one| {
+    let lines = found.iter().map(|(one, _)| {
         assert_eq!(one.kind, ViolationKind::Outside, "{body}: {one:?}");
         line(&one.accesses[0].place).expect("a number") - 5
     });
@@ -65,7 +65,11 @@ fn reads_outside_that_matter() {
         // A sum, a minimum, an index by what is read.
         ("out[i] = d[i] + d[i + 1u];", &[1, 2, 3, 4], &[1]),
         ("out[i] = min(d[i], d[i + 1u]);", &[1, 2, 3, 4], &[1]),
-        ("out[d[i + 1u] & 3u] = 1u;", &[0, 1, 2, 3], &[1]),
+        (
+            "var own = array<u32, 4>(4u, 5u, 6u, 7u);\nout[i] = own[d[i + 1u] & 3u];",
+            &[0, 1, 2, 3],
+            &[2],
+        ),
         // Of workgroup memory, of a variable, of a constant.
         ("var own = array<u32, 3>(1u, 2u, 3u);\nout[i] = own[i];", &[0; 4], &[2]),
         ("out[i] = table[i];", &[0; 4], &[1]),

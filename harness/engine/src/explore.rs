@@ -79,14 +79,12 @@ impl Step {
     }
 }
 
-/// How many turns an actor had, and those of others that come before its own.
-type Clock = BTreeMap<Actor, u32>;
+/// For each actor, by its number, how many of its turns come before.
+type Clock = Vec<u32>;
 
-fn join(to: &mut Clock, from: &Clock) {
-    for (actor, count) in from {
-        let own = to.entry(*actor).or_default();
-        *own = (*own).max(*count);
-    }
+fn join(to: &mut Clock, from: &[u32]) {
+    to.resize(to.len().max(from.len()), 0);
+    to.iter_mut().zip(from).for_each(|(own, count)| *own = (*own).max(*count));
 }
 
 /// A turn that was taken.
@@ -94,15 +92,16 @@ fn join(to: &mut Clock, from: &Clock) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn among those of its actor, and all that comes before it, itself included.
+    /// Its actor's number, that of the turn among those of its actor, and all that comes before it, itself included.
+    own: usize,
     number: u32,
     clock: Clock,
 }
 
 impl Taken {
     /// True if it comes before all that has this clock.
-    fn is_before(&self, clock: &Clock) -> bool {
-        clock.get(&self.actor).is_some_and(|count| *count >= self.number)
+    fn is_before(&self, clock: &[u32]) -> bool {
+        clock.get(self.own).is_some_and(|count| *count >= self.number)
     }
 }
 
@@ -129,6 +128,10 @@ pub struct Explorer {
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
+    /// The numbers of actors.
+    numbers: BTreeMap<Actor, usize>,
+    /// Pairs of turns that were looked at, in all runs.
+    work: u64,
     /// All that has come before the dispatch that runs.
     base: Clock,
     /// The first turn of each dispatch.
@@ -189,6 +192,12 @@ impl Explorer {
         self.too_long
     }
 
+    /// Pairs of turns that were looked at, in all runs so far: what they cost.
+    #[must_use]
+    pub fn work(&self) -> u64 {
+        self.work
+    }
+
     /// The turns of each dispatch of the run.
     #[must_use]
     pub fn turns(&self) -> Vec<Vec<Actor>> {
@@ -210,15 +219,16 @@ impl Explorer {
                 join(&mut clock, &taken.clock);
             }
         }
+        self.work += self.taken.len() as u64;
         self.want_otherwise(actor, &step, &before);
-        let number = {
-            let own = clock.entry(actor).or_default();
-            *own += 1;
-            *own
-        };
+        let next = self.numbers.len();
+        let own = *self.numbers.entry(actor).or_insert(next);
+        clock.resize(clock.len().max(own + 1), 0);
+        clock[own] += 1;
+        let number = clock[own];
         self.clocks.insert(actor, clock.clone());
         let changes = step.changes();
-        self.taken.push(Taken { actor, step, number, clock });
+        self.taken.push(Taken { actor, step, own, number, clock });
         if changes {
             self.ready.append(&mut self.waiting);
         }
@@ -227,18 +237,20 @@ impl Explorer {
     }
 
     /// Where a turn races with one before, has somebody go first there who leads to the other outcome.
-    fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &Clock) {
-        let races = |at: usize| {
+    fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
+        let mut racing: Vec<usize> = Vec::new();
+        let mut dependent: Vec<usize> = Vec::new();
+        for at in (0..self.taken.len()).rev() {
             let one = &self.taken[at];
-            let apart = one.actor != actor && !one.step.commutes(step) && !one.is_before(before);
+            if one.actor == actor || one.step.commutes(step) || one.is_before(before) {
+                continue;
+            }
             // Nothing between both orders them.
-            apart
-                && !self.taken[at + 1..].iter().any(|between| {
-                    one.is_before(&between.clock)
-                        && (!between.step.commutes(step) || between.is_before(before))
-                })
-        };
-        let racing: Vec<usize> = (0..self.taken.len()).filter(|at| races(*at)).collect();
+            if !dependent.iter().any(|between| one.is_before(&self.taken[*between].clock)) {
+                racing.push(at);
+            }
+            dependent.push(at);
+        }
         for at in racing {
             let one = &self.taken[at];
             // All behind it that doesn't depend on it, and then this turn.

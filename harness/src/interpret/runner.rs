@@ -16,6 +16,9 @@ const DRAWN: u64 = 16;
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
+/// Pairs of turns in all these runs: 4,096 runs of 22 turns each.
+const MOST_WORK: u64 = 1 << 20;
+
 /// All orders are tried where a bound of their number isn't above this power of two: it counts far more than there are.
 const MOST_LIKELY: f64 = 24.0;
 
@@ -128,7 +131,8 @@ impl<'p> Runner<'p> {
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();
-            let spent = explorer.is_too_long() || spent >= MOST_INVOCATIONS;
+            let spent =
+                explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
                 // All that there are, but late stores.
                 self.next = match self.explores && stores == Stores::AtOnce {

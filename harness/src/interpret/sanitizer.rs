@@ -265,11 +265,15 @@ fn run(
             violations.push(of_outside(&examining, first, others));
         }
         if found.untried > 0 {
-            watched.reason = format!(
-                "of `{}` {} that reads outside of an array wasn't tried with what else it may read",
-                pass.name,
-                counted(found.untried as u64, "line")
-            );
+            let lines = match found.untried {
+                1 => {
+                    "1 line that reads outside of an array wasn't tried with what else it may read"
+                }
+                more => &format!(
+                    "{more} lines that read outside of an array weren't tried with what else they may read"
+                ),
+            };
+            watched.reason = format!("of `{}` {lines}", pass.name);
         }
     }
     let left = is_whole.then(|| prepared.left(&held));
