@@ -7,7 +7,7 @@ use karat::prelude::*;
 use karat::tolerance::Criterion;
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::executor::{self, Executor};
-use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
+use karat::unstable::probe::{Call, Prepared, ProbeError, Probed, Started};
 use karat::value::{Scalar, Shape};
 
 fn package(text: &str) -> Package {
@@ -457,14 +457,36 @@ impl Random {
     }
 }
 
-/// What drivers return beyond WGSL, in such functions.
-const BEYOND: [(&str, &str, &str); 0] = [];
+/// A path that is here, under a name of its own.
+#[derive(Debug)]
+struct Here(&'static dyn Executor);
+
+impl Executor for Here {
+    fn path(&self) -> Path {
+        "cpu@here".parse().expect("a path")
+    }
+
+    fn adapter(&self) -> Adapter {
+        self.0.adapter()
+    }
+
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        self.0.prepare(call)
+    }
+}
+
+/// What Mesa's drivers return beyond WGSL in one of these functions, and why. It must be so.
+const BEYOND: [(&str, &str, &str); 1] = [(
+    "gl",
+    "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",
+    "x y + y x is computed as x (y + y), which overflows",
+)];
 
 /// Right paths are called wrong nowhere: neither the drivers that are here, nor the engine as it rounds, fuses and flushes.
 /// A sample of the hundred functions, unless suites run whole.
 #[test]
 fn no_path_is_called_wrong_by_a_function_of_floats() {
-    const WHOLE: u64 = 100;
+    const CASES: u64 = 1024;
     let whole = std::env::var("SUITES").is_ok_and(|suites| suites == "whole");
     let names = [
         "cpu",
@@ -481,10 +503,15 @@ fn no_path_is_called_wrong_by_a_function_of_floats() {
         "vulkan@swiftshader",
     ];
     let paths = names.map(|name| name.parse::<Path>().expect("a path"));
-    let paths: Vec<_> = paths.into_iter().filter_map(|path| executor::of(path).ok()).collect();
+    let paths: Vec<_> =
+        paths.into_iter().filter_map(|path| executor::of(path).ok().map(Here)).collect();
     assert!(paths.len() >= 3, "the engine is here");
     let (mut judged, mut wrong) = (0, Vec::new());
-    for seed in (0..WHOLE).step_by(if whole { 1 } else { 8 }) {
+    let mut left = if whole { 100 } else { 12 };
+    for seed in 0_u64.. {
+        if left == 0 {
+            break;
+        }
         let mut random = Random(seed);
         let parameters: Vec<u8> =
             (0..1 + random.below(3)).map(|_| random.pick(&[1, 1, 2, 3, 4])).collect();
@@ -495,6 +522,15 @@ fn no_path_is_called_wrong_by_a_function_of_floats() {
         });
         let declared = declared.collect::<Vec<_>>().join(", ");
         let package = package(&format!("fn f({declared}) -> f32 {{ return {body}; }}"));
+        // What isn't finite WGSL doesn't bound, so that any number will do.
+        // A constant that isn't finite is an error: `sqrt(-0.25)`.
+        let Ok(probed) = Probed::new(&package, "f") else { continue };
+        left -= 1;
+        let expect = |row: &[u32], lanes: &mut Vec<f64>| {
+            let called = executor::call(&probed, Path::CPU, &[row.to_vec()], &Vec::new());
+            let value = f64::from(f32::from_bits(called.expect("it runs")[0][0]));
+            lanes.push(if value.is_finite() { value } else { 0.0 });
+        };
         for path in &paths {
             let shape = |size: u8| match size {
                 1 => Shape::Scalar(Scalar::F32),
@@ -513,18 +549,23 @@ fn no_path_is_called_wrong_by_a_function_of_floats() {
                 _ => Part::range(Scalar::F32, -4.0..=4.0).expect("floats"),
             };
             let parts = parameters.iter().map(|size| (0..*size).map(&mut part).collect()).collect();
-            let check = package.function("f").on(*path).over_dynamic(Dynamic::new(&named, parts));
-            let found = check.cases(1024).unrecorded().try_agrees_with_function("f", Spec);
+            let check = package.function("f").on(path).over_dynamic(Dynamic::new(&named, parts));
+            let found = check.cases(CASES).unrecorded().try_agrees_with(&expect, Spec);
             match found {
                 Ok(agreement) => judged += agreement.cases,
                 Err(Failure::Disagreement(found)) => {
                     let census = found.paths[0].census;
                     judged += census.cases - census.ill_conditioned - census.unbounded;
-                    if census.driver + census.shader > 0 {
-                        wrong.push(format!(
-                            "seed {seed} on {}: {body}\n{found}",
-                            path.path().name()
-                        ));
+                    let (name, is_wrong) = (path.0.path(), census.driver + census.shader > 0);
+                    let is_known = |(path, part, _): &(&str, &str, &str)| {
+                        *path == name.name() && body.contains(part)
+                    };
+                    if let Some((_, part, why)) = BEYOND.iter().find(|one| is_known(one))
+                        && path.adapter().name.contains("llvmpipe")
+                    {
+                        assert!(is_wrong, "`{part}` is mended: {why}");
+                    } else if is_wrong {
+                        wrong.push(format!("seed {seed} on {}: {body}\n{found}", name.name()));
                     }
                 }
                 Err(other) => panic!("seed {seed}: {body}: {other}"),

@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results,
-    Stop, Truth,
+    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Stop,
+    Truth,
 };
 use rayon::prelude::*;
 
@@ -370,15 +370,16 @@ fn is_wide(x: Interval, half: bool) -> bool {
     !x.is_bounded() || hi - lo > Precision::of(half).lost * lo.abs().max(hi.abs())
 }
 
-/// True if double precision has lost a number that isn't 0: a sum is one of its terms, or what is computed of it is 1.
+/// True if double precision has lost a number that isn't 0: a sum is one of its terms, or what is computed of a small
+/// number is 1.
 fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     match &*event.operands {
         [x, y] => {
-            let (x, y) = (x[lane], y[lane]);
-            is_sum(event, lane) && x != 0.0 && y != 0.0 && (value == x.abs() || value == y.abs())
+            let (x, y) = (x[lane].abs(), y[lane].abs());
+            is_sum(event, lane) && x != 0.0 && y != 0.0 && (value == x || value == y)
         }
-        [x] => value == 1.0 && x[lane] != 0.0,
+        [x] => value == 1.0 && x[lane] != 0.0 && x[lane].abs() < f64::from(f32::EPSILON),
         _ => false,
     }
 }
@@ -399,15 +400,23 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// Lanes and sites where double precision can't tell which digits are lost: they are blind behind what absorbs a number.
+/// Lanes and sites where double precision can't tell which digits are lost: they are blind, and an operand comes of what has
+/// lost a number.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
-    let (mut absorbed, mut blind) = (BTreeSet::new(), BTreeSet::new());
+    // Of each lane the values that come of such.
+    let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
+    let mut blind = BTreeSet::new();
     for event in events {
         for lane in (0..event.active.len()).filter(|lane| event.active[*lane]) {
-            if absorbed.contains(&lane) && is_blind(event, lane) {
+            let own = tainted.get(&lane);
+            let comes = own.is_some_and(|own| {
+                event.operands.iter().any(|operand| own.contains(&operand[lane].to_bits()))
+            });
+            if comes && is_blind(event, lane) {
                 blind.insert((lane, event.site));
-            } else if absorbs(event, lane) {
-                absorbed.insert(lane);
+            }
+            if comes || absorbs(event, lane) {
+                tainted.entry(lane).or_default().insert(event.values[lane].to_bits());
             }
         }
     }
