@@ -165,4 +165,42 @@ mod tests {
         let simplest = Case { row: vec![0], expected: vec![0], actual: vec![100] };
         assert_eq!(reduced(wrong), Some(simplest), "with its own results");
     }
+
+    /// A column that takes a subnormal for 0 is right, and one that returns something else isn't.
+    #[test]
+    fn what_is_flushed_is_open_and_nothing_else() {
+        let kept = |all: &[u32]| all.iter().map(|x| if *x > 0 { 3 } else { 7 }).collect();
+        let flushing =
+            |all: &[u32]| all.iter().map(|x| if *x > 0x80_0000 { 3 } else { 7 }).collect();
+        let wrong = |all: &[u32]| all.iter().map(|x| if *x > 0x80_0000 { 3 } else { 9 }).collect();
+        let (arguments, results) = ([Scalar::F32], [Scalar::U32]);
+        let within = Tolerance::from(Abs(0.0));
+        let judge = Judge::new(&results, &within, &[0]);
+        let package = Package::from_source("m", "fn f(x: f32) -> u32 { return u32(x); }");
+        let (probed, fixtures) = (Probed::new(&package, "f").expect("valid"), Vec::new());
+        let inputs = Dynamic::new(&probed.function.parameters, vec![vec![Part::any(Scalar::F32)]]);
+        let rows = [0.0_f32, 1e-40, 1.0, 2e-38].map(f32::to_bits);
+        let compared = |one: fn(&[u32]) -> Vec<u32>, other: fn(&[u32]) -> Vec<u32>| {
+            let (one, other) = (By(one), By(other));
+            let caller =
+                |by| Caller::new(by, Cow::Borrowed(&probed), &fixtures, 64).expect("ready");
+            let (expected, actual) = (caller(&one), caller(&other));
+            let results_of = |caller: &Caller<'_>| caller.results(&rows, 4).expect("it runs");
+            let words = [results_of(&expected), results_of(&actual)];
+            let pair = Pair {
+                expected: &expected,
+                actual: &actual,
+                inputs: &inputs,
+                arguments: &arguments,
+                results: &results,
+                judge: &judge,
+                leeway: &Leeway::default(),
+            };
+            let seen = pair.compare(&rows, [&words[0], &words[1]], None);
+            (seen.differing, seen.open)
+        };
+        assert_eq!(compared(kept, flushing), (vec![], 1));
+        assert_eq!(compared(flushing, kept), (vec![], 1), "whichever of both it is");
+        assert_eq!(compared(kept, wrong), (vec![0, 1], 0));
+    }
 }

@@ -252,3 +252,98 @@ fn compare_all(
     }
     conclude(&mut cells[first.column], agreeing, others.len());
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::super::{Matrix, Status};
+    use super::*;
+    use crate::Package;
+
+    /// A matrix of those of these columns that run here.
+    fn matrix(text: &str, columns: &[&str]) -> Matrix {
+        let columns =
+            columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
+        let here =
+            columns.filter(|one| one.path().is_some_and(|path| crate::path::adapter(path).is_ok()));
+        Package::from_source("m", text).matrix().columns(here).run().expect("it is made")
+    }
+
+    /// The cells of each row behind the first column.
+    fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
+        matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
+    }
+
+    #[test]
+    fn what_a_subnormal_decides_is_open() {
+        let text = "
+            @group(0) @binding(0) var image: texture_2d<f32>;
+            @group(0) @binding(1) var linear: sampler;
+            @fragment fn cut(@location(0) alpha: f32) -> @location(0) vec4f {
+                if alpha > 0.0 { discard; }
+                return vec4f(0.5);
+            }
+            @fragment fn derived(@location(0) alpha: f32) -> @location(0) vec4f {
+                if alpha > 0.0 { discard; }
+                return vec4f(0.5 + dpdx(alpha));
+            }
+            @fragment fn sampled(@location(0) alpha: f32, @location(1) uv: vec2f) -> @location(0) vec4f {
+                let texel = textureSample(image, linear, uv);
+                if alpha * texel.w > 0.0 { discard; }
+                return texel;
+            }
+            fn whole(alpha: f32) -> i32 { return select(3, 7, alpha > 0.0) + i32(dpdx(alpha)); }
+            fn scaled(alpha: f32) -> f32 { return alpha * 1e38 + dpdx(alpha); }";
+        let made = matrix(text, &["cpu", "cpu:ftz", "vulkan", "gl"]);
+        let mut open = 0;
+        for (name, cell) in others(&made) {
+            assert_eq!(cell.status, Some(Status::Agrees), "{name}: {:?}", cell.stopped);
+            open += cell.open;
+        }
+        assert!(open > 0, "it is drawn");
+    }
+
+    #[test]
+    fn what_wgsl_allows_agrees() {
+        // GL's `mix` cancels, and so does a distance to what is near.
+        let text = "
+            fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
+            fn union_of(p: f32, q: f32) -> f32 {
+                let h = clamp(0.5 + 0.5 * (q - p) / 0.05, 0.0, 1.0);
+                return mix(q, p, h) - 0.05 * h * (1.0 - h);
+            }
+            fn part(p: vec2f) -> f32 { return fract(sin(dot(p, vec2f(12.9898, 78.233))) * 43758.5453); }";
+        for (name, cell) in others(&matrix(text, &["cpu", "cpu:fma", "vulkan", "gl"])) {
+            assert_eq!(cell.status, Some(Status::Agrees), "{name}: {:?}", cell.stopped);
+            assert_eq!(cell.differing, 0, "{name}");
+        }
+    }
+
+    /// naga's GLSL clamps no coordinate before a sampler repeats.
+    #[test]
+    fn samplers_clamp_repeat_and_mirror() {
+        let sampled = |name: &str, call: &str| {
+            format!(
+                "@group(0) @binding(0) var image: texture_2d<f32>; @group(0) @binding(1) var {name}: sampler;
+                 fn frame(uv: vec2f) -> vec4f {{ return {call}; }}"
+            )
+        };
+        let paths = ["cpu", "vulkan", "gl"];
+        for name in ["repeating", "s", "linear"] {
+            let clamped =
+                sampled(name, &format!("textureSampleBaseClampToEdge(image, {name}, uv)"));
+            let made = matrix(&clamped, &paths);
+            for (column, cell) in made.rows[0].cells.iter().enumerate().skip(1) {
+                let is_gl = made.columns[column].name == "gl";
+                assert_eq!(cell.differs(), is_gl, "{name}: {:?}", cell.stopped);
+                let said = cell.stopped.as_ref().map_or("", Stop::text);
+                assert_eq!(said.contains("where samplers repeat"), is_gl, "{said}");
+            }
+            let plain =
+                sampled(name, &format!("textureSampleLevel(image, {name}, 3.0 * uv - 1.0, 0.0)"));
+            for (_, cell) in others(&matrix(&plain, &paths)) {
+                assert_eq!(cell.status, Some(Status::Agrees), "{:?}", cell.stopped);
+                assert_eq!(cell.compared, 512, "each case is of one sampler");
+            }
+        }
+    }
+}
