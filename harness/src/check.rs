@@ -22,7 +22,7 @@ mod effort;
 mod equivariance;
 mod expects;
 mod explanation;
-mod flush;
+pub(crate) mod flush;
 mod goal;
 mod golden;
 #[cfg(feature = "engine")]

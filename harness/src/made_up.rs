@@ -22,7 +22,7 @@ pub(crate) use extents::Extents;
 use meaning::Meaning;
 pub(crate) use resources::fitted;
 #[cfg(feature = "routes")]
-pub(crate) use resources::{INVOCATIONS, data, fixtures, rows};
+pub(crate) use resources::{INVOCATIONS, beyond, data, fixtures, rows};
 #[cfg(feature = "engine")]
 pub(crate) use resources::{Resources, VARIANTS};
 
@@ -147,7 +147,7 @@ fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) ->
         // The next pixel is one step of the screen away.
         let step = f32::from(u8::from(lane == direction)).to_bits();
         // Levels of textures follow the logarithm of a slope, so small ones are common.
-        let small = || Part::range_and_zero(*scalar, -STEEPEST..=STEEPEST);
+        let small = || Part::range(*scalar, -STEEPEST..=STEEPEST);
         let part = if is_pixel {
             Part::just(*scalar, step)
         } else {

@@ -1226,3 +1226,91 @@ fn a_race_that_data_decide_is_found() {
     let [race] = &found[..] else { panic!("{found:?}") };
     assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
 }
+
+/// Whether the digits of a result are lost somewhere in a range, by each case itself.
+fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
+    let package = Package::from_source("planted", text);
+    let check = package.function("f").over(range).cases(4096).unrecorded();
+    match check.try_has_none_of([Kind::LostDigits]) {
+        Ok(_) => false,
+        Err(Failure::Disagreement(found)) => {
+            assert!(found.to_string().contains("digits lost at"), "{found}");
+            true
+        }
+        Err(other) => panic!("{text}: {other}"),
+    }
+}
+
+/// A case that loses its digits does so whatever other cases there are.
+#[test]
+fn lost_digits_are_judged_case_by_case() {
+    let package = Package::from_source("planted", "fn f(r: f32) -> f32 { return exp(r) - 1.0; }");
+    for others in [vec![], vec![0.5], vec![80.0], vec![0.0, -3.0, 20.0]] {
+        let all = OneOf([vec![0.000_03_f32], others].concat());
+        let check = package.function("f").over(all.clone()).unrecorded();
+        let failure = check.try_has_no_hazards().expect_err("1.3e-3 of the result is rounding");
+        let Failure::Disagreement(found) = failure else { panic!("{failure}") };
+        let census = found.paths[0].census;
+        assert_eq!((census.failures, census.cases), (1, all.0.len() as u64), "{found}");
+    }
+    // Fewer than half of the digits.
+    package.function("f").over(OneOf(vec![0.01_f32, 0.5, 80.0])).has_no_hazards();
+}
+
+/// A 0 inside of a range is drawn near, in tests and for numbers of which nothing is known.
+#[test]
+fn digits_are_lost_near_a_zero_inside() {
+    let grows = "fn f(x: f32) -> f32 { return exp(x) - 1.0; }";
+    for range in [-1.0..=1.0, -0.25..=80.0, -1000.0..=1000.0] {
+        assert!(loses(grows, range.clone()), "{range:?}");
+    }
+    assert!(!loses(grows, 0.25..=80.0), "0 isn't inside");
+    assert!(loses("fn f(x: f32) -> f32 { return log(1.0 + x); }", -0.5..=4.0));
+    assert!(loses("fn f(x: f32) -> f32 { return (exp(x) - exp(-x)) * 0.5; }", -3.0..=3.0));
+    let text = "fn f(h: f32) -> f32 { return sign(h) * log(abs(h) + sqrt(h * h + 1.0)); }";
+    at(text, Kind::LostDigits, "log(abs(h) + sqrt(h * h + 1.0))");
+}
+
+/// Where double precision cancels as well, both agree, and the interval knows.
+#[test]
+fn digits_that_double_precision_loses_are_lost() {
+    let root = "fn f(x: f32) -> f32 { return sqrt(x + 1.0) - sqrt(x); }";
+    assert!(loses(root, 1e17..=1e20) && loses(root, 1.0..=1e30));
+    for expression in
+        ["(x + 1.0) - x", "log(1.0 + 1.0 / x)", "exp(1.0 / x) - 1.0", "1.0 - cos(1.0 / x)"]
+    {
+        let text = format!("fn f(x: f32) -> f32 {{ return {expression}; }}");
+        assert!(loses(&text, 1e17..=1e20), "{expression}");
+    }
+    for hidden in ["(x + (sqrt(x + 1.0) - sqrt(x)))", "min(0.0, (x + 1.0) - x)"] {
+        let text = format!("fn f(x: f32) -> f32 {{ return select({hidden}, 2.0, x > 1.0); }}");
+        assert!(!loses(&text, 1e17..=1e20), "the result doesn't show it: {hidden}");
+    }
+}
+
+/// What is exact loses nothing, even if it is 0.
+#[test]
+fn exact_differences_lose_no_digits() {
+    for expression in [
+        "x - x",
+        "x - 0.5",
+        "(x + 0.0) - x",
+        "(x * 2.0) - (x + x)",
+        "x * x - x * x",
+        "sqrt(x * x + 1.0) - sqrt(x * x + 1.0)",
+        "exp(x * 0.0) - 1.0",
+        "cos(x - x) - 1.0",
+        "x - floor(x)",
+        "(x + 0.1) * 0.0",
+        "max(exp(x) - 1.0, 5.0)",
+        "(exp(x) - 1.0) + 7.0",
+        "1.0 - step(0.0, x)",
+    ] {
+        let text = format!("fn f(x: f32) -> f32 {{ return {expression}; }}");
+        for range in [-1.0..=1.0, -1000.0..=1000.0, 1e17..=1e20] {
+            let overflows = expression.contains("exp(x)") && *range.end() > 80.0;
+            let range = if overflows { -1.5..=1.5 } else { range };
+            assert!(!loses(&text, range.clone()), "{expression} over {range:?}");
+        }
+    }
+}

@@ -5,8 +5,10 @@ use karat::check::{Census, Disagreement, Failure, Vacuous};
 use karat::path::Adapter;
 use karat::prelude::*;
 use karat::tolerance::Criterion;
-use karat::unstable::executor::Executor;
-use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
+use karat::unstable::domain::{Dynamic, Part};
+use karat::unstable::executor::{self, Executor};
+use karat::unstable::probe::{Call, Prepared, ProbeError, Probed, Started};
+use karat::value::{Scalar, Shape};
 
 fn package(text: &str) -> Package {
     Package::from_source("spec", text)
@@ -363,4 +365,213 @@ fn texels_are_as_exact_as_formats_and_filters() {
     let shades = Texture::from_fn(256, 1, |x, _| [x as f32 / 255.0, 0.0, 0.0, 1.0]);
     let check = stored.function("f").with("kept", shades).over(Integers(0..=255_u32));
     check.agrees_with(|x: u32| f64::from(x) / 255.0, Spec);
+}
+
+/// Numbers from a seed, by Knuth's generator.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: u32) -> u32 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) as u32) % n
+    }
+
+    fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len() as u32) as usize]
+    }
+
+    /// A number that is computed of parameters: of a type's components.
+    fn number(&mut self, parameters: &[u8], depth: u32) -> String {
+        if depth == 0 || self.below(8) == 0 {
+            if self.below(4) == 0 {
+                return self.pick(&["0.5", "1.0", "2.0", "0.1", "3.7", "1e-3", "-0.25"]).to_owned();
+            }
+            let at = self.below(parameters.len() as u32) as usize;
+            let component = ["x", "y", "z", "w"][self.below(parameters[at].into()) as usize];
+            return match parameters[at] {
+                1 => format!("p{at}"),
+                _ => format!("p{at}.{component}"),
+            };
+        }
+        let mut one = || self.number(parameters, depth - 1);
+        let [a, b, c, d] = [one(), one(), one(), one()];
+        match self.below(24) {
+            0..3 => format!("({a} + {b})"),
+            3..6 => format!("({a} - {b})"),
+            6..9 => format!("({a} * {b})"),
+            9 => format!("({a} / {b})"),
+            10 => format!("sqrt({a})"),
+            11 => format!("exp({a})"),
+            12 => format!("log({a})"),
+            13 => format!("sin({a})"),
+            14 => format!("cos({a})"),
+            15 => format!("pow({a}, {b})"),
+            16 => format!("min({a}, {b})"),
+            17 => format!("max({a}, {b})"),
+            18 => format!("clamp({a}, {b}, {c})"),
+            19 => format!("mix({a}, {b}, {c})"),
+            20 => format!("select({a}, {b}, {c} < {d})"),
+            21 => format!("floor({a})"),
+            22 => format!("fract({a})"),
+            _ => {
+                let size = 2 + self.below(3) as u8;
+                let mut vector = || self.vector(parameters, size, depth - 1);
+                let (v, w) = (vector(), vector());
+                match self.below(3) {
+                    0 => format!("dot({v}, {w})"),
+                    1 => format!("length({v})"),
+                    _ => format!("normalize({v}).y"),
+                }
+            }
+        }
+    }
+
+    fn vector(&mut self, parameters: &[u8], size: u8, depth: u32) -> String {
+        if let Some(at) = parameters.iter().position(|own| *own == size)
+            && self.below(2) == 0
+        {
+            return format!("p{at}");
+        }
+        if depth > 0 && self.below(3) == 0 {
+            let mut vector = || self.vector(parameters, size, depth - 1);
+            let (v, w) = (vector(), vector());
+            let t = self.number(parameters, depth - 1);
+            let operation = self.pick(&["v + w", "v - w * t", "max(v, w)", "mix(v, w, t)"]);
+            let [v, w, t] = [format!("({v})"), format!("({w})"), format!("({t})")];
+            let of = |c: char| match c {
+                'v' => v.clone(),
+                'w' => w.clone(),
+                't' => t.clone(),
+                other => other.to_string(),
+            };
+            return match operation {
+                "max(v, w)" => format!("max({v}, {w})"),
+                "mix(v, w, t)" => format!("mix({v}, {w}, {t})"),
+                plain => format!("({})", plain.chars().map(of).collect::<String>()),
+            };
+        }
+        let all: Vec<String> =
+            (0..size).map(|_| self.number(parameters, depth.saturating_sub(1))).collect();
+        format!("vec{size}f({})", all.join(", "))
+    }
+}
+
+/// A path that is here, under a name of its own.
+#[derive(Debug)]
+struct Here(&'static dyn Executor);
+
+impl Executor for Here {
+    fn path(&self) -> Path {
+        "cpu@here".parse().expect("a path")
+    }
+
+    fn adapter(&self) -> Adapter {
+        self.0.adapter()
+    }
+
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        self.0.prepare(call)
+    }
+}
+
+/// What Mesa's drivers return beyond WGSL in one of these functions, and why. It must be so.
+const BEYOND: [(&str, &str, &str); 1] = [(
+    "gl",
+    "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",
+    "x y + y x is computed as x (y + y), which overflows",
+)];
+
+/// Right paths are called wrong nowhere: neither the drivers that are here, nor the engine as it rounds, fuses and flushes.
+/// A sample of the hundred functions, unless suites run whole.
+#[test]
+fn no_path_is_called_wrong_by_a_function_of_floats() {
+    const CASES: u64 = 1024;
+    let whole = std::env::var("SUITES").is_ok_and(|suites| suites == "whole");
+    let names = [
+        "cpu",
+        "cpu:fma",
+        "cpu:ftz",
+        "vulkan",
+        "gl",
+        "dx12",
+        "metal",
+        "vulkan:spirv",
+        "vulkan:wgsl",
+        "vulkan:glsl",
+        "vulkan:hlsl",
+        "vulkan@swiftshader",
+    ];
+    let paths = names.map(|name| name.parse::<Path>().expect("a path"));
+    let paths: Vec<_> =
+        paths.into_iter().filter_map(|path| executor::of(path).ok().map(Here)).collect();
+    assert!(paths.len() >= 3, "the engine is here");
+    let (mut judged, mut wrong) = (0, Vec::new());
+    let mut left = if whole { 100 } else { 12 };
+    for seed in 0_u64.. {
+        if left == 0 {
+            break;
+        }
+        let mut random = Random(seed);
+        let parameters: Vec<u8> =
+            (0..1 + random.below(3)).map(|_| random.pick(&[1, 1, 2, 3, 4])).collect();
+        let body = random.number(&parameters, 4);
+        let declared = parameters.iter().enumerate().map(|(at, size)| match size {
+            1 => format!("p{at}: f32"),
+            _ => format!("p{at}: vec{size}f"),
+        });
+        let declared = declared.collect::<Vec<_>>().join(", ");
+        let package = package(&format!("fn f({declared}) -> f32 {{ return {body}; }}"));
+        // What isn't finite WGSL doesn't bound, so that any number will do.
+        // A constant that isn't finite is an error: `sqrt(-0.25)`.
+        let Ok(probed) = Probed::new(&package, "f") else { continue };
+        left -= 1;
+        let expect = |row: &[u32], lanes: &mut Vec<f64>| {
+            let called = executor::call(&probed, Path::CPU, &[row.to_vec()], &Vec::new());
+            let value = f64::from(f32::from_bits(called.expect("it runs")[0][0]));
+            lanes.push(if value.is_finite() { value } else { 0.0 });
+        };
+        for path in &paths {
+            let shape = |size: u8| match size {
+                1 => Shape::Scalar(Scalar::F32),
+                size => Shape::Vector { size, scalar: Scalar::F32 },
+            };
+            let named: Vec<_> = parameters
+                .iter()
+                .enumerate()
+                .map(|(at, size)| (format!("p{at}"), shape(*size)))
+                .collect();
+            let mut random = Random(seed + 1000);
+            let mut part = |_: u8| match random.below(4) {
+                0 => Part::any(Scalar::F32),
+                1 => Part::plausible(Scalar::F32),
+                2 => Part::range(Scalar::F32, 0.0..=1.0).expect("floats"),
+                _ => Part::range(Scalar::F32, -4.0..=4.0).expect("floats"),
+            };
+            let parts = parameters.iter().map(|size| (0..*size).map(&mut part).collect()).collect();
+            let check = package.function("f").on(path).over_dynamic(Dynamic::new(&named, parts));
+            let found = check.cases(CASES).unrecorded().try_agrees_with(&expect, Spec);
+            match found {
+                Ok(agreement) => judged += agreement.cases,
+                Err(Failure::Disagreement(found)) => {
+                    let census = found.paths[0].census;
+                    judged += census.cases - census.ill_conditioned - census.unbounded;
+                    let (name, is_wrong) = (path.0.path(), census.driver + census.shader > 0);
+                    let is_known = |(path, part, _): &(&str, &str, &str)| {
+                        *path == name.name() && body.contains(part)
+                    };
+                    if let Some((_, part, why)) = BEYOND.iter().find(|one| is_known(one))
+                        && path.adapter().name.contains("llvmpipe")
+                    {
+                        assert!(is_wrong, "`{part}` is mended: {why}");
+                    } else if is_wrong {
+                        wrong.push(format!("seed {seed} on {}: {body}\n{found}", name.name()));
+                    }
+                }
+                Err(other) => panic!("seed {seed}: {body}: {other}"),
+            }
+        }
+    }
+    assert!(judged > 1000, "{judged} cases are bounded");
+    assert!(wrong.is_empty(), "{} are called wrong:\n{}", wrong.len(), wrong.join("\n"));
 }

@@ -170,7 +170,6 @@ impl<'p, A: Rules> Machine<'p, A> {
                     let x = f32::from_bits(constant.word);
                     let half = constant.scalar == Scalar::F16;
                     let x = if options.decimals { A::decimal(x, half) } else { A::float(x) };
-                    let x = if options.flush { A::flush(x) } else { x };
                     machine.floats.get_mut(index).fill(x);
                 }
                 File::Int => {
@@ -223,13 +222,10 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Sets one scalar of a parameter, for the lanes that `words` gives a word for.
     pub(crate) fn set(&mut self, register: u32, scalar: Scalar, words: impl Iterator<Item = u32>) {
-        let flush = self.options.flush;
         match scalar {
             Scalar::F32 | Scalar::F16 => {
-                let flush = flush && scalar == Scalar::F32;
                 for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
-                    let float = Self::argument(scalar, word);
-                    *x = if flush { A::flush(float) } else { float };
+                    *x = Self::argument(scalar, word);
                 }
             }
             Scalar::I32 | Scalar::U32 => {
@@ -331,13 +327,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if SEEN {
                         self.report_order(observer, instruction, case, rule, registers);
                     }
-                    match self.options.accuracy.as_deref() {
-                        Some(accuracy) if A::UNDECIDED && Accuracy::knows(rule) => {
-                            self.run_measured(accuracy, rule, registers);
+                    let (_, outs) = rule.arity();
+                    self.flushing(registers, outs, |machine| {
+                        match machine.options.accuracy.as_deref() {
+                            Some(accuracy) if A::UNDECIDED && Accuracy::knows(rule) => {
+                                machine.run_measured(accuracy, rule, registers);
+                            }
+                            _ => rule.run::<A>(&mut machine.floats, registers),
                         }
-                        _ => rule.run::<A>(&mut self.floats, registers),
-                    }
-                    self.after_floats(instruction, registers, rule.arity());
+                    });
+                    self.note_unbounded(instruction, registers, rule.arity());
                     if SEEN {
                         let (ins, outs) = rule.arity();
                         let (outs, operands) = registers.split_at(outs);
@@ -365,21 +364,23 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::FromInt(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
-                    self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
+                    self.note_unbounded(instruction, &registers[..rule.arity()], (0, rule.arity()));
                     if SEEN {
                         self.show(observer, at, case, (&registers[..rule.arity()], &[]));
                     }
                 }
                 Op::Scale(rule) => {
-                    rule.run::<A>(&mut self.floats, &self.ints, registers);
-                    self.after_floats(instruction, &registers[..2], (1, 1));
+                    self.flushing(&registers[..2], 1, |machine| {
+                        rule.run::<A>(&mut machine.floats, &machine.ints, registers);
+                    });
+                    self.note_unbounded(instruction, &registers[..2], (1, 1));
                     if SEEN {
                         self.show(observer, at, case, (&registers[..1], &[]));
                     }
                 }
                 Op::ToHalf(half) => {
                     self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x, half)]);
-                    self.after_floats(instruction, &registers[..2], (1, 1));
+                    self.note_unbounded(instruction, &registers[..2], (1, 1));
                     if SEEN && half == Half::Converted {
                         self.show(observer, at, case, (&registers[..1], &registers[1..2]));
                     }
@@ -443,7 +444,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                     self.estrange(instruction, registers);
                     if A::NOTES && scalar.file() == File::Float {
-                        self.after_floats(instruction, &registers[..1], (0, 1));
+                        self.note_unbounded(instruction, &registers[..1], (0, 1));
                     }
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     if !code.walks[walk as usize].plain {
@@ -477,7 +478,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                     self.estrange(instruction, registers);
                     let [floats, ints, _] = code.shape(instruction.op).outs;
                     if floats > 0 {
-                        self.after_floats(instruction, &registers[..1], (0, 1));
+                        self.flushing(&registers[..1], 1, |_| {});
+                        self.note_unbounded(instruction, &registers[..1], (0, 1));
                         if SEEN {
                             self.show(observer, at, case, (&registers[..1], &[]));
                         }
@@ -501,7 +503,11 @@ impl<'p, A: Rules> Machine<'p, A> {
                     let shape = code.shape(instruction.op);
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
-                        self.after_floats(instruction, &registers[..floats + from], (from, floats));
+                        self.note_unbounded(
+                            instruction,
+                            &registers[..floats + from],
+                            (from, floats),
+                        );
                         if SEEN {
                             self.show(observer, at, case, (&registers[..floats], &[]));
                         }
@@ -597,22 +603,44 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Flushes what is subnormal, and notes what became unbounded.
+    /// Runs an operation on floats, of which `outs` registers are results, and flushes what WGSL lets it flush: "Any
+    /// inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other
+    /// operations are required to preserve subnormal numbers" (15.7.2). So what is loaded, stored, selected, swizzled,
+    /// passed, returned or reinterpreted keeps its bits, and what is computed doesn't.
+    fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
+        if !self.options.flush {
+            return run(self);
+        }
+        let (results, operands) = registers.split_at(outs);
+        let mut kept: Vec<(u32, Box<[A::Float]>)> = Vec::new();
+        for &operand in operands {
+            if kept.iter().all(|(own, _)| *own != operand) {
+                kept.push((operand, self.floats.get(operand).into()));
+                self.flush(operand);
+            }
+        }
+        run(self);
+        for (operand, values) in kept {
+            if !results.contains(&operand) {
+                self.floats.get_mut(operand).copy_from_slice(&values);
+            }
+        }
+        results.iter().for_each(|out| self.flush(*out));
+    }
+
+    fn flush(&mut self, register: u32) {
+        self.floats.get_mut(register).iter_mut().for_each(|x| *x = A::flush(*x));
+    }
+
+    /// Notes what became unbounded.
     #[inline]
-    fn after_floats(
+    fn note_unbounded(
         &mut self,
         instruction: &Instruction,
         registers: &[u32],
         arity: (usize, usize),
     ) {
         let (ins, outs) = arity;
-        if self.options.flush {
-            for &out in &registers[..outs] {
-                for x in self.floats.get_mut(out) {
-                    *x = A::flush(*x);
-                }
-            }
-        }
         if A::NOTES {
             // No result has taken the place of an argument: allocation keeps them apart.
             let (results, args) = registers.split_at(outs);
@@ -702,7 +730,9 @@ impl<'p, A: Rules> Machine<'p, A> {
     /// Operations whose result is a boolean.
     fn decide(&mut self, op: Op, registers: &[u32]) {
         match op {
-            Op::CompareFloat(compare) => self.compare_floats(compare, registers),
+            Op::CompareFloat(compare) => self.flushing(&registers[1..], 0, |machine| {
+                machine.compare_floats(compare, registers);
+            }),
             Op::CompareInt(compare, signed) => self.compare_ints(compare, signed, registers),
             Op::And => self.bools.map::<2, 1>(registers, |[a, b]| [A::and(a, b)]),
             Op::Or => self.bools.map::<2, 1>(registers, |[a, b]| [A::or(a, b)]),

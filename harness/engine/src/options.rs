@@ -55,7 +55,8 @@ pub struct Options {
     /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
     /// intervals: 256 by default. Bounds that haven't converged by then rarely do.
     pub undecided: u64,
-    /// Whether subnormals are flushed to zero, in `f32`: arguments and results of each operation.
+    /// Whether subnormals are flushed to zero, in `f32`: operands and results of each operation that WGSL lets do so
+    /// (15.7.2), but nothing that is only moved.
     pub flush: bool,
     /// Whether a constant stands for each decimal that is rounded to it, in intervals: `0.1` is then
     /// all between its neighbours, as whoever computes with another type has another 0.1. Integers

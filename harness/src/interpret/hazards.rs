@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results,
-    Stop, Truth,
+    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Stop,
+    Truth,
 };
 use rayon::prelude::*;
 
@@ -237,12 +237,6 @@ impl Precision {
     }
 }
 
-/// A result that is wrong by this much is, however small it is beside others: 6 %.
-const WRONG: f64 = 1.0 / 16.0;
-
-/// A result this small beside the largest one of the cases counts by that one's size.
-const SMALL: f64 = 1.0 / 64.0;
-
 /// Rounds of loops that made-up arguments may cause.
 const PATIENCE: u64 = 4096;
 
@@ -254,6 +248,10 @@ const MOST_ROUNDS: u64 = 65_536;
 
 /// Rounds after which an exit that is undecided is given up: each follows both ways.
 const UNDECIDED: u64 = 16;
+
+/// Below this share of its operands a difference has fewer than half of the digits of `f32` in double precision, too, whose
+/// last digit is 2^-53.
+const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An operand that is known this closely is one number: what makes of it anything is the operation.
 const NARROW: f64 = 1.0 / 1024.0;
@@ -354,10 +352,76 @@ macro_rules! recorder {
 recorder!(F32, f32);
 recorder!(F64, f64);
 
-/// The operations of each lane that may give anything, in order, and of each whether its operands are to blame for
-/// that: they are known closely, and are where it has no bound.
+/// What intervals know of operations, lane by lane.
 #[derive(Default)]
-struct Anything(Mutex<BTreeMap<usize, Vec<(usize, bool)>>>);
+struct Known {
+    /// Those that may give anything, in order, and of each whether its operands are to blame for that: they are known
+    /// closely, and are where it has no bound.
+    anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
+    /// Lanes and sites where double precision can't tell which digits are lost.
+    blind: BTreeSet<(usize, usize)>,
+    /// Of each lane the first of these whose result is wide.
+    wide: Mutex<BTreeMap<usize, usize>>,
+}
+
+/// True of an interval whose numbers share fewer than half of their digits.
+fn is_wide(x: Interval, half: bool) -> bool {
+    let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
+    !x.is_bounded() || hi - lo > Precision::of(half).lost * lo.abs().max(hi.abs())
+}
+
+/// True if double precision has lost a number that isn't 0: a sum is one of its terms, or what is computed of a small
+/// number is 1.
+fn absorbs(event: &Event<f64>, lane: usize) -> bool {
+    let value = event.values[lane].abs();
+    match &*event.operands {
+        [x, y] => {
+            let (x, y) = (x[lane].abs(), y[lane].abs());
+            is_sum(event, lane) && x != 0.0 && y != 0.0 && (value == x || value == y)
+        }
+        [x] => value == 1.0 && x[lane] != 0.0 && x[lane].abs() < f64::from(f32::EPSILON),
+        _ => false,
+    }
+}
+
+/// True of a sum or a difference, by its value.
+fn is_sum(event: &Event<f64>, lane: usize) -> bool {
+    let value = event.values[lane];
+    matches!(&*event.operands, [x, y] if value == x[lane] + y[lane] || value == x[lane] - y[lane])
+}
+
+/// True of a sum with fewer than half of the digits of `f32` in double precision, and of a logarithm of 1.
+fn is_blind(event: &Event<f64>, lane: usize) -> bool {
+    let value = event.values[lane].abs();
+    let largest = event.operands.iter().map(|x| x[lane].abs()).fold(0.0, f64::max);
+    match event.operands.len() {
+        1 => largest == 1.0 && value == 0.0,
+        _ => is_sum(event, lane) && value < BLIND * largest,
+    }
+}
+
+/// Lanes and sites where double precision can't tell which digits are lost: they are blind, and an operand comes of what has
+/// lost a number.
+fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
+    // Of each lane the values that come of such.
+    let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
+    let mut blind = BTreeSet::new();
+    for event in events {
+        for lane in (0..event.active.len()).filter(|lane| event.active[*lane]) {
+            let own = tainted.get(&lane);
+            let comes = own.is_some_and(|own| {
+                event.operands.iter().any(|operand| own.contains(&operand[lane].to_bits()))
+            });
+            if comes && is_blind(event, lane) {
+                blind.insert((lane, event.site));
+            }
+            if comes || absorbs(event, lane) {
+                tainted.entry(lane).or_default().insert(event.values[lane].to_bits());
+            }
+        }
+    }
+    blind
+}
 
 /// Such operations that are kept of a lane: those behind the first count where the first is left out.
 const KEPT: usize = 16;
@@ -368,26 +432,39 @@ type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 /// True of a hazard that is left out: one behind it is then told in its place.
 pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
-impl Observer<Intervals> for Anything {
+impl Observer<Intervals> for Known {
     fn floats(&self, lanes: &Lanes<'_, Intervals>) {
         let narrow = |x: &Interval| {
             let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
             lo == hi || hi - lo <= NARROW * lo.abs().min(hi.abs())
         };
-        let mut first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // What is computed twice in one way has no difference, and of exact numbers a difference has each digit.
+        let cancels = |operands: &[Interval]| {
+            let is_exact = |x: &Interval| x.lo() == x.hi();
+            let alike =
+                matches!(operands, [x, y] if x == y || x.lo() == -y.hi() && x.hi() == -y.lo());
+            !alike && !operands.iter().all(is_exact)
+        };
+        let site = std::ptr::from_ref(lanes.site).addr();
+        let mut first = self.anything.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut wide = self.wide.lock().unwrap_or_else(PoisonError::into_inner);
         for values in lanes.floats {
             for (lane, value) in values.iter().enumerate() {
                 let operands = || lanes.operands.iter().map(|operand| operand[lane]);
-                if lanes.active[lane] == Truth::True
-                    && !value.is_bounded()
-                    && operands().all(Interval::is_bounded)
-                {
+                if lanes.active[lane] != Truth::True || !operands().all(Interval::is_bounded) {
+                    continue;
+                }
+                if !value.is_bounded() {
                     let sure = !lanes.operands.is_empty() && operands().all(|x| narrow(&x));
-                    let site = std::ptr::from_ref(lanes.site).addr();
                     let all = first.entry(lane).or_default();
                     if all.len() < KEPT && all.iter().all(|(other, _)| *other != site) {
                         all.push((site, sure));
                     }
+                } else if self.blind.contains(&(lane, site))
+                    && is_wide(*value, lanes.site.half)
+                    && cancels(&operands().collect::<Vec<_>>())
+                {
+                    wide.entry(lane).or_insert(site);
                 }
             }
         }
@@ -493,21 +570,21 @@ impl Interpreted {
         let results = self.observed::<F32>(cases, rows, &options, &single)?;
         let shadows = self.observed::<F64>(cases, rows, &options, &double)?;
         let cut = single.is_full();
-        let anything = Anything::default();
-        let lanes = u64::try_from(cases * self.lanes()).expect("it fits");
-        let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
-        let seen = self.run::<Intervals>(cases, rows, &Options { work, ..options }, &anything);
-        match seen {
-            // It saw what the others keep.
-            Err(Stop::Work { .. }) => {}
-            seen => drop(seen.map_err(|stop| self.error(&stop))?),
-        }
-        let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let scales = scales(&shadows, cases * self.lanes());
-        let halves = shadows.halves();
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let decided = single.decided.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
+        let known = Known { blind: blind(&double), ..Known::default() };
+        let lanes = u64::try_from(cases * self.lanes()).expect("it fits");
+        let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
+        let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
+        {
+            // It saw what the others keep.
+            Err(Stop::Work { .. }) => None,
+            seen => Some(seen.map_err(|stop| self.error(&stop))?),
+        };
+        let anything = known.anything.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let wide = known.wide.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let halves = shadows.halves();
         // Of a quad the pixel that the arguments are given for.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
@@ -516,8 +593,14 @@ impl Interpreted {
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
             // An infinity may have become a NaN: `clamp(inf - inf, 0.0, 1.0)`.
             let dropped = finite && !is_used;
-            let lost = differ(&result, &shadow, (&scales, &halves));
+            let lost = differ(&result, &shadow, &halves);
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
+            // Both agree where double precision cancels as well, and only the interval knows.
+            if let (None, Some(site)) = (lost, wide.get(&lane))
+                && bounds.as_ref().is_none_or(|bounds| shows_wide(&bounds.row(lane), &halves))
+            {
+                found.extend(self.found(Kind::LostDigits, *site, dropped));
+            }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
                 // Another pixel of the quad is one that some other case is given for, but they part in this one.
@@ -705,35 +788,19 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
         && event.operands.iter().zip(&twin.operands).all(is_precise)
 }
 
-/// The largest finite value of each float of the results.
-fn scales(shadows: &Results<F64>, cases: usize) -> Vec<f64> {
-    let mut scales = vec![0.0; shadows.width()];
-    for case in 0..cases {
-        for (scale, lane) in scales.iter_mut().zip(shadows.row(case)) {
-            if let Lane::Float(x) = lane
-                && x.is_finite()
-            {
-                *scale = x.abs().max(*scale);
-            }
-        }
-    }
-    scales
+/// True if a number of a result has lost half of its digits, as far as its interval shows.
+fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
+    let wide = |(lane, half): (&LaneOf<Intervals>, &bool)| matches!(lane, Lane::Float(x) if is_wide(*x, *half));
+    bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest component of a result that has lost half of its digits itself where that matters; `None` if
-/// none has.
-fn differ(
-    result: &[LaneOf<F32>],
-    shadow: &[LaneOf<F64>],
-    (scales, halves): (&[f64], &[bool]),
-) -> Option<f64> {
+/// The largest component of a result that has lost half of its digits itself; `None` if none has.
+fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {
             let error = (f64::from(*x) - y).abs();
-            let size = y.abs().max(SMALL * scales[lane]);
             let Precision { lost, least, .. } = Precision::of(halves[lane]);
-            let is_lost =
-                y.is_finite() && error > least && (error > lost * size || error > WRONG * y.abs());
+            let is_lost = y.is_finite() && error > least && error > lost * y.abs();
             is_lost.then_some(y.abs())
         }
         _ => None,

@@ -317,7 +317,7 @@ impl Meaning {
     pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
         match (self, scalar) {
             (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
-                Part::range_and_zero(scalar, least..=most)
+                Part::range(scalar, least..=most)
             }
             // Whole numbers of a range are those between its ends.
             (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {

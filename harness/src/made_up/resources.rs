@@ -3,7 +3,9 @@
 use super::extents::{Numbered, hashed};
 use super::{Described, Drawn, Extents, Ranges, described};
 use crate::domain::Source;
-use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
+use crate::fixture::{
+    Address, Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture,
+};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 use crate::value::{Scalar, Shape};
@@ -288,12 +290,12 @@ impl Ranges {
 /// The contents of textures and samplers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
-    /// Equal ones, on which drivers agree.
+    /// Equal ones, on which drivers agree, and what samplers find beyond the edges of a texture.
     #[cfg_attr(
         not(feature = "routes"),
         expect(dead_code, reason = "several drivers are the matrix'")
     )]
-    Plain,
+    Plain(Address),
     /// Those of each variable are its own, so that one that is taken for another is seen.
     Own,
 }
@@ -301,12 +303,26 @@ enum Content {
 /// Something for each resource that the function reads, on which drivers agree; or the one that there is
 /// nothing for.
 #[cfg(feature = "routes")]
-pub(crate) fn fixtures(probed: &Probed, ranges: &Ranges) -> Result<Fixtures, String> {
-    Ok(Resources::made_of(probed, ranges, 0, Content::Plain)?.fixtures)
+pub(crate) fn fixtures(
+    probed: &Probed,
+    ranges: &Ranges,
+    beyond: Address,
+) -> Result<Fixtures, String> {
+    Ok(Resources::made_of(probed, ranges, 0, Content::Plain(beyond))?.fixtures)
+}
+
+/// What the samplers of a function find beyond the edges, in a share of its cases each: no driver takes one way for another.
+#[cfg(feature = "routes")]
+pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
+    const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
+    let mut bindings = probed.function().bindings.iter();
+    let samples = bindings.any(|one| one.kind == BindingKind::Sampler { comparison: false });
+    if samples { &ALL } else { &ALL[..1] }
 }
 
 /// The contents of an entry point's resources, the same on each column; or the resource that nothing is made up for. An
-/// array whose length the shader doesn't say has an element for each invocation. Each variant is another content.
+/// array whose length the shader doesn't say has an element for each invocation. Each variant is another content. Samplers
+/// repeat, which shows where one that clamps is taken for it.
 #[cfg(feature = "routes")]
 pub(crate) fn data(
     program: &Program,
@@ -319,7 +335,7 @@ pub(crate) fn data(
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
-            let made = texture_or_sampler(binding, Content::Plain, variant, None);
+            let made = texture_or_sampler(binding, Content::Plain(Address::Repeat), variant, None);
             let none =
                 || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
@@ -380,6 +396,11 @@ fn texture_or_sampler(
 ) -> Option<Fixture> {
     let mut source = source_of(&binding.path, variant);
     let is_own = content == Content::Own;
+    // Weights of filters have 8 bits: where a texture repeats, its edges may be but so far apart for drivers to agree.
+    let contrast = match content {
+        Content::Own | Content::Plain(Address::Clamp) => 1.0,
+        Content::Plain(_) => 0.25,
+    };
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     // A pass meets colours below 0.
@@ -406,22 +427,28 @@ fn texture_or_sampler(
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, variant % 2 == 1));
             let of = (kind.dimension, kind.arrayed);
-            texture(of, sides, (kind.texels, noise), samples, own).into()
+            texture(of, sides, (kind.texels, noise, contrast), samples, own).into()
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();
             let own = is_own.then_some((&mut source, variant % 2 == 1));
-            texture((dimension, arrayed), sides, (texels, noise), 1, own).without_mips().into()
+            texture((dimension, arrayed), sides, (texels, noise, 1.0), 1, own).without_mips().into()
         }
-        BindingKind::Sampler { comparison: false } if !is_own => Sampler::LINEAR.into(),
         BindingKind::Sampler { comparison: true } if !is_own => {
             Sampler::LINEAR.compare(Compare::LessEqual).into()
+        }
+        BindingKind::Sampler { comparison: false } if let Content::Plain(beyond) = content => {
+            Sampler::LINEAR.address([beyond; 3]).into()
         }
         BindingKind::Sampler { comparison: false } => {
             // Textures are smooth: another least level is seen in the last bits, and is no jump.
             let least = source.unit() as f32;
             let sampler = Sampler::LINEAR.lod(least, 32.0);
-            if source.below(2) == 0 { sampler.into() } else { sampler.mirror().into() }
+            match source.below(3) {
+                0 => sampler.into(),
+                1 => sampler.mirror().into(),
+                _ => sampler.repeat().into(),
+            }
         }
         BindingKind::Sampler { comparison: true } => {
             let ways = [Compare::LessEqual, Compare::Less, Compare::GreaterEqual, Compare::Greater];
@@ -443,11 +470,11 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
 /// curved, too, so that levels differ; and may be transparent. They may be noise instead, so that each order of neighbours
-/// comes.
+/// comes; or lie within a part of their range, the contrast.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
-    (texels, noise): (Texels, Option<f32>),
+    (texels, noise, contrast): (Texels, Option<f32>, f32),
     samples: u32,
     own: Option<(&mut Source, bool)>,
 ) -> Texture {
@@ -473,7 +500,7 @@ fn texture(
         let z = z as f32 / LAYERS as f32;
         let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
         let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
-        let texel = held_by_halves(texel);
+        let texel = held_by_halves(texel * contrast + (1.0 - contrast));
         // A shader that divides by alpha meets 0.
         texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
     };
@@ -554,7 +581,7 @@ mod tests {
     #[test]
     fn textures_of_any_size_have_levels() {
         for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
-            let made = texture((Dimension::D2, false), sides, (Texels::Float, None), 1, None);
+            let made = texture((Dimension::D2, false), sides, (Texels::Float, None, 1.0), 1, None);
             let fixture = Fixture::from(made);
             let levels = fixture.view().map(|view| view.levels.len());
             assert_eq!(levels, Some(count), "{sides:?}");

@@ -44,6 +44,12 @@ impl Allowed {
         }
         allowed
     }
+
+    /// These cases and more of them.
+    pub(super) fn and(self, more: Self) -> Self {
+        let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
+        Self { bounded, outside, first: self.first.or(more.first) }
+    }
 }
 
 impl Row {

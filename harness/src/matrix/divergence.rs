@@ -10,9 +10,9 @@ use super::execute::{Judge, Ran, shown};
 use super::leeway::Leeway;
 use super::reduce::{Case, Pair};
 use crate::executor::{self, Caller};
+use crate::fixture::Address;
 use crate::made_up::{self, Ranges};
 use crate::probe::{Let, Probed, lets};
-use crate::value::Scalar;
 
 /// Two columns that differ.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -94,23 +94,11 @@ pub(super) fn divergence(
     rows: &[u32],
     (first, other): (&Ran<'_>, &Ran<'_>),
     case: usize,
-    (judge, leeway): (&Judge<'_>, &Leeway),
+    (pair, beyond): (&Pair<'_, '_>, Address),
     text: Option<(&str, (usize, usize))>,
 ) -> Divergence {
     let function = probed.function();
-    let arguments: Vec<Scalar> =
-        function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
-    let results = function.result.lanes();
-    let ranges = Ranges::of(&request.package).expect("its inputs were made by them");
-    let inputs = made_up::Arguments::of(function, &ranges).expect("its inputs were made so");
-    let pair = Pair {
-        expected: &first.caller,
-        actual: &other.caller,
-        inputs: &inputs.domain,
-        results: &results,
-        judge,
-        leeway,
-    };
+    let Pair { arguments, results, .. } = *pair;
     let of = |words: &[u32], width: usize| words[case * width..][..width].to_vec();
     let seen = Case {
         row: of(rows, arguments.len()),
@@ -130,7 +118,7 @@ pub(super) fn divergence(
     let (mut found, mut unseen) = (None, Vec::new());
     // Bindings are looked at alone.
     for one in if alone { lets(probed) } else { Vec::new() } {
-        match differing(request, &one, &row, (&first.caller, &other.caller), text) {
+        match differing(request, (&one, beyond), &row, (&first.caller, &other.caller), text) {
             Ok(None) => {}
             Ok(Some(differing)) => {
                 found = Some(differing);
@@ -142,8 +130,8 @@ pub(super) fn divergence(
     Divergence {
         baseline: request.columns[first.column].to_string(),
         arguments: named,
-        here: shown(&results, &actual),
-        there: shown(&results, &expected),
+        here: shown(results, &actual),
+        there: shown(results, &expected),
         words: row,
         results: (actual, expected),
         alone,
@@ -158,14 +146,14 @@ struct Unseen;
 /// The values of a let-binding, if they differ.
 fn differing(
     request: &Request,
-    one: &Let,
+    (one, beyond): (&Let, Address),
     row: &[u32],
     (first, other): (&Caller<'_>, &Caller<'_>),
     text: Option<(&str, (usize, usize))>,
 ) -> Result<Option<Intermediate>, Unseen> {
     let probed = one.probed.as_ref().ok_or(Unseen)?;
     let ranges = Ranges::of(&request.package).map_err(|_| Unseen)?;
-    let fixtures = made_up::fixtures(probed, &ranges).map_err(|_| Unseen)?;
+    let fixtures = made_up::fixtures(probed, &ranges, beyond).map_err(|_| Unseen)?;
     let value = |caller: &Caller<'_>| {
         let executor = executor::of(caller.path).map_err(|_| Unseen)?;
         let caller = Caller::new(executor, Cow::Borrowed(probed), &fixtures, 1);

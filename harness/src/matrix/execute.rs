@@ -39,12 +39,9 @@ pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: u
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Comparison {
     pub(super) compared: usize,
-    /// The cases that differ.
+    /// The cases that differ by more than WGSL allows.
     pub(super) differing: Vec<usize>,
-    /// How many of these differ within what WGSL allows, as far as intervals show that.
-    pub(super) allowed: usize,
-    /// Cases with a lane that differs where WGSL leaves open what it is; and those that differ within bounds, if
-    /// they are rare.
+    /// Cases with a lane that differs where WGSL allows both results.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
@@ -52,10 +49,6 @@ pub(super) struct Comparison {
 /// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
 /// is usual, 1e-6 of it, some 8 steps of `f32`.
 const CANCELLED: f64 = 1e-3;
-
-/// Of so many cases one may differ within the bounds of both results. Where a translation is wrong many do; where
-/// rounding is magnified, as between nearly equal numbers, few.
-const RARELY: usize = 50;
 
 /// How results of a function are compared.
 #[derive(Clone, Debug)]
@@ -100,21 +93,12 @@ impl<'j> Judge<'j> {
             comparison.compared += usize::from(seen.compared);
             if seen.differs {
                 comparison.differing.push(index);
-                comparison.allowed += usize::from(!seen.forbidden);
             }
-        }
-        let rare = comparison.allowed == comparison.differing.len()
-            && comparison.allowed * RARELY <= comparison.compared;
-        if rare && latitude.is_some_and(|latitude| !latitude.loose) {
-            comparison.open += comparison.allowed;
-            comparison.allowed = 0;
-            comparison.differing.clear();
         }
         comparison
     }
 
-    /// Compares one case, lane by lane. Where WGSL allows a lane to be anything, results that differ are
-    /// both right. Where that isn't known, and a float of the first result isn't finite, the floats of
+    /// Compares one case, lane by lane. Where WGSL allows both results of a lane, they are both right. Where that isn't known, and a float of the first result isn't finite, the floats of
     /// this case are left out: WGSL lets implementations assume that there is none, so what is
     /// computed along with it isn't determined, either.
     pub(super) fn case(
@@ -137,6 +121,10 @@ impl<'j> Judge<'j> {
                     seen.open |= wanted != found;
                     continue;
                 }
+                Freedom::Both if !agrees => {
+                    (seen.open, seen.compared) = (true, true);
+                    continue;
+                }
                 Freedom::Unknown if scalar.is_float() && !finite => continue,
                 _ => {}
             }
@@ -145,7 +133,6 @@ impl<'j> Judge<'j> {
                 seen.worst_ulp = seen.worst_ulp.max(distance((scalar, (&wanted, &found))));
             }
             seen.differs |= !agrees;
-            seen.forbidden |= !agrees && freedom != Freedom::Both;
         }
         seen
     }
@@ -167,11 +154,9 @@ impl<'j> Judge<'j> {
 pub(super) struct Seen {
     /// A lane was compared.
     pub(super) compared: bool,
-    /// A lane differs.
+    /// A lane differs, and it isn't known that WGSL allows both results.
     pub(super) differs: bool,
-    /// A lane differs of which it isn't known that WGSL allows both results.
-    forbidden: bool,
-    /// A lane differs where WGSL leaves open what it is.
+    /// A lane differs where WGSL allows both results.
     pub(super) open: bool,
     worst_ulp: Option<u64>,
 }

@@ -26,8 +26,8 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
-    /// True if bounds are wide by themselves: those of a texture hold all of its texels.
-    pub(super) loose: bool,
+    /// True if bounds are wider than what WGSL allows: those of a texture hold all of its texels.
+    loose: bool,
 }
 
 /// The lanes of one case that WGSL leaves open.
@@ -35,6 +35,7 @@ pub(super) struct Latitude {
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
     strays: &'l [bool],
+    loose: bool,
 }
 
 /// The verdict on two results of a lane.
@@ -42,8 +43,7 @@ pub(super) struct OfCase<'l> {
 pub(super) enum Freedom {
     /// Any value is allowed: results that differ are both right.
     Any,
-    /// Both results are within bounds. These may be wider than what WGSL allows: an interval holds all that lies
-    /// between its ends.
+    /// WGSL allows both results.
     Both,
     /// One of them isn't allowed.
     NotBoth,
@@ -87,7 +87,7 @@ impl Latitude {
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
-        OfCase { bounds, strays: self.strays.get(lanes).unwrap_or_default() }
+        OfCase { bounds, strays: self.strays.get(lanes).unwrap_or_default(), loose: self.loose }
     }
 }
 
@@ -109,6 +109,7 @@ impl OfCase<'_> {
         });
         match results.iter().all(|word| bound.allows(scalar.decode(*word))) {
             _ if is_any => Freedom::Any,
+            true if self.loose => Freedom::Unknown,
             true => Freedom::Both,
             false => Freedom::NotBoth,
         }

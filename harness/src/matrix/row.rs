@@ -7,14 +7,16 @@ use super::divergence::divergence;
 use super::excerpt::function_lines;
 use super::execute::{Comparison, Judge, Ran, conclude, not_run};
 use super::leeway::{Latitude, Leeway};
+use super::reduce::Pair;
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::dispatch::Passes;
 use crate::executor::{self, Caller};
-use crate::fixture::Fixtures;
+use crate::fixture::{Address, Fixtures};
 use crate::made_up::{self, Ranges, VARIANTS};
 use crate::path::Path;
 use crate::probe::{ProbeError, Probed};
+use crate::value::Scalar;
 
 /// Runs a row on the columns whose cells got so far, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
@@ -72,9 +74,9 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let rows = made_up::rows(probed, &ranges, request.cases)?;
-        Ok((rows, made_up::fixtures(probed, &ranges)))
+        Ok((rows, ranges))
     });
-    let (rows, fixtures) = match drawn {
+    let (rows, ranges) = match drawn {
         Ok(drawn) => drawn,
         // Only a range that is declared has no value.
         Err(why) => {
@@ -84,6 +86,54 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
             return;
         }
     };
+    let (before, all) = (cells.to_vec(), made_up::beyond(probed));
+    let width = rows.len() / request.cases;
+    for (part, beyond) in all.iter().enumerate().take(request.cases) {
+        let own = (part..request.cases).step_by(all.len());
+        let cases = own.len();
+        let rows: Vec<u32> = own.flat_map(|at| &rows[at * width..][..width]).copied().collect();
+        let fixtures = made_up::fixtures(probed, &ranges, *beyond);
+        let mut found = before.clone();
+        run_cases(request, probed, (&rows, cases), (fixtures, *beyond), &mut found);
+        for (cell, found) in cells.iter_mut().zip(found) {
+            if part == 0 { *cell = found } else { cell.add(found) }
+        }
+    }
+}
+
+impl Cell {
+    /// Takes other cases of the same function as well: of two verdicts the worse one.
+    fn add(&mut self, other: Self) {
+        let worst = self.worst_ulp.max(other.worst_ulp);
+        let counts = [self.compared, self.differing, self.open];
+        let counts =
+            [counts[0] + other.compared, counts[1] + other.differing, counts[2] + other.open];
+        let allowed = match (self.allowed.take(), other.allowed.clone()) {
+            (Some(one), Some(more)) => Some(one.and(more)),
+            (one, more) => one.or(more),
+        };
+        let weight = |cell: &Self| match &cell.stopped {
+            Some(stop) if stop.is_wrong() => 3,
+            None => 2,
+            Some(Stop::NothingToCompare(_)) => 1,
+            Some(_) => 2,
+        };
+        if weight(&other) > weight(self) {
+            *self = other;
+        }
+        [self.compared, self.differing, self.open] = counts;
+        (self.worst_ulp, self.allowed) = (worst, allowed);
+    }
+}
+
+/// Runs some cases of a function on each column, and compares the results.
+fn run_cases(
+    request: &Request,
+    probed: &Probed,
+    (rows, cases): (&[u32], usize),
+    (fixtures, beyond): (Result<Fixtures, String>, Address),
+    cells: &mut [Cell],
+) {
     let mut ran: Vec<Ran<'_>> = Vec::new();
     // Where one driver says that a loop doesn't end, others would hang.
     let mut endless: Option<String> = None;
@@ -96,7 +146,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
             (_, None, _) => Err(Stop::Unavailable(column.without_path())),
             (Err(why), ..) | (_, _, Some(why)) => Err(Stop::NotRun(why.clone())),
             (Ok(fixtures), Some(path), None) => {
-                results(request, path, probed, fixtures, &rows, &mut endless)
+                results(path, (probed, fixtures), (rows, cases), &mut endless)
             }
         };
         match results {
@@ -109,21 +159,19 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     }
     let (Ok(fixtures), false) = (&fixtures, ran.is_empty()) else { return };
     let leeway = Leeway::of(probed, fixtures);
-    let latitude = leeway.at(&rows, request.cases);
+    let latitude = leeway.at(rows, cases);
     if let Some(bounds) = latitude.as_ref().and_then(|latitude| latitude.bounds.as_ref()) {
         for ran in &ran {
-            cells[ran.column].allowed = Some(Allowed::of(probed, &rows, bounds, &ran.results));
+            cells[ran.column].allowed = Some(Allowed::of(probed, rows, bounds, &ran.results));
         }
     }
-    compare_all(request, probed, &rows, &ran, (&leeway, latitude.as_ref()), cells);
+    compare_all(request, probed, rows, &ran, (&leeway, latitude.as_ref(), beyond), cells);
 }
 
 fn results<'p>(
-    request: &Request,
     path: Path,
-    probed: &'p Probed,
-    fixtures: &'p Fixtures,
-    rows: &[u32],
+    (probed, fixtures): (&'p Probed, &'p Fixtures),
+    (rows, cases): (&[u32], usize),
     endless: &mut Option<String>,
 ) -> Result<(Caller<'p>, Vec<u32>), Stop> {
     // A path that isn't here is one thing, a function that doesn't run there another.
@@ -135,9 +183,9 @@ fn results<'p>(
         Stop::NotRun(not_run(error))
     };
     let executor = executor::of(path).map_err(ProbeError::from).map_err(&mut stop)?;
-    let caller = Caller::new(executor, Cow::Borrowed(probed), fixtures, request.cases);
+    let caller = Caller::new(executor, Cow::Borrowed(probed), fixtures, cases);
     let caller = caller.map_err(&mut stop)?;
-    let results = caller.results(rows, request.cases).map_err(stop)?;
+    let results = caller.results(rows, cases).map_err(stop)?;
     Ok((caller, results))
 }
 
@@ -147,15 +195,29 @@ fn compare_all(
     probed: &Probed,
     rows: &[u32],
     ran: &[Ran<'_>],
-    (leeway, latitude): (&Leeway, Option<&Latitude>),
+    (leeway, latitude, beyond): (&Leeway, Option<&Latitude>, Address),
     cells: &mut [Cell],
 ) {
-    let scalars = probed.function().result.lanes();
+    let function = probed.function();
+    let results = function.result.lanes();
+    let arguments: Vec<Scalar> =
+        function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
     let [first, others @ ..] = ran else { return };
-    let judge = Judge::new(&scalars, &request.within, &first.results);
+    let judge = Judge::new(&results, &request.within, &first.results);
+    let ranges = Ranges::of(&request.package).expect("its inputs were made by them");
+    let inputs = made_up::Arguments::of(function, &ranges).expect("its inputs were made so");
     let mut agreeing: Option<Comparison> = None;
     for other in others {
-        let seen = judge.compare(&first.results, &other.results, latitude);
+        let pair = Pair {
+            expected: &first.caller,
+            actual: &other.caller,
+            inputs: &inputs.domain,
+            arguments: &arguments,
+            results: &results,
+            judge: &judge,
+            leeway,
+        };
+        let seen = pair.compare(rows, [&first.results, &other.results], latitude);
         let baseline = request.columns[first.column];
         let cell = &mut cells[other.column];
         cell.against = Some(baseline.to_string());
@@ -171,14 +233,15 @@ fn compare_all(
         } else if let Some(case) = seen.differing.first() {
             let text = cell.text().zip(cell.text_lines);
             let found =
-                divergence(request, probed, rows, (first, other), *case, (&judge, leeway), text);
+                divergence(request, probed, rows, (first, other), *case, (&pair, beyond), text);
             let (count, compared) = (seen.differing.len(), seen.compared);
-            let within = match seen.allowed {
-                0 => String::new(),
-                allowed => format!(" ({allowed} of them within WGSL's bounds)"),
+            let sampled = match beyond {
+                Address::Clamp => "",
+                Address::Repeat => " where samplers repeat",
+                Address::Mirror => " where samplers mirror",
             };
             cell.stopped = Some(Stop::Differs(format!(
-                "{count} of {compared} cases differ from `{baseline}`{within}: {}",
+                "{count} of {compared} cases differ from `{baseline}`{sampled}: {}",
                 found.sentence(&request.columns[other.column].to_string())
             )));
             cell.divergence = Some(found);
@@ -188,4 +251,99 @@ fn compare_all(
         }
     }
     conclude(&mut cells[first.column], agreeing, others.len());
+}
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::super::{Matrix, Status};
+    use super::*;
+    use crate::Package;
+
+    /// A matrix of those of these columns that run here.
+    fn matrix(text: &str, columns: &[&str]) -> Matrix {
+        let columns =
+            columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
+        let here =
+            columns.filter(|one| one.path().is_some_and(|path| crate::path::adapter(path).is_ok()));
+        Package::from_source("m", text).matrix().columns(here).run().expect("it is made")
+    }
+
+    /// The cells of each row behind the first column.
+    fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
+        matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
+    }
+
+    #[test]
+    fn what_a_subnormal_decides_is_open() {
+        let text = "
+            @group(0) @binding(0) var image: texture_2d<f32>;
+            @group(0) @binding(1) var linear: sampler;
+            @fragment fn cut(@location(0) alpha: f32) -> @location(0) vec4f {
+                if alpha > 0.0 { discard; }
+                return vec4f(0.5);
+            }
+            @fragment fn derived(@location(0) alpha: f32) -> @location(0) vec4f {
+                if alpha > 0.0 { discard; }
+                return vec4f(0.5 + dpdx(alpha));
+            }
+            @fragment fn sampled(@location(0) alpha: f32, @location(1) uv: vec2f) -> @location(0) vec4f {
+                let texel = textureSample(image, linear, uv);
+                if alpha * texel.w > 0.0 { discard; }
+                return texel;
+            }
+            fn whole(alpha: f32) -> i32 { return select(3, 7, alpha > 0.0) + i32(dpdx(alpha)); }
+            fn scaled(alpha: f32) -> f32 { return alpha * 1e38 + dpdx(alpha); }";
+        let made = matrix(text, &["cpu", "cpu:ftz", "vulkan", "gl"]);
+        let mut open = 0;
+        for (name, cell) in others(&made) {
+            assert_eq!(cell.status, Some(Status::Agrees), "{name}: {:?}", cell.stopped);
+            open += cell.open;
+        }
+        assert!(open > 0, "it is drawn");
+    }
+
+    #[test]
+    fn what_wgsl_allows_agrees() {
+        // GL's `mix` cancels, and so does a distance to what is near.
+        let text = "
+            fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
+            fn union_of(p: f32, q: f32) -> f32 {
+                let h = clamp(0.5 + 0.5 * (q - p) / 0.05, 0.0, 1.0);
+                return mix(q, p, h) - 0.05 * h * (1.0 - h);
+            }
+            fn part(p: vec2f) -> f32 { return fract(sin(dot(p, vec2f(12.9898, 78.233))) * 43758.5453); }";
+        for (name, cell) in others(&matrix(text, &["cpu", "cpu:fma", "vulkan", "gl"])) {
+            assert_eq!(cell.status, Some(Status::Agrees), "{name}: {:?}", cell.stopped);
+            assert_eq!(cell.differing, 0, "{name}");
+        }
+    }
+
+    /// naga's GLSL clamps no coordinate before a sampler repeats.
+    #[test]
+    fn samplers_clamp_repeat_and_mirror() {
+        let sampled = |name: &str, call: &str| {
+            format!(
+                "@group(0) @binding(0) var image: texture_2d<f32>; @group(0) @binding(1) var {name}: sampler;
+                 fn frame(uv: vec2f) -> vec4f {{ return {call}; }}"
+            )
+        };
+        let paths = ["cpu", "vulkan", "gl"];
+        for name in ["repeating", "s", "linear"] {
+            let clamped =
+                sampled(name, &format!("textureSampleBaseClampToEdge(image, {name}, uv)"));
+            let made = matrix(&clamped, &paths);
+            for (column, cell) in made.rows[0].cells.iter().enumerate().skip(1) {
+                let is_gl = made.columns[column].name == "gl";
+                assert_eq!(cell.differs(), is_gl, "{name}: {:?}", cell.stopped);
+                let said = cell.stopped.as_ref().map_or("", Stop::text);
+                assert_eq!(said.contains("where samplers repeat"), is_gl, "{said}");
+            }
+            let plain =
+                sampled(name, &format!("textureSampleLevel(image, {name}, 3.0 * uv - 1.0, 0.0)"));
+            for (_, cell) in others(&matrix(&plain, &paths)) {
+                assert_eq!(cell.status, Some(Status::Agrees), "{:?}", cell.stopped);
+                assert_eq!(cell.compared, 512, "each case is of one sampler");
+            }
+        }
+    }
 }

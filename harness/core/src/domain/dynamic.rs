@@ -10,7 +10,7 @@ use std::ops::{Range, RangeInclusive};
 use glam::{Vec2, Vec3, Vec4};
 
 use super::perpendicular::Perpendicular;
-use super::plausible::{self, Often, Plausible, Straddling};
+use super::plausible::{self, Often, Plausible};
 use super::transform::Transform;
 use super::words::Words;
 use super::{
@@ -264,7 +264,7 @@ impl Part {
             Scalar::F32 => Self::of(Plausible::floats(), described),
             Scalar::F16 => {
                 let most = plausible::LARGEST_HALF;
-                Self::of(Straddling(-most..=most), described)
+                Self::of(-most..=most, described)
             }
             Scalar::I32 => Self::of(Plausible::<i32>::i32(), described),
             Scalar::U32 => Self::of(Plausible::<u32>::u32(), described),
@@ -345,20 +345,6 @@ impl Part {
     pub fn transform(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let described = "a transform with an inverse".to_owned();
         Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
-    }
-
-    /// A [`range`](Self::range) of floats of which those near 0 are drawn often, on every scale, where 0 lies
-    /// inside of it.
-    #[doc(hidden)]
-    pub fn range_and_zero(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
-        let inside = *range.start() < 0.0 && *range.end() > 0.0 && scalar.is_float();
-        #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
-        let straddling = Straddling(*range.start() as f32..=*range.end() as f32);
-        let plain = Self::range(scalar, range)?;
-        Some(match inside {
-            true => Self::of(straddling, plain.described),
-            false => plain,
-        })
     }
 
     /// Whole numbers from 1 that loops count to: half of them few. `None` of what isn't an integer.

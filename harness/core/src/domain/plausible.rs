@@ -1,6 +1,5 @@
 //! Numbers of which nothing is known but their type.
 
-use std::ops::RangeInclusive;
 use std::sync::LazyLock;
 
 use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
@@ -93,44 +92,6 @@ where
     }
 }
 
-/// A range with 0 inside, which is an end of what lies to either side of it: one draw in four is close to it,
-/// on every scale.
-#[derive(Clone, Debug)]
-pub(super) struct Straddling(pub(super) RangeInclusive<f32>);
-
-impl Domain for Straddling {
-    type Value = f32;
-
-    fn draw(&self, source: &mut Source) -> Option<f32> {
-        if source.below(4) > 0 {
-            return self.0.draw(source);
-        }
-        let end = if source.bits() & 1 == 0 { self.0.start() } else { self.0.end() };
-        #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
-        Some(source.log_distance() as f32 * end)
-    }
-
-    fn emptiness(&self) -> Option<Emptiness> {
-        self.0.emptiness()
-    }
-
-    fn edges(&self) -> Vec<f32> {
-        self.0.edges()
-    }
-
-    fn admits(&self, value: &f32) -> Option<bool> {
-        self.0.admits(value)
-    }
-
-    fn ends(&self) -> Option<(f32, f32)> {
-        self.0.ends()
-    }
-
-    fn shrink(&self, value: &f32) -> Vec<f32> {
-        self.0.shrink(value)
-    }
-}
-
 impl Plausible<f32> {
     pub(super) fn floats() -> Self {
         let positive = [1.0, LARGEST, 0.5, 2.0, 1e-3, SMALL, 1000.0];
@@ -147,8 +108,8 @@ impl Domain for Plausible<f32> {
             0..=4 => (-SMALL..=SMALL).draw(source),
             5 => self.0.get(usize::try_from(source.below(self.0.len() as u64)).ok()?).copied(),
             _ => {
-                // Each binade between one millionth and a million is as likely as every other.
-                let size = (40.0 * source.unit() - 20.0).exp2();
+                // Each binade from the last digit of 1, 2^-24, to a million is as likely as every other.
+                let size = (44.0 * source.unit() - 24.0).exp2();
                 #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
                 let size = size as f32;
                 Some(if source.bits() & 1 == 0 { size } else { -size })
@@ -243,7 +204,7 @@ mod tests {
         let drawn: Vec<f32> = (0..4000).map(draw).collect();
         assert!(drawn.iter().all(|x| floats.admits(x) == Some(true)));
         assert!(drawn.iter().filter(|x| x.abs() <= SMALL).count() >= 2000);
-        for (least, most) in [(1e-6, 1e-4), (10.0, 1e3), (1e3, 1e6)] {
+        for (least, most) in [(6e-8, 1e-6), (1e-6, 1e-4), (10.0, 1e3), (1e3, 1e6)] {
             let count = drawn.iter().filter(|x| (least..most).contains(&x.abs())).count();
             assert!(count > 40, "{count} of 4000 have a size from {least} to {most}");
         }

@@ -19,7 +19,8 @@ impl Domain for RangeInclusive<f32> {
     type Value = f32;
 
     /// Of 16 draws: 1 an end, 3 at log distance from an end, 1 a landmark (0, 1, 1/2, ...) of the
-    /// range, 11 uniform.
+    /// range, 11 uniform. A 0 inside of it is an end of what lies to either side, so that 4 of the uniform ones are at log
+    /// distance from 0: half of them beside the end, half of them beside 1, where the digits of most sums end.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));
@@ -40,9 +41,13 @@ impl Domain for RangeInclusive<f32> {
         // processors guess wrong a third of the time. This runs for each number of each case.
         let bits = source.bits();
         let crowded = choice & 15 < 4;
-        let distance = (high - low) * either(crowded, log_distance(bits), unit(bits));
+        let near_zero = (5..9).contains(&(choice & 15)) && low < 0.0 && high > 0.0;
+        let side = either(from_high, high, low);
+        let side = either(choice & 32 != 0, side, side.clamp(-1.0, 1.0));
         let down = crowded && from_high;
-        let value = either(down, high, low) + either(down, -distance, distance);
+        let (from, width) = (either(down, high, low), either(down, low - high, high - low));
+        let (from, width) = (either(near_zero, 0.0, from), either(near_zero, side, width));
+        let value = from + width * either(crowded || near_zero, log_distance(bits), unit(bits));
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
         let value = value as f32;
         Some(value.clamp(start, end))
@@ -184,6 +189,11 @@ mod tests {
                 let pick = LANDMARKS[(choice >> 5) as usize % LANDMARKS.len()];
                 f64::from(if range.contains(&pick) { pick } else { *range.start() })
             }
+            5..=8 if low < 0.0 && high > 0.0 => {
+                let end = if from_high { high } else { low };
+                let end = if choice & 32 == 0 { end.clamp(-1.0, 1.0) } else { end };
+                end * source.log_distance()
+            }
             _ => low + (high - low) * source.unit(),
         };
         (value as f32).clamp(*range.start(), *range.end())
@@ -200,6 +210,29 @@ mod tests {
                 assert_eq!(one.bits(), other.bits(), "{range:?}, case {case}");
             }
         }
+    }
+
+    /// Sums with 1 lose the digits of numbers down to 2^-24, however wide the range is.
+    #[test]
+    fn a_zero_inside_is_drawn_on_every_scale() {
+        let within = |range: &RangeInclusive<f32>, least: f32, most: f32| {
+            let draw = |case| range.draw(&mut Source::new(7, case)).expect("it has values");
+            let found = |x: &f32| (least..most).contains(&x.abs());
+            let near: Vec<f32> = (0..8000).map(draw).filter(found).collect();
+            assert!(near.iter().all(|x| range.contains(x)));
+            let below = near.iter().filter(|x| **x < 0.0).count();
+            [below, near.len() - below]
+        };
+        for range in [-1.0..=1.0, -1e6..=1e6, -0.25..=3.0, -1e30..=0.5] {
+            for (least, most) in [(1e-7, 1e-6), (1e-5, 1e-4), (1e-3, 1e-2)] {
+                let sides = within(&range, least, most);
+                assert!(sides.iter().all(|side| *side > 20), "{range:?}, {least:e}: {sides:?}");
+            }
+        }
+        let sides = within(&(-1e6..=1e6), 1.0, 1e4);
+        assert!(sides.iter().all(|side| *side > 100), "beside the ends, too: {sides:?}");
+        // A range that only begins at 0 is drawn near it as near each end.
+        assert_eq!(within(&(-0.5..=-0.25), 0.0, 0.2), [0, 0]);
     }
 
     #[test]

@@ -406,7 +406,6 @@ impl<'p, A: Rules> Machine<'p, A> {
                         _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
                     });
                     if let Some(x) = values.reduce(|a, b| A::select_float(join, a, b)) {
-                        let x = if self.options.flush { A::flush(x) } else { x };
                         self.floats.get_mut(registers[0])[lane] = x;
                     }
                 }

@@ -287,6 +287,74 @@ fn subnormals_are_flushed_where_asked() {
     assert!(kept[0] > 0.9e-24 && kept[1] > 0.9e-22);
 }
 
+/// "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other
+/// operations are required to preserve subnormal numbers" (15.7.2).
+fn flushed(body: &str) -> Vec<u32> {
+    let source = format!(
+        "@group(0) @binding(0) var<storage, read> data: array<f32, 3>;
+         struct S {{ a: f32, b: vec2f }}
+         fn keep(x: f32) -> f32 {{ return x; }}
+         fn f(x: f32) -> vec2u {{ {body} }}"
+    );
+    let rows = [1e-40f32.to_bits()];
+    let mut resources = Resources::new();
+    resources.set_buffer(0, 0, 1e-40f32.to_le_bytes().repeat(3));
+    let flush = Options { flush: true, ..Options::default() };
+    let program = program(&source, "f");
+    program.call::<F32>(1, &rows, &resources, &flush, &()).unwrap().words()
+}
+
+#[test]
+fn what_is_moved_keeps_its_subnormals() {
+    let x = 1e-40f32.to_bits();
+    for (body, expected) in [
+        ("return vec2u(bitcast<u32>(x), 1u);", [x, 1]),
+        ("let v = vec3f(x, 1.0, 2.0).zyx; return bitcast<vec2u>(v.zy);", [x, 1.0f32.to_bits()]),
+        (
+            "return bitcast<vec2u>(vec2f(select(1.0, x, x < 1.0), select(x, 1.0, x < 1.0)));",
+            [x, 1.0f32.to_bits()],
+        ),
+        (
+            "var y = 0.0; y = x; var a = array<f32, 2>(); a[1] = y; return bitcast<vec2u>(vec2f(a[1], keep(y)));",
+            [x, x],
+        ),
+        ("let s = S(x, vec2f(x)); return bitcast<vec2u>(vec2f(s.a, s.b.y));", [x, x]),
+        ("let k = u32(x + 2.0); return bitcast<vec2u>(vec2f(data[k], data[0]));", [x, x]),
+        ("return bitcast<vec2u>(vec2f(bitcast<f32>(71362u), 1e-40));", [71362, x]),
+        // What is computed of it leaves it as it is.
+        ("let y = x * 2.0; return bitcast<vec2u>(vec2f(x, y));", [x, 0]),
+        ("let y = x > 1e-45; return vec2u(bitcast<u32>(x), u32(y));", [x, 0]),
+    ] {
+        assert_eq!(flushed(body), expected, "{body}");
+    }
+}
+
+#[test]
+fn what_is_computed_flushes_operands_and_results() {
+    for expression in [
+        "x * 1e10",
+        "x + x",
+        "x - 0.0",
+        "-x",
+        "abs(x)",
+        "max(x, 0.0)",
+        "clamp(x, 0.0, 1.0)",
+        "ceil(x)",
+        "sign(x)",
+        "x / 1e-30",
+        "1.5e-38 * 0.5",
+        "data[1] * 1e10",
+        "f32(x > 0.0)",
+        "f32(x == 2e-40) - 1.0",
+        "ldexp(x, 100)",
+        "dot(vec2f(x), vec2f(1e20))",
+    ] {
+        let expression = expression.replace("1.5e-38", "(x + 1.5e-38)");
+        let body = format!("return vec2u(bitcast<u32>(abs({expression})), 0u);");
+        assert_eq!(flushed(&body), [0, 0], "{expression}");
+    }
+}
+
 #[test]
 fn products_and_sums_are_fused_where_asked() {
     let source = "fn f(a: f32, b: f32, c: f32) -> vec3f {
