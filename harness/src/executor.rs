@@ -29,8 +29,10 @@ use crate::fixture::{self, Fixtures};
 use crate::image::Image;
 use crate::interpret::Interpreted;
 use crate::job::{self, Job, Reply};
+use crate::panics;
 use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
+use crate::diagnostic::Span;
 use crate::reflect::{Binding, Program};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
@@ -148,6 +150,21 @@ fn expect_able(
     })
 }
 
+/// Has a path do its part, which may panic: then that is the path's error, and other paths have their verdicts.
+pub(crate) fn caught<T, E: From<PathError>>(
+    path: Path,
+    names: &[&str],
+    span: Option<&Span>,
+    work: impl FnOnce() -> Result<T, E>,
+) -> Result<T, E> {
+    panics::caught(work).unwrap_or_else(|panicked| {
+        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let place = span.map_or_else(String::new, |span| format!(" ({span})"));
+        let subject = format!("{}{place}", names.join(", "));
+        Err(PathError::Panicked { path, subject, panicked }.into())
+    })
+}
+
 /// Dispatches passes on an executor that has what they need.
 pub(crate) fn dispatch(
     executor: &dyn Executor,
@@ -157,7 +174,8 @@ pub(crate) fn dispatch(
         let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
         expect_able(executor, &pass.name, &pass.program, &bindings)?;
     }
-    executor.dispatch(passes)
+    let names: Vec<&str> = passes.entry_points().collect();
+    caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
 }
 
 /// Draws on an executor that has what the frame needs.
@@ -167,7 +185,10 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
     let needs = drawing.program().abilities(&drawing.all_bindings());
     match needs.into_iter().find(|ability| !executor.can(*ability)) {
-        None => executor.draw(drawing),
+        None => {
+            let (names, span) = drawing.entry_points();
+            caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
+        }
         Some(ability) => {
             let (path, message) = (executor.path(), format!("it needs {ability}"));
             Err(PathError::Route { path, message }.into())

@@ -29,6 +29,7 @@ use karat_engine::{
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{DispatchError, Pass, Passes};
+use crate::executor;
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
@@ -313,7 +314,9 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
+        executor::caught(Path::CPU, &[&self.name], Some(&self.declared), || {
+            self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
+        })
     }
 
     fn error(&self, stop: &Stop) -> ProbeError {

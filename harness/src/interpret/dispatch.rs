@@ -5,6 +5,7 @@ use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 use super::supply::{self, after};
 use super::{lowering, refused, stopped};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
+use crate::executor;
 use crate::path::{Path, Via};
 use crate::settings;
 
@@ -105,8 +106,11 @@ fn in_order_by(
             let from = [0, *number as u32];
             resources.take_from(&held, from, [binding.group, binding.binding]);
         }
-        let goes_on = run(pass, &lowered, &mut resources)
-            .map_err(|stop| stopped(program, &pass.name, &stop))?;
+        let span = pass.span();
+        let goes_on = executor::caught(Path::CPU, &[&pass.name], span.as_ref(), || {
+            run(pass, &lowered, &mut resources)
+                .map_err(|stop| DispatchError::from(stopped(program, &pass.name, &stop)))
+        })?;
         for (binding, number) in &pass.bindings {
             let to = [0, *number as u32];
             held.take_from(&resources, [binding.group, binding.binding], to);
