@@ -29,10 +29,8 @@ use crate::fixture::{self, Fixtures};
 use crate::image::Image;
 use crate::interpret::Interpreted;
 use crate::job::{self, Job, Reply};
-use crate::panics;
 use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
-use crate::diagnostic::Span;
 use crate::reflect::{Binding, Program};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
@@ -150,21 +148,6 @@ fn expect_able(
     })
 }
 
-/// Has a path do its part, which may panic: then that is the path's error, and other paths have their verdicts.
-pub(crate) fn caught<T, E: From<PathError>>(
-    path: Path,
-    names: &[&str],
-    span: Option<&Span>,
-    work: impl FnOnce() -> Result<T, E>,
-) -> Result<T, E> {
-    panics::caught(work).unwrap_or_else(|panicked| {
-        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-        let place = span.map_or_else(String::new, |span| format!(" ({span})"));
-        let subject = format!("{}{place}", names.join(", "));
-        Err(PathError::Panicked { path, subject, panicked }.into())
-    })
-}
-
 /// Dispatches passes on an executor that has what they need.
 pub(crate) fn dispatch(
     executor: &dyn Executor,
@@ -175,7 +158,7 @@ pub(crate) fn dispatch(
         expect_able(executor, &pass.name, &pass.program, &bindings)?;
     }
     let names: Vec<&str> = passes.entry_points().collect();
-    caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
+    path::caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
 }
 
 /// Draws on an executor that has what the frame needs.
@@ -187,7 +170,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     match needs.into_iter().find(|ability| !executor.can(*ability)) {
         None => {
             let (names, span) = drawing.entry_points();
-            caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
+            path::caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
         }
         Some(ability) => {
             let (path, message) = (executor.path(), format!("it needs {ability}"));

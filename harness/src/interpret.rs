@@ -29,20 +29,19 @@ use karat_engine::{
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{DispatchError, Pass, Passes};
-use crate::executor;
 use crate::fixture::{Fixtures, resolve};
-use crate::path::{Path, PathError, Via};
+use crate::path::{self, Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{ADAPTER, Idiom, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
-pub(crate) use coverage::{Coverage, of_outside};
+pub(crate) use coverage::{Coverage, evaluations, of_outside};
 pub use coverage::{Missed, Uncovered};
 #[cfg(feature = "routes")]
 pub(crate) use dispatch::dispatch_briefly;
-pub(crate) use dispatch::{dispatch, dispatch_rounding};
+pub(crate) use dispatch::dispatch_rounding;
 pub(crate) use order::{OrderOf, SUBGROUP, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
@@ -314,7 +313,7 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        executor::caught(Path::CPU, &[&self.name], Some(&self.declared), || {
+        path::caught(Path::CPU, &[&self.name], Some(&self.declared), || {
             self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
         })
     }

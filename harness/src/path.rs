@@ -44,6 +44,7 @@ pub(crate) use process::{JOBS, Process};
 pub(crate) use selector::Selected;
 pub use selector::Selector;
 
+use crate::diagnostic::Span;
 use crate::panics::{self, Panicked};
 use crate::settings::{self, Settings, SettingsError};
 
@@ -194,6 +195,21 @@ impl PathError {
             _ => false,
         }
     }
+}
+
+/// Has a path do its part, which may panic: then that is the path's error, and other paths have their verdicts.
+pub(crate) fn caught<T, E: From<PathError>>(
+    path: Path,
+    names: &[&str],
+    span: Option<&Span>,
+    work: impl FnOnce() -> Result<T, E>,
+) -> Result<T, E> {
+    panics::caught(work).unwrap_or_else(|panicked| {
+        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let place = span.map_or_else(String::new, |span| format!(" ({span})"));
+        let subject = format!("{}{place}", names.join(", "));
+        Err(PathError::Panicked { path, subject, panicked }.into())
+    })
 }
 
 fn guess(nearest: Option<&str>) -> String {

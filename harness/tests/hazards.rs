@@ -633,7 +633,8 @@ fn progress_never_goes_backwards() {
         (0..12).map(|at| format!("fn f{at}(x: f32) -> f32 {{ return x; }}\n")).collect();
     let told = std::sync::Mutex::new(Vec::new());
     let package = Package::from_source("many", &text);
-    let ran = package.hazards().run_with(&|done, of| {
+    let ran = package.hazards().run_with(&|at| {
+        let (done, of) = (at.done, at.of);
         if done % 3 == 1 {
             std::thread::sleep(std::time::Duration::from_millis(50));
         }

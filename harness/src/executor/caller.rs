@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::{Executor, left_open};
 use crate::fixture::Fixtures;
 use crate::panics;
-use crate::path::Path;
+use crate::path::{self, Path};
 use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 
@@ -62,7 +62,7 @@ impl<'e> Caller<'e> {
         let call = Call { probed: &probed, fixtures, cases: calls };
         let function = &probed.function;
         let (prepared, capacity) =
-            super::caught(path, &[&function.name], Some(&function.span), || {
+            path::caught(path, &[&function.name], Some(&function.span), || {
                 let prepared = executor.prepare(&call)?;
                 let capacity = prepared.capacity();
                 Ok::<_, ProbeError>((prepared, capacity))
@@ -95,7 +95,7 @@ impl<'e> Caller<'e> {
 
     fn caught<T>(&self, work: impl FnOnce() -> Result<T, ProbeError>) -> Result<T, ProbeError> {
         let Function { name, span, .. } = &self.probed.function;
-        super::caught(self.path, &[name], Some(span), work)
+        path::caught(self.path, &[name], Some(span), work)
     }
 
     /// The results of any number of calls, one after the other.

@@ -5,26 +5,21 @@ use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 use super::supply::{self, after};
 use super::{lowering, refused, stopped};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
-use crate::executor;
-use crate::path::{Path, Via};
+use crate::path::{self, Path, Via};
 use crate::settings;
 
 /// Invocations of a workgroup: the engine refuses more.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes, and returns what they write.
-pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, &|_| options())
-}
-
-/// The same of passes whose loops go round less than some ten thousand times together: those take a moment.
+/// Dispatches passes whose loops go round less than some ten thousand times together, which takes a moment, and
+/// returns what they write.
 #[cfg(feature = "routes")]
 pub(crate) fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// The same in an arithmetic of the path `cpu`.
+/// Dispatches passes in an arithmetic of the path `cpu`, and returns what they write.
 pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
@@ -50,15 +45,20 @@ fn dispatched_by(
         lowered.dispatch::<F32>(pass.workgroups, resources, &options_of(pass), &())?;
         Ok(true)
     })?;
+    Ok(left(passes, &held))
+}
+
+/// The contents of the resources that passes write.
+pub(super) fn left(passes: &Passes, held: &Resources) -> Afterwards {
     let mut afterwards = Vec::new();
     for number in 0..passes.resources.len() {
         if let Some((_, binding)) = passes.writer(number) {
             let mut binding = binding.clone();
             (binding.group, binding.binding) = (0, number as u32);
-            afterwards.push((number, after(&held, &binding)));
+            afterwards.push((number, after(held, &binding)));
         }
     }
-    Ok(afterwards)
+    afterwards
 }
 
 /// How passes run.
@@ -107,7 +107,7 @@ fn in_order_by(
             resources.take_from(&held, from, [binding.group, binding.binding]);
         }
         let span = pass.span();
-        let goes_on = executor::caught(Path::CPU, &[&pass.name], span.as_ref(), || {
+        let goes_on = path::caught(Path::CPU, &[&pass.name], span.as_ref(), || {
             run(pass, &lowered, &mut resources)
                 .map_err(|stop| DispatchError::from(stopped(program, &pass.name, &stop)))
         })?;

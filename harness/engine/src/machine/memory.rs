@@ -146,20 +146,21 @@ macro_rules! gathered {
 macro_rules! scattered {
     ($self:ident, $columns:ident, $select:path, $base:expr, $value:expr, $indices:expr, $walk:ident) => {{
         let (base, from, indices) = ($base, $value, $indices);
+        let mut places = Vec::new();
         for lane in 0..$self.width {
             let mask = $self.active()[lane];
             if !A::possible(mask) {
                 continue;
             }
             let value = $self.$columns.get(from)[lane];
-            let mut places = Vec::new();
+            places.clear();
             let clamped =
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped && $self.leave_unwritten(lane) {
                 continue;
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
-            for at in places {
+            for at in places.drain(..) {
                 let place = &mut $self.$columns.get_mut(base + at)[lane];
                 *place = $select(mask, value, *place);
             }
@@ -382,8 +383,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         let length = buffer.bytes.len();
         // Without an index, each lane loads the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
+        let mut places = Vec::new();
         for lane in 0..lanes {
-            let mut places = Vec::new();
+            places.clear();
             let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
                 places.push(at);
             });
