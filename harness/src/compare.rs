@@ -1150,6 +1150,64 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
+    /// Loops in each other cost more than a function gets: fewer inputs run, evenly drawn, and what is left out is counted.
+    #[test]
+    fn the_work_of_a_function_is_bounded() {
+        let text = |rounds: &str, step: &str| {
+            format!(
+                "fn f(x: f32) -> f32 {{
+                    var sum = 0.0;
+                    for (var i = 0u; i < {rounds}; i++) {{ for (var j = 0u; j < 64u; j++) {{ sum += {step}; }} }}
+                    return sum;
+                }}"
+            )
+        };
+        // As many rounds before and behind the edit.
+        let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
+        assert!(
+            matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
+            "{one:?}"
+        );
+        let Change::Same { cases } = one.change else { unreachable!() };
+        assert_eq!(cases + one.cut, CASES);
+        let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
+        let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
+        assert_eq!((paths[0].cases.1, changed.cut), (cases, one.cut));
+        // What is short runs whole.
+        let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
+        assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
+        // So few inputs are no verdict, but a change among them is one.
+        let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
+        let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+        assert!(reason.starts_with("not looked at whole: 1"), "{reason}");
+        let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
+        assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
+        // A loop that doesn't end after the edit is told as before.
+        let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
+        let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
+        assert_eq!(reason, "after the edit a loop of it doesn't end");
+    }
+
+    #[test]
+    fn each_verdict_is_told_once_with_its_count() {
+        let text: String =
+            (0..9).map(|n| format!("fn f{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
+        let [before, after] =
+            [text.clone(), text.replace("3.5", "3.25")].map(|text| Package::from_source("p", text));
+        let told = Mutex::new(Vec::new());
+        let all = Request::new(before, after)
+            .run_with(&|one, done, of| {
+                told.lock().expect("whole").push((one.function.clone(), done, of));
+            })
+            .expect("they read");
+        let mut told = told.into_inner().expect("whole");
+        let counts: Vec<_> = told.iter().map(|(_, done, of)| (*done, *of)).collect();
+        assert_eq!(counts, (1..=9).map(|done| (done, 9)).collect::<Vec<_>>());
+        told.sort();
+        let names: Vec<&String> = told.iter().map(|(name, ..)| name).collect();
+        assert_eq!(names, all.iter().map(|one| &one.function).collect::<Vec<_>>());
+    }
+
     #[test]
     fn a_change_far_from_small_numbers_is_found() {
         let before = "fn hash(seed: u32) -> u32 { return seed * 747796405u; }\n\

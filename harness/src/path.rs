@@ -280,9 +280,8 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
         _ => {
             let subject = "its opening".to_owned();
-            let device = panics::caught(|| Device::open(path)).unwrap_or_else(|panicked| {
-                Err(PathError::Panicked { path, subject, panicked })
-            });
+            let device = panics::caught(|| Device::open(path))
+                .unwrap_or_else(|panicked| Err(PathError::Panicked { path, subject, panicked }));
             Ok(Opened::Device(Box::leak(Box::new(device?))))
         }
     });

@@ -233,3 +233,28 @@ fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
         kept.drain(..excess);
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn said(script: &str, patience: Duration, most: u64) -> Result<Output, Broken> {
+        output(Command::new("sh").args(["-c", script]), patience, most)
+    }
+
+    #[test]
+    fn what_is_asked_once_has_a_deadline() {
+        let (short, long) = (Duration::from_millis(300), Duration::from_secs(20));
+        let good = said("echo a; echo b >&2; exit 3", long, 100).expect("it ends");
+        assert_eq!((good.stdout, good.stderr), (b"a\n".to_vec(), b"b\n".to_vec()));
+        assert_eq!(good.status.code(), Some(3));
+        assert_eq!(said("exec sleep 600", short, 100).expect_err("it hangs"), Broken::Hung(0));
+        // One that it has started holds its output.
+        assert_eq!(said("sleep 5 & echo a", short, 100).expect_err("one hangs"), Broken::Hung(0));
+        assert!(said("exec cat", long, 100).expect("it has no input").stdout.is_empty());
+        let much = said("echo 0123456789", long, 4).expect("it ends");
+        assert_eq!(much.stdout.len(), 5, "one byte more than is allowed");
+        let none = output(&mut Command::new("/no/such/program"), long, 100);
+        assert!(matches!(none, Err(Broken::Start(_))));
+    }
+}

@@ -65,7 +65,8 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     HOOK.call_once(|| {
         let usual = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| match CAUGHT.get() {
-            true => PLACE.set(panic.location().map(|at| short(at.file(), at.line())).unwrap_or_default()),
+            true => PLACE
+                .set(panic.location().map(|at| short(at.file(), at.line())).unwrap_or_default()),
             false => usual(panic),
         }));
     });
@@ -163,7 +164,10 @@ mod tests {
     #[test]
     fn the_language_is_that_of_naga_s_writer() {
         let at = |place: &str| Panicked { message: "no".to_owned(), place: place.to_owned() };
-        let glsl = short("/root/.cargo/registry/src/index.crates.io-1/naga-30.0.1/src/back/glsl/writer.rs", 7);
+        let glsl = short(
+            "/root/.cargo/registry/src/index.crates.io-1/naga-30.0.1/src/back/glsl/writer.rs",
+            7,
+        );
         assert_eq!(glsl, "naga-30.0.1/src/back/glsl/writer.rs:7");
         assert_eq!(
             at(&glsl).to_string(),

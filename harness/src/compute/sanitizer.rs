@@ -151,7 +151,12 @@ impl After<'_> {
         }
         let mut examined = examined(passes, self.compute.package);
         // Data that come in another order may lead to an access that the usual one doesn't have.
-        if examined.watched.reason.is_empty() && examined.watched.of > 1 {
+        let orders_matter = passes.has_subgroups()
+            || passes
+                .passes
+                .iter()
+                .any(|pass| pass.program.reads_what_it_writes(&pass.entry_point));
+        if examined.watched.reason.is_empty() && examined.watched.of > 1 && orders_matter {
             let orders = orders(&examined.watched);
             for number in WATCHED.into_iter().filter(|number| *number < orders) {
                 interpret::examine_in(passes, &mut examined, OrderOf::whole(passes, number));

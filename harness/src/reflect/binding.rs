@@ -167,6 +167,24 @@ impl Program {
         self.resolve(at..at + head.len())
     }
 
+    /// True if an invocation of an entry point may read what another one writes: otherwise it computes the same in each order
+    /// of them.
+    #[cfg(feature = "engine")]
+    pub(crate) fn reads_what_it_writes(&self, entry_point: &str) -> bool {
+        use naga::valid::GlobalUse;
+        let module = &self.checked.module;
+        let own = module.entry_points.iter().position(|one| one.name == entry_point);
+        let [both, atomic] = [GlobalUse::READ | GlobalUse::WRITE, GlobalUse::ATOMIC];
+        own.is_none_or(|own| {
+            let uses = self.checked.info.get_entry_point(own);
+            module.global_variables.iter().any(|(handle, variable)| {
+                let used = uses[handle];
+                variable.space != naga::AddressSpace::Private
+                    && (used.contains(both) || used.contains(atomic))
+            })
+        })
+    }
+
     /// The bytes that a buffer's type takes, with one element of an array without a length.
     pub(crate) fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;

@@ -195,9 +195,7 @@ impl Shader {
         match written {
             Ok(Ok(translation)) => Ok(translation),
             Ok(Err(message)) => Err(TranslateError::Unsupported { target, message }),
-            Err(panicked) => {
-                Err(TranslateError::Panicked { target, message: panicked.message })
-            }
+            Err(panicked) => Err(TranslateError::Panicked { target, message: panicked.message }),
         }
     }
 }

@@ -238,7 +238,11 @@ fn write_text(
     let Unseen { inputs, functions, in_part } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(out, ", {} of {of} not looked at: they are too much work", counted(inputs, "input"))?;
+        write!(
+            out,
+            ", {} of {of} not looked at: they are too much work",
+            counted(inputs, "input")
+        )?;
     }
     if in_part > 0 {
         write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;

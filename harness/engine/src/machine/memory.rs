@@ -383,40 +383,47 @@ impl<'p, A: Rules> Machine<'p, A> {
         let length = buffer.bytes.len();
         // Without an index, each lane loads the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
-        let mut places = Vec::new();
+        let join = A::undecided();
         for lane in 0..lanes {
-            places.clear();
-            let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
-                places.push(at);
-            });
+            let (mut float, mut int, mut truth) = (None, None, None);
+            let clamped =
+                walk_lane::<A>(
+                    walk,
+                    &registers[1..],
+                    &self.ints,
+                    lane,
+                    length,
+                    |at| match scalar {
+                        Scalar::F32 | Scalar::F16 => {
+                            let x = match scalar {
+                                Scalar::F32 => buffer.float(at),
+                                _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
+                            };
+                            float =
+                                Some(float.map_or(x, |before| A::select_float(join, before, x)));
+                        }
+                        Scalar::I32 | Scalar::U32 => {
+                            let x = A::int(buffer.word(at), scalar.signed());
+                            int = Some(int.map_or(x, |before| A::select_int(join, before, x)));
+                        }
+                        Scalar::Bool => {
+                            let x = A::bool(buffer.bytes.get(at).is_some_and(|byte| *byte != 0));
+                            truth = Some(truth.map_or(x, |before| A::select_bool(join, before, x)));
+                        }
+                    },
+                );
             if clamped && A::possible(self.active()[lane]) {
                 self.leave(lane);
             }
-            let join = A::undecided();
-            match scalar {
-                Scalar::F32 | Scalar::F16 => {
-                    let values = places.iter().map(|&at| match scalar {
-                        Scalar::F32 => buffer.float(at),
-                        _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
-                    });
-                    if let Some(x) = values.reduce(|a, b| A::select_float(join, a, b)) {
-                        let x = if self.options.flush { A::flush(x) } else { x };
-                        self.floats.get_mut(registers[0])[lane] = x;
-                    }
-                }
-                Scalar::I32 | Scalar::U32 => {
-                    let values = places.iter().map(|&at| A::int(buffer.word(at), scalar.signed()));
-                    if let Some(x) = values.reduce(|a, b| A::select_int(join, a, b)) {
-                        self.ints.get_mut(registers[0])[lane] = x;
-                    }
-                }
-                Scalar::Bool => {
-                    let byte = |at: usize| buffer.bytes.get(at).is_some_and(|byte| *byte != 0);
-                    let values = places.iter().map(|&at| A::bool(byte(at)));
-                    if let Some(x) = values.reduce(|a, b| A::select_bool(join, a, b)) {
-                        self.bools.get_mut(registers[0])[lane] = x;
-                    }
-                }
+            if let Some(x) = float {
+                let x = if self.options.flush { A::flush(x) } else { x };
+                self.floats.get_mut(registers[0])[lane] = x;
+            }
+            if let Some(x) = int {
+                self.ints.get_mut(registers[0])[lane] = x;
+            }
+            if let Some(x) = truth {
+                self.bools.get_mut(registers[0])[lane] = x;
             }
         }
         if lanes == 1 {

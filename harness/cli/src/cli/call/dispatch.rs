@@ -49,7 +49,8 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
             Ok(all) => all,
             Err(error) => {
                 let error = error.to_string();
-                stopped.push(format!("no result on {path}: {}", error.trim_start_matches("error: ")));
+                stopped
+                    .push(format!("no result on {path}: {}", error.trim_start_matches("error: ")));
                 continue;
             }
         };
