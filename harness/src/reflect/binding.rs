@@ -263,3 +263,40 @@ impl Program {
         bindings
     }
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+
+    /// Orders of invocations can only matter where one reads what another one writes.
+    #[test]
+    fn a_pass_that_reads_what_it_writes_is_known() {
+        let reads = |declared: &str, body: &str| {
+            let text = format!(
+                "@group(0) @binding(0) var<storage, read> a: array<u32>;\n\
+                 @group(0) @binding(1) var<storage, read_write> b: array<u32>;\n\
+                 {declared}\nfn of(i: u32) -> u32 {{ return b[i]; }}\n\
+                 @compute @workgroup_size(4) fn f(@builtin(local_invocation_index) i: u32) {{ {body} }}"
+            );
+            let package = Package::from_source("m", text);
+            let (program, ..) =
+                Program::of_pass(&package, "f", &Overrides::new()).expect("it is valid");
+            program.reads_what_it_writes(program.entry_point_name("f"))
+        };
+        let atomic = "@group(0) @binding(2) var<storage, read_write> c: atomic<u32>;";
+        let own = "var<workgroup> c: array<u32, 4>;";
+        let image = "@group(0) @binding(2) var c: texture_storage_2d<r32uint, write>;";
+        for (declared, body, expected) in [
+            ("", "b[i] = a[i];", false),
+            ("", "b[i] = arrayLength(&b) + a[i];", false),
+            ("var<private> c: u32;", "c = a[i]; b[i] = c;", false),
+            (image, "textureStore(c, vec2u(i), vec4u(a[i]));", false),
+            ("", "b[i] += a[i];", true),
+            ("", "b[i] = of(i + 1u);", true),
+            (atomic, "b[i] = atomicAdd(&c, 1u);", true),
+            (own, "c[i] = a[i]; workgroupBarrier(); b[i] = c[3u - i];", true),
+        ] {
+            assert_eq!(reads(declared, body), expected, "{body}");
+        }
+    }
+}
