@@ -275,7 +275,7 @@ mod tests {
             let text = format!(
                 "@group(0) @binding(0) var<storage, read> a: array<u32>;\n\
                  @group(0) @binding(1) var<storage, read_write> b: array<u32>;\n\
-                 {declared}\nfn of(i: u32) -> u32 {{ return b[i]; }}\n\
+                 {declared}\nfn other(i: u32) -> u32 {{ return b[i]; }}\n\
                  @compute @workgroup_size(4) fn f(@builtin(local_invocation_index) i: u32) {{ {body} }}"
             );
             let package = Package::from_source("m", text);
@@ -292,7 +292,7 @@ mod tests {
             ("var<private> c: u32;", "c = a[i]; b[i] = c;", false),
             (image, "textureStore(c, vec2u(i), vec4u(a[i]));", false),
             ("", "b[i] += a[i];", true),
-            ("", "b[i] = of(i + 1u);", true),
+            ("", "b[i] = other(i + 1u);", true),
             (atomic, "b[i] = atomicAdd(&c, 1u);", true),
             (own, "c[i] = a[i]; workgroupBarrier(); b[i] = c[3u - i];", true),
         ] {

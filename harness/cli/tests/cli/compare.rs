@@ -84,10 +84,8 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     // A function that nothing called before changes nothing.
     write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
     let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
-    assert!(
-        more.contains("added      calc::more\n0 changed, 1 added, 0 edited with the same"),
-        "{more}"
-    );
+    assert!(more.starts_with("added      calc::more  ("), "{more}");
+    assert!(more.contains(" of 2)\n0 changed, 1 added, 0 edited with the same"), "{more}");
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),
@@ -137,8 +135,8 @@ fn textures_and_samplers_are_told_apart() {
 #[test]
 fn verdicts_come_with_their_count() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let slow = "fn slow(x: f32) -> f32 {\n    var sum = 0.0;\n    for (var i = 0u; i < 9000u; i++) {\n        \
-                for (var j = 0u; j < 7u; j++) { sum += x * f32(j); }\n    }\n    return sum;\n}\n";
+    let slow = "fn slow(x: f32) -> f32 {\n    var sum = 0.0;\n    for (var i = 0u; i < 900u; i++) {\n        \
+                for (var j = 0u; j < 64u; j++) { sum += x * f32(j); }\n    }\n    return sum;\n}\n";
     let quick: String =
         (0..6).map(|n| format!("fn quick{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
     let before = format!("{slow}{quick}");
