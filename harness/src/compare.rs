@@ -19,6 +19,7 @@ mod passes;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -28,11 +29,13 @@ use crate::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
 use crate::domain::Stream;
 use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
-use crate::interpret::{Coverage, of_outside};
+use crate::interpret::{Coverage, evaluations, of_outside};
 pub use crate::interpret::{Missed, Uncovered};
 use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
+use crate::output::counted;
 use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
+use crate::panics;
 use crate::path::Path;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Binding, Function, Program};
@@ -47,6 +50,15 @@ const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
 
 /// The last corner of the twelve triangles of a box.
 const LAST_VERTEX: f64 = 35.0;
+
+/// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
+const WORK: u64 = 1 << 25;
+
+/// Inputs by which work is measured, and which are run in any case.
+const SAMPLE: usize = 16;
+
+/// Inputs, of more, whose equal results are a verdict.
+const LEAST: usize = 64;
 
 /// Rounds in which a changed input is made simpler.
 const ROUNDS: usize = 64;
@@ -89,7 +101,7 @@ pub struct Compared {
     pub interface: Vec<String>,
     /// The ranges that arguments and members were drawn from; empty where nothing was run.
     pub drawn: Drawn,
-    /// Inputs that weren't run, because they make a loop count to more than some thousands.
+    /// Inputs that weren't run, because they are too much work.
     pub cut: usize,
     /// Invocations in each direction of a compute pass, whose cases are the words that it leaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -218,6 +230,17 @@ impl Request {
     /// # Errors
     /// If a package can't be read.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
+        self.run_with(&|_, _, _| {})
+    }
+
+    /// [`run`](Self::run), which tells each verdict as it comes, with the count of those that are there, and of how many.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        told: &(dyn Fn(&Compared, usize, usize) + Sync),
+    ) -> Result<Vec<Compared>, PackageError> {
         let names = |package: &Package| -> Result<BTreeMap<String, Option<Stage>>, PackageError> {
             let items = package.functions()?.into_iter();
             let wanted = |name: &String| {
@@ -232,7 +255,9 @@ impl Request {
             .chain(after.keys())
             .map(|name| (name, (before.get(name), after.get(name))))
             .collect();
-        let compared = all.into_par_iter().map(|(name, there)| match there {
+        let of = all.len();
+        type There<'t> = Option<&'t Option<Stage>>;
+        let verdict = |name: &String, there: (There<'_>, There<'_>)| match there {
             (Some(None), Some(None)) => self.compare(name, None),
             (Some(was), Some(is)) if was == is => self.compare(name, *is),
             (Some(was), Some(is)) => {
@@ -245,6 +270,18 @@ impl Request {
             }
             (Some(_), None) => Compared::of(name, Change::Removed),
             _ => Compared::of(name, Change::Added),
+        };
+        let done = Mutex::new(0);
+        let compared = all.into_par_iter().map(|(name, there)| {
+            let one = panics::caught(|| verdict(name, there)).unwrap_or_else(|panicked| {
+                let reason = format!("Karat panics at it: {panicked}");
+                Compared::of(name, Change::Unjudged { reason })
+            });
+            // No count is told late.
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            *done += 1;
+            told(&one, *done, of);
+            one
         });
         Ok(compared.collect())
     }
@@ -359,9 +396,9 @@ impl Request {
             return Err("no arguments can be made up for it".to_owned());
         }
         let mut paths: Vec<PathChange> = Vec::new();
-        let mut cases = 0;
+        let (mut cases, mut left_out) = (0, 0);
         for variant in 0..VARIANTS {
-            let (count, rows) = arguments.part(&rows, count, variant);
+            let (all, rows) = arguments.part(&rows, count, variant);
             // What one of them reads and the other doesn't is made up for the one that reads it.
             let mut old = Resources::of(before, &ranges, variant)?;
             let mut new = Resources::of(after, &ranges, variant)?;
@@ -370,7 +407,11 @@ impl Request {
             let varies = old.varies || new.varies;
             let members = new.members;
             let held = [old.fixtures, new.fixtures];
-            for path in &self.paths {
+            let Bounded { count, rows, simpler } =
+                bounded([before, after], &held, &arguments, (all, &rows));
+            ran.cut += all - count;
+            left_out += all - count;
+            for path in self.paths.iter().filter(|_| count > 0) {
                 let both = || -> Result<_, ProbeError> {
                     let executor = executor::of(*path)?;
                     let old = Caller::new(executor, Cow::Borrowed(before), &held[0], count)?;
@@ -378,7 +419,8 @@ impl Request {
                 };
                 let (old, new) = both().map_err(|error| error.to_string())?;
                 let mut tried = (count, Cow::Borrowed(&*rows));
-                let change = match changed(&old, &new, &arguments, &rows, count) {
+                let inputs = (&*rows, count, simpler);
+                let change = match changed(&old, &new, &arguments, inputs) {
                     // A loop that counts to a large number ends, but not here. One that ended before the edit is
                     // another thing.
                     Err(ProbeError::Rounds { .. }) => {
@@ -388,7 +430,7 @@ impl Request {
                         let few = arguments.few(&rows);
                         tried = (few.len() / (rows.len() / count).max(1), Cow::Owned(few));
                         ran.cut += count - tried.0;
-                        changed(&old, &new, &arguments, &tried.1, tried.0)
+                        changed(&old, &new, &arguments, (&tried.1, tried.0, simpler))
                     }
                     other => other,
                 };
@@ -410,6 +452,13 @@ impl Request {
         let each = cases / self.paths.len().max(1);
         if each == 0 {
             return Err("each of its inputs makes a loop count too far".to_owned());
+        }
+        if paths.is_empty() && each < LEAST && left_out > 0 {
+            let inputs = counted(each, "input");
+            return Err(format!(
+                "not looked at whole: {inputs} of {} give the same results, and more is too much work",
+                each + left_out
+            ));
         }
         paths.iter_mut().for_each(|path| path.cases.1 = each);
         Ok(match paths.is_empty() {
@@ -604,13 +653,58 @@ impl PathChange {
     }
 }
 
+/// Inputs that fit into the work of a function over one content of its resources.
+struct Bounded {
+    count: usize,
+    rows: Vec<u32>,
+    /// How many more there may be to make one simpler.
+    simpler: usize,
+}
+
+/// Bounds the work of a function: by what a few inputs evaluate, so that the same are left out on every machine. Where a loop
+/// counts too far for those before the edit, the inputs with small numbers remain; if it does so for those as well, none.
+fn bounded(
+    sides: [&Probed; 2],
+    held: &[Fixtures; 2],
+    arguments: &Arguments,
+    (count, rows): (usize, &[u32]),
+) -> Bounded {
+    let sample = |count: usize, rows: &[u32]| {
+        let each = count.div_ceil(SAMPLE).max(1);
+        arguments.select(rows, count, |at| at % each == 0)
+    };
+    let mut own = (count, Cow::Borrowed(rows));
+    for _ in 0..2 {
+        let (some, few) = sample(own.0, &own.1);
+        let cost = |side: usize| evaluations(sides[side], &held[side], (some, &few));
+        match [cost(0), cost(1)] {
+            [Ok(Some(before)), Ok(Some(after))] => {
+                let fit = usize::try_from(WORK / before.max(after).max(1)).unwrap_or(usize::MAX);
+                let each = own.0.div_ceil(fit.max(SAMPLE)).max(1);
+                let (count, rows) = arguments.select(&own.1, own.0, |at| at % each == 0);
+                return Bounded { count, rows, simpler: fit };
+            }
+            // After the edit it may not end, which these show.
+            [Ok(Some(_)), Ok(None)] => {
+                return Bounded { count: some, rows: few, simpler: 0 };
+            }
+            [Ok(None), _] => {
+                let few = arguments.few(&own.1);
+                own = (few.len().checked_div(arguments.width()).unwrap_or(0), Cow::Owned(few));
+            }
+            // Other paths may run what the engine doesn't.
+            _ => return Bounded { count: own.0, rows: own.1.into_owned(), simpler: usize::MAX },
+        }
+    }
+    Bounded { count: 0, rows: Vec::new(), simpler: 0 }
+}
+
 /// How results differ on a path; `None` if they don't.
 fn changed(
     old: &Caller<'_>,
     new: &Caller<'_>,
     drawn: &Arguments,
-    rows: &[u32],
-    count: usize,
+    (rows, count, simpler): (&[u32], usize, usize),
 ) -> Result<Option<PathChange>, ProbeError> {
     let function = &new.probed.function;
     let scalars = function.result.lanes();
@@ -639,12 +733,14 @@ fn changed(
         }
     }
     let mut row = rows[first * width..][..width].to_vec();
+    let mut left = simpler;
     for _ in 0..ROUNDS {
         let simpler = drawn.domain.shrink(&row);
         let all = simpler.concat();
-        if simpler.is_empty() || width == 0 {
+        if simpler.is_empty() || width == 0 || simpler.len() > left {
             break;
         }
+        left -= simpler.len();
         let (was, is) = (old.results(&all, simpler.len())?, new.results(&all, simpler.len())?);
         let mut pairs = was.chunks_exact(scalars.len()).zip(is.chunks_exact(scalars.len()));
         let as_far =
@@ -1052,6 +1148,64 @@ mod tests {
         let all = changes(before, &before.replace("1u", "2u"));
         let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
+    }
+
+    /// Loops in each other cost more than a function gets: fewer inputs run, evenly drawn, and what is left out is counted.
+    #[test]
+    fn the_work_of_a_function_is_bounded() {
+        let text = |rounds: &str, step: &str| {
+            format!(
+                "fn f(x: f32) -> f32 {{
+                    var sum = 0.0;
+                    for (var i = 0u; i < {rounds}; i++) {{ for (var j = 0u; j < 64u; j++) {{ sum += {step}; }} }}
+                    return sum;
+                }}"
+            )
+        };
+        // As many rounds before and behind the edit.
+        let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
+        assert!(
+            matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
+            "{one:?}"
+        );
+        let Change::Same { cases } = one.change else { unreachable!() };
+        assert_eq!(cases + one.cut, CASES);
+        let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
+        let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
+        assert_eq!(paths[0].cases.1 + changed.cut, CASES);
+        // What is short runs whole.
+        let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
+        assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
+        // So few inputs are no verdict, but a change among them is one.
+        let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
+        let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+        assert!(reason.starts_with("not looked at whole: 1"), "{reason}");
+        let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
+        assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
+        // A loop that doesn't end after the edit is told as before.
+        let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
+        let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
+        assert_eq!(reason, "after the edit a loop of it doesn't end");
+    }
+
+    #[test]
+    fn each_verdict_is_told_once_with_its_count() {
+        let text: String =
+            (0..9).map(|n| format!("fn f{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
+        let [before, after] =
+            [text.clone(), text.replace("3.5", "3.25")].map(|text| Package::from_source("p", text));
+        let told = Mutex::new(Vec::new());
+        let all = Request::new(before, after)
+            .run_with(&|one, done, of| {
+                told.lock().expect("whole").push((one.function.clone(), done, of));
+            })
+            .expect("they read");
+        let mut told = told.into_inner().expect("whole");
+        let counts: Vec<_> = told.iter().map(|(_, done, of)| (*done, *of)).collect();
+        assert_eq!(counts, (1..=9).map(|done| (done, 9)).collect::<Vec<_>>());
+        told.sort();
+        let names: Vec<&String> = told.iter().map(|(name, ..)| name).collect();
+        assert_eq!(names, all.iter().map(|one| &one.function).collect::<Vec<_>>());
     }
 
     #[test]

@@ -157,7 +157,8 @@ pub(crate) fn dispatch(
         let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
         expect_able(executor, &pass.name, &pass.program, &bindings)?;
     }
-    executor.dispatch(passes)
+    let names: Vec<&str> = passes.entry_points().collect();
+    path::caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
 }
 
 /// Draws on an executor that has what the frame needs.
@@ -167,7 +168,10 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
     let needs = drawing.program().abilities(&drawing.all_bindings());
     match needs.into_iter().find(|ability| !executor.can(*ability)) {
-        None => executor.draw(drawing),
+        None => {
+            let (names, span) = drawing.entry_points();
+            path::caught(executor.path(), &names, span.as_ref(), || executor.draw(drawing))
+        }
         Some(ability) => {
             let (path, message) = (executor.path(), format!("it needs {ability}"));
             Err(PathError::Route { path, message }.into())

@@ -30,13 +30,15 @@ use serde::Serialize;
 use crate::check::arguments;
 use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
-use crate::interpret::Interpreted;
+use crate::fixture::Fixtures;
 pub use crate::interpret::hazards::Kind;
 use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, Missing};
+use crate::interpret::{Interpreted, evaluations};
 use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
+use crate::panics;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Idiom, Program, ReflectError};
 use crate::value::format_f32;
@@ -120,6 +122,19 @@ pub struct Hazard {
     pub violation: Option<Violation>,
 }
 
+/// A function that was looked at, while others are still.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'p> {
+    /// Its name.
+    pub function: &'p str,
+    /// Hazards in it, of which the functions that call it may lower some.
+    pub found: usize,
+    /// Functions that are done.
+    pub done: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
 /// What was found in a package.
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
@@ -150,7 +165,7 @@ pub struct Hazards {
 /// Parts of functions that weren't looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
-    /// Inputs that make a loop count to more than some thousands.
+    /// Inputs that are too much work: loops that count to more than some thousands, or many operations.
     pub inputs: usize,
     /// Functions that have such inputs.
     pub functions: usize,
@@ -242,16 +257,16 @@ impl Request {
     /// # Errors
     /// If the package can't be read, no function can be looked at, or a declaration isn't true.
     pub fn run(&self) -> Result<Hazards, HazardError> {
-        self.run_with(&|_, _| {})
+        self.run_with(&|_| {})
     }
 
-    /// [`run`](Self::run), which tells how many functions are done, one more each time, and of how many.
+    /// [`run`](Self::run), which tells each function that is done, with their count and of how many.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub fn run_with(
         &self,
-        progress: &(dyn Fn(usize, usize) + Sync),
+        progress: &(dyn Fn(&Progress<'_>) + Sync),
     ) -> Result<Hazards, HazardError> {
         let declared = self.package.declared_hazards()?;
         let mut inputs = Ranges::of(&self.package)?;
@@ -283,14 +298,17 @@ impl Request {
         let each: Vec<(String, Result<Seen, String>)> = names
             .par_iter()
             .map(|item| {
-                let seen = match item.entry_point {
+                let look = || match item.entry_point {
                     Some(Stage::Compute) => passes::look(&self.package, &item.name, &inputs),
                     _ => self.look(&item.name, &inputs),
                 };
+                let seen = panics::caught(look)
+                    .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
                 // Whoever counts tells it before another one counts, so that no count is told late.
                 let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
                 *done += 1;
-                progress(*done, all);
+                let found = seen.as_ref().map_or(0, |seen| seen.hazards.len());
+                progress(&Progress { function: &item.name, found, done: *done, of: all });
                 (item.name.clone(), seen)
             })
             .collect();
@@ -443,7 +461,8 @@ impl Request {
         let (mut cases, mut first) = (0, None);
         // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
         let share = probed.program.most_rounds().map_or(1, share_of);
-        let varies = Resources::of(&probed, ranges, 0)?.varies;
+        let Resources { fixtures, varies, .. } = Resources::of(&probed, ranges, 0)?;
+        let share = share.max(share_of_work(&probed, &fixtures, &arguments, (count, &rows)));
         let variants = if varies { VARIANTS } else { 1 };
         // One function with long loops would keep one core busy while the others idle.
         let looked = (0..variants).into_par_iter().map(|variant| {
@@ -508,6 +527,24 @@ fn share_of(rounds: u64) -> usize {
     const ROUNDS: u64 = 256;
     let share = (rounds / ROUNDS).clamp(1, 16).next_power_of_two();
     usize::try_from(share).expect("it is small")
+}
+
+/// One input of so many is looked at in a function of so many operations, by what a few inputs come to.
+fn share_of_work(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    arguments: &Arguments,
+    (count, rows): (usize, &[u32]),
+) -> usize {
+    /// Operations of all inputs together: four of each arithmetic run, and all are compared.
+    const WORK: u64 = 1 << 22;
+    const SAMPLE: usize = 16;
+    let each = count.div_ceil(SAMPLE).max(1);
+    let (some, few) = arguments.select(rows, count, |at| at % each == 0);
+    // Loops that don't end are found by their rounds.
+    let Ok(Some(operations)) = evaluations(probed, fixtures, (some, &few)) else { return 1 };
+    let share = operations.saturating_mul(count as u64).div_ceil(WORK).max(1);
+    usize::try_from(share).unwrap_or(each).min(each).next_power_of_two()
 }
 
 /// The same rows for each function of one signature, on every machine.

@@ -34,18 +34,18 @@ use crate::dispatch::Pass;
 #[cfg(feature = "routes")]
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
-use crate::path::{Path, PathError, Via};
+use crate::path::{self, Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{ADAPTER, Idiom, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
-pub(crate) use coverage::{Coverage, of_outside};
+pub(crate) use coverage::{Coverage, evaluations, of_outside};
 pub use coverage::{Missed, Uncovered};
 #[cfg(feature = "routes")]
 pub(crate) use dispatch::dispatch_briefly;
-pub(crate) use dispatch::{dispatch, dispatch_rounding};
+pub(crate) use dispatch::dispatch_rounding;
 pub(crate) use order::{OrderOf, SUBGROUP, Tried, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
@@ -318,7 +318,9 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
+        path::caught(Path::CPU, &[&self.name], Some(&self.declared), || {
+            self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
+        })
     }
 
     fn error(&self, stop: &Stop) -> ProbeError {

@@ -81,7 +81,7 @@ mod run;
 mod tint;
 pub mod unstable;
 
-use karat_core::{diagnostic, expectation, lines, output, settings};
+use karat_core::{diagnostic, expectation, lines, output, panics, settings};
 
 #[doc(no_inline)]
 pub use glam;

@@ -44,6 +44,8 @@ pub(crate) use process::{JOBS, Process};
 pub(crate) use selector::Selected;
 pub use selector::Selector;
 
+use crate::diagnostic::Span;
+use crate::panics::{self, Panicked};
 use crate::settings::{self, Settings, SettingsError};
 
 /// Why a path can't be used.
@@ -162,6 +164,16 @@ pub enum PathError {
         /// Its message.
         message: String,
     },
+    /// Its translation, its driver or Karat's engine panics.
+    #[error("path `{path}` panics at {subject}: {panicked}")]
+    Panicked {
+        /// The path.
+        path: Path,
+        /// What it was given: a function or entry points, with their place.
+        subject: String,
+        /// The panic.
+        panicked: Panicked,
+    },
     /// The driver reports an error of anything else, such as memory or a lost device.
     #[error("the driver of path `{path}` reports: {message}")]
     Driver {
@@ -176,8 +188,28 @@ impl PathError {
     /// True if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors of a
     /// driver that has taken the shader don't count.
     pub(crate) fn is_refusal(&self) -> bool {
-        matches!(self, Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. })
+        match self {
+            Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
+            // Of a route's translation it is `Route`.
+            Self::Panicked { panicked, .. } => panicked.language().is_some(),
+            _ => false,
+        }
     }
+}
+
+/// Has a path do its part, which may panic: then that is the path's error, and other paths have their verdicts.
+pub(crate) fn caught<T, E: From<PathError>>(
+    path: Path,
+    names: &[&str],
+    span: Option<&Span>,
+    work: impl FnOnce() -> Result<T, E>,
+) -> Result<T, E> {
+    panics::caught(work).unwrap_or_else(|panicked| {
+        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let place = span.map_or_else(String::new, |span| format!(" ({span})"));
+        let subject = format!("{}{place}", names.join(", "));
+        Err(PathError::Panicked { path, subject, panicked }.into())
+    })
 }
 
 fn guess(nearest: Option<&str>) -> String {
@@ -246,7 +278,12 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     // A path that is open stays open as long as the process.
     let opened = once.get_or_init(|| match path.api() {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
-        _ => Ok(Opened::Device(Box::leak(Box::new(Device::open(path)?)))),
+        _ => {
+            let subject = "its opening".to_owned();
+            let device = panics::caught(|| Device::open(path))
+                .unwrap_or_else(|panicked| Err(PathError::Panicked { path, subject, panicked }));
+            Ok(Opened::Device(Box::leak(Box::new(device?))))
+        }
     });
     // A program that its author mends is tried again.
     if opened.is_err() && path.api() == Api::Process {

@@ -30,6 +30,11 @@ pub mod dispatch {
     pub use crate::dispatch::*;
 }
 
+/// Programs that are asked something, and the time that they have.
+pub mod process {
+    pub use karat_core::lines::{LOOK_UP, output};
+}
+
 /// Domains that are put together at run time, and their values as words.
 pub mod domain {
     pub use karat_core::domain::{

@@ -49,7 +49,7 @@ const LARGE: [&str; 11] = [
 ];
 
 /// Rows of the table that are the crate `karat-core`.
-const CORE: usize = 11;
+const CORE: usize = 12;
 
 /// Dependencies of the library: what a user's tests compile.
 const MOST_DEPENDENCIES: usize = 25;

@@ -633,7 +633,8 @@ fn progress_never_goes_backwards() {
         (0..12).map(|at| format!("fn f{at}(x: f32) -> f32 {{ return x; }}\n")).collect();
     let told = std::sync::Mutex::new(Vec::new());
     let package = Package::from_source("many", &text);
-    let ran = package.hazards().run_with(&|done, of| {
+    let ran = package.hazards().run_with(&|at| {
+        let (done, of) = (at.done, at.of);
         if done % 3 == 1 {
             std::thread::sleep(std::time::Duration::from_millis(50));
         }
@@ -1313,4 +1314,42 @@ fn exact_differences_lose_no_digits() {
             assert!(!loses(&text, range.clone()), "{expression} over {range:?}");
         }
     }
+}
+
+/// A function that comes to many operations gets fewer inputs, evenly drawn, and says how many weren't looked at.
+#[test]
+fn the_work_of_a_function_is_bounded() {
+    let text = |lines: usize| {
+        let line = "    y = y * 1.5 + x; y = sin(y) - x;\n".repeat(lines);
+        format!("fn f(x: f32) -> f32 {{\n    var y = 1.0 / x;\n{line}    return y;\n}}\n")
+    };
+    let look = |text: String| Package::from_source("m", text).hazards().run().expect("it is valid");
+    let short = look(text(10));
+    assert_eq!(short.unseen.inputs, 0, "{short}");
+    for lines in [2000, 4000] {
+        let long = look(text(lines));
+        assert!((1..1024).contains(&long.unseen.inputs), "{}", long.unseen.inputs);
+        assert_eq!(long.unseen.functions, 1);
+        let mut all = long.found.iter().chain(&long.lowered);
+        let zero = all.find(|one| one.text == "1.0 / x");
+        let zero = zero.unwrap_or_else(|| panic!("inputs at edges remain: {long}"));
+        assert_eq!(zero.cases.1 + long.unseen.inputs, 1024);
+    }
+}
+
+#[test]
+fn each_function_is_told_as_it_is_done() {
+    let text = "fn a(x: f32) -> f32 { return 1.0 / x; }\nfn b(x: f32) -> f32 { return x; }\n\
+                fn c(x: f32) -> f32 { return log(x); }\n";
+    let told = std::sync::Mutex::new(Vec::new());
+    let package = Package::from_source("m", text);
+    let hazards = package.hazards().run_with(&|at| {
+        told.lock().expect("whole").push((at.done, at.of, at.function.to_owned(), at.found > 0));
+    });
+    assert!(hazards.is_ok());
+    let mut told = told.into_inner().expect("whole");
+    assert_eq!(told.iter().map(|one| (one.0, one.1)).collect::<Vec<_>>(), [(1, 3), (2, 3), (3, 3)]);
+    told.sort_by(|one, other| one.2.cmp(&other.2));
+    let found: Vec<(&str, bool)> = told.iter().map(|one| (&*one.2, one.3)).collect();
+    assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }

@@ -49,6 +49,10 @@ enum Fault {
     Refuses,
     /// Its driver loses the device.
     Lost,
+    /// Its compiler panics.
+    Panics,
+    /// It panics while it runs what was compiled.
+    PanicsLate,
 }
 
 /// The functions above, on the host.
@@ -93,6 +97,7 @@ impl Executor for Fake {
         match self.fault {
             Fault::Refuses => return Err(self.refusal().into()),
             Fault::Lost => return Err(self.lost().into()),
+            Fault::Panics => panic!("planted"),
             _ => {}
         }
         let function = call.probed.function();
@@ -111,6 +116,7 @@ impl Executor for Fake {
             Fault::Stops => return Ok(Image::new(1, 1, vec![[1.0; 4]])),
             Fault::Refuses => return Err(self.refusal().into()),
             Fault::Lost => return Err(self.lost().into()),
+            Fault::Panics | Fault::PanicsLate => panic!("planted"),
         };
         let pixels = vec![[gray, gray, gray, 1.0]; (width * height) as usize];
         Ok(Image::new(width, height, pixels))
@@ -123,6 +129,7 @@ impl Executor for Fake {
             Fault::Stops => Err(DispatchError::Empty),
             Fault::Refuses => Err(self.refusal().into()),
             Fault::Lost => Err(self.lost().into()),
+            Fault::Panics | Fault::PanicsLate => panic!("{}", "planted"),
         }
     }
 }
@@ -136,6 +143,9 @@ impl Prepared for Ready {
         if self.fault == Fault::Stops {
             let (path, expected, found) = (self.path, cases, 0);
             return Err(ProbeError::Length { path, expected, found });
+        }
+        if self.fault == Fault::PanicsLate {
+            return Ok(Box::new(|_| panic!("planted")));
         }
         let (wrong, nan) = (self.fault == Fault::Values, self.fault == Fault::Nan);
         let off = |good: f32, bad: f32| match () {
@@ -502,4 +512,52 @@ fn failures_of_paths_are_data() {
     };
     assert!(matches!(&*paths.failures, [ComputeError::Differs(_)]));
     assert_eq!(paths.agreeing.len(), 0);
+}
+
+/// A compiler or a driver that panics is that path's failure, at what it was given, from every verb.
+#[test]
+fn a_path_that_panics_leaves_the_others_their_verdict() {
+    for (verb, run) in VERBS {
+        for fault in [Fault::Panics, Fault::PanicsLate] {
+            for (first, second) in [(fault, Fault::None), (Fault::None, fault)] {
+                let error = run(&two(first, second)).expect_err(verb);
+                let panics = if first == fault { "one" } else { "two" };
+                let told = format!("path `vulkan@{panics}` panics at `");
+                assert!(error.contains(&told), "{verb} {fault:?}: {error}");
+                assert!(error.contains("planted (panicked at "), "{verb} {fault:?}: {error}");
+                assert!(error.contains("it agrees"), "{verb} {fault:?}: {error}");
+            }
+            let error = run(&two(fault, Fault::Values)).expect_err(verb);
+            assert!(error.contains("path `vulkan@one` panics at `"), "{verb} {fault:?}: {error}");
+        }
+    }
+    // It was no refusal, and no value.
+    for declaration in [Declared::Fails, Declared::Refused] {
+        for found in declared(&two(Fault::Panics, Fault::Panics), declaration) {
+            let error = found.expect_err("nobody declares a panic");
+            assert!(error.contains("panics at") && !error.contains("bug 1"), "{error}");
+        }
+    }
+}
+
+/// A reference that panics fails its test, with its own message.
+#[test]
+fn a_reference_that_panics_is_no_path_s_failure() {
+    let (fakes, package) = (two(Fault::None, Fault::None), package());
+    for case in 0..3 {
+        let ran = std::panic::catch_unwind(|| {
+            let probe = package.function("twice").on(&fakes[0]).on(&fakes[1]);
+            let check = probe.over(0.0..=1.0).cases(256).unrecorded();
+            match case {
+                0 => {
+                    check.try_agrees_with(|_: f64| -> f64 { panic!("of the reference") }, Ulp(0.0))
+                }
+                1 => check.try_satisfies("holds", |_, _: f32| panic!("of the reference")),
+                _ => check
+                    .try_invariant_under(|_: f32| -> f32 { panic!("of the reference") }, Ulp(0.0)),
+            }
+        });
+        let payload = ran.expect_err("it panics");
+        assert_eq!(payload.downcast_ref::<&str>(), Some(&"of the reference"), "{case}");
+    }
 }

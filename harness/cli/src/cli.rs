@@ -313,6 +313,15 @@ impl PlaceArgs {
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
+
+    /// Says which tests aren't run, unless a package is named.
+    fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let package = self.package();
+        match package.package.is_none() && package.krate.is_none() {
+            true => search::write_outside(None, out),
+            false => Ok(()),
+        }
+    }
 }
 
 /// Where the shaders are.

@@ -12,6 +12,8 @@ pub mod image;
 pub mod lines;
 pub mod metric;
 pub mod output;
+#[doc(hidden)]
+pub mod panics;
 pub mod settings;
 pub mod stats;
 pub mod tolerance;

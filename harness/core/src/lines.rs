@@ -1,7 +1,7 @@
-//! A process that answers message by message, and ends with its owner.
+//! A process that answers message by message, and ends with its owner; and one that is asked once.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Output, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -12,6 +12,8 @@ const LAST_WORDS: usize = 2 << 10;
 const MOST_UNREAD: usize = 256;
 /// How often a process is asked whether it has ended.
 const POLL: Duration = Duration::from_millis(50);
+/// How long a program that looks something up may take: git, or a compiler that is asked for its name. They take some 30 ms.
+pub const LOOK_UP: Duration = Duration::from_secs(60);
 /// How long a process may take to end when nothing more is asked.
 const LINGER: Duration = Duration::from_secs(1);
 
@@ -34,6 +36,49 @@ pub enum Answers {
     Stdout,
     /// Dawn logs on stdout, so its answers come on stderr.
     Stderr,
+}
+
+/// What a program without input prints, and how it ended: for what ends soon. It has so long, and of each stream one byte more
+/// than so many is read.
+///
+/// # Errors
+/// If it doesn't start, or doesn't end in time.
+pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Output, Broken> {
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
+    let out = all_of(child.stdout.take().expect("it is piped"), most);
+    let err = all_of(child.stderr.take().expect("it is piped"), most);
+    let began = Instant::now();
+    // Whoever still writes, the program or one that it has started, has until then.
+    let left = || patience.saturating_sub(began.elapsed());
+    let said = (|| {
+        let (stdout, stderr) = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
+        loop {
+            match child.try_wait() {
+                Ok(Some(status)) => return Some(Output { status, stdout, stderr }),
+                Ok(None) if !left().is_zero() => std::thread::sleep(POLL / 10),
+                _ => return None,
+            }
+        }
+    })();
+    said.ok_or_else(|| {
+        drop(child.kill());
+        drop(child.wait());
+        Broken::Hung(patience.as_secs())
+    })
+}
+
+/// Reads a stream beside others. One byte more than is allowed tells that there is too much; then
+/// nobody reads on, and who writes is ended.
+fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        // What was read before an error is what was said.
+        drop(stream.take(most.saturating_add(1)).read_to_end(&mut bytes));
+        drop(sender.send(bytes));
+    });
+    receiver
 }
 
 /// Messages to a process by its stdin, and from it.
@@ -186,5 +231,30 @@ fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
         kept.extend_from_slice(&part[..count]);
         let excess = kept.len().saturating_sub(LAST_WORDS);
         kept.drain(..excess);
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn said(script: &str, patience: Duration, most: u64) -> Result<Output, Broken> {
+        output(Command::new("sh").args(["-c", script]), patience, most)
+    }
+
+    #[test]
+    fn what_is_asked_once_has_a_deadline() {
+        let (short, long) = (Duration::from_millis(300), Duration::from_secs(20));
+        let good = said("echo a; echo b >&2; exit 3", long, 100).expect("it ends");
+        assert_eq!((good.stdout, good.stderr), (b"a\n".to_vec(), b"b\n".to_vec()));
+        assert_eq!(good.status.code(), Some(3));
+        assert_eq!(said("exec sleep 600", short, 100).expect_err("it hangs"), Broken::Hung(0));
+        // One that it has started holds its output.
+        assert_eq!(said("sleep 5 & echo a", short, 100).expect_err("one hangs"), Broken::Hung(0));
+        assert!(said("exec cat", long, 100).expect("it has no input").stdout.is_empty());
+        let much = said("echo 0123456789", long, 4).expect("it ends");
+        assert_eq!(much.stdout.len(), 5, "one byte more than is allowed");
+        let none = output(&mut Command::new("/no/such/program"), long, 100);
+        assert!(matches!(none, Err(Broken::Start(_))));
     }
 }

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use karat_core::panics;
+
 /// The next task; `None` when all are taken.
 pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
@@ -16,8 +18,9 @@ pub(crate) fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
     if helpers == 0 {
         return worker(&next);
     }
+    let caught = panics::are_caught();
     rayon::in_place_scope(|scope| {
-        (0..helpers).for_each(|_| scope.spawn(|_| worker(&next)));
+        (0..helpers).for_each(|_| scope.spawn(|_| panics::helping(caught, || worker(&next))));
         worker(&next);
     });
 }

@@ -1,7 +1,9 @@
 //! What git knows. Nothing is changed.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
+
+use karat::unstable::process;
 
 /// A path that is no pattern, whatever its characters.
 pub(super) fn literal(path: &str) -> String {
@@ -23,7 +25,7 @@ pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     for name in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
         command.env_remove(name);
     }
-    let ran = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    let ran = process::output(&mut command, process::LOOK_UP, u64::MAX).ok()?;
     ran.status.success().then_some(ran.stdout)
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::request::{Draw, Geometry};
 use super::{Blend, DrawError, Format};
-use crate::diagnostic::{FileRead, text_hash};
+use crate::diagnostic::{FileRead, Span, text_hash};
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::image::Image;
 use crate::output::counted;
@@ -258,6 +258,16 @@ impl Drawing<'_> {
     #[must_use]
     pub fn module(&self) -> &str {
         &self.scene.module
+    }
+
+    /// The entry points of its draws, and the place of the last one.
+    pub(crate) fn entry_points(&self) -> (Vec<&str>, Option<Span>) {
+        let all = self.scene.draws.iter().flat_map(|draw| {
+            [&draw.vertex, &draw.fragment, &draw.depth_fragment].into_iter().flatten()
+        });
+        let names: Vec<&str> = all.map(String::as_str).collect();
+        let span = names.last().and_then(|name| self.program.entry_point_span(name));
+        (names, span)
     }
 
     /// The program that the draws run.

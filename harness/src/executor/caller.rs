@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use super::{Executor, left_open};
 use crate::fixture::Fixtures;
-use crate::path::Path;
+use crate::panics;
+use crate::path::{self, Path};
 use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 
@@ -58,8 +59,15 @@ impl<'e> Caller<'e> {
         let path = executor.path();
         let Function { name, bindings, .. } = &probed.function;
         super::expect_able(executor, name, &probed.program, bindings)?;
-        let prepared = executor.prepare(&Call { probed: &probed, fixtures, cases: calls })?;
-        if prepared.capacity() == 0 {
+        let call = Call { probed: &probed, fixtures, cases: calls };
+        let function = &probed.function;
+        let (prepared, capacity) =
+            path::caught(path, &[&function.name], Some(&function.span), || {
+                let prepared = executor.prepare(&call)?;
+                let capacity = prepared.capacity();
+                Ok::<_, ProbeError>((prepared, capacity))
+            })?;
+        if capacity == 0 {
             let function = probed.function.name.clone();
             return Err(ProbeError::NoRoom { function, path });
         }
@@ -81,8 +89,13 @@ impl<'e> Caller<'e> {
 
     /// Starts the calls of a dispatch, whose arguments follow one another in `rows`.
     pub(crate) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
-        let started = self.prepared.start(calls, rows)?;
+        let started = self.caught(|| self.prepared.start(calls, rows))?;
         Ok(Running { caller: self, started, calls, rows: rows.to_vec() })
+    }
+
+    fn caught<T>(&self, work: impl FnOnce() -> Result<T, ProbeError>) -> Result<T, ProbeError> {
+        let Function { name, span, .. } = &self.probed.function;
+        path::caught(self.path, &[name], Some(span), work)
     }
 
     /// The results of any number of calls, one after the other.
@@ -112,15 +125,18 @@ impl Running<'_> {
         let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
-                true => Ok(read(View { words, stride, width })),
+                // Its reader is a caller's, who may panic as well.
+                true => Ok(panics::passing(|| read(View { words, stride, width }))),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
         };
-        if let Err(error) = started(&mut view) {
+        caller.caught(|| {
+            let Err(error) = started(&mut view) else { return Ok(()) };
             let of = (&*caller.probed, caller.fixtures);
             let partial = left_open(of, (calls, &rows), error)?;
             view(&partial.words, partial.stride);
-        }
+            Ok(())
+        })?;
         value.unwrap_or(Err(ProbeError::Length { path, expected: calls * width, found: 0 }))
     }
 

@@ -9,6 +9,7 @@ use super::table::TableError;
 use super::{Goldens, Pending, Profile, Provenance, ProvenanceError};
 use crate::diagnostic::shown;
 use crate::image::{ImageError, Staged};
+use crate::lines;
 use crate::output::visible;
 
 /// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
@@ -412,7 +413,8 @@ fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
 
 /// Who accepts: the name that Git signs commits with, or the login name.
 fn person() -> String {
-    let git = std::process::Command::new("git").args(["config", "user.name"]).output();
+    let mut git = std::process::Command::new("git");
+    let git = lines::output(git.args(["config", "user.name"]), lines::LOOK_UP, u64::MAX);
     let name = git.ok().map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
     name.filter(|name| !name.is_empty())
         .or_else(|| std::env::var("USER").or_else(|_| std::env::var("USERNAME")).ok())

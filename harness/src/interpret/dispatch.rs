@@ -7,25 +7,21 @@ use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 use super::supply::{self, after};
 use super::{lowering, refused, stopped};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
-use crate::path::{Path, Via};
+use crate::path::{self, Path, Via};
 use crate::settings;
 
 /// Invocations of a workgroup: the engine refuses more.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes, and returns what they write.
-pub(crate) fn dispatch(passes: &Passes) -> Result<Afterwards, DispatchError> {
-    dispatched(passes, &|_| options())
-}
-
-/// The same of passes whose loops go round less than some ten thousand times together: those take a moment.
+/// Dispatches passes whose loops go round less than some ten thousand times together, which takes a moment, and
+/// returns what they write.
 #[cfg(feature = "routes")]
 pub(crate) fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// The same in an arithmetic of the path `cpu`.
+/// Dispatches passes in an arithmetic of the path `cpu`, and returns what they write.
 pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
@@ -105,8 +101,11 @@ impl<'p> Prepared<'p> {
                 let from = [0, *number as u32];
                 resources.take_from(&held, from, [binding.group, binding.binding]);
             }
-            let goes_on = run(pass, lowered, &mut resources)
-                .map_err(|stop| stopped(&pass.program, &pass.name, &stop))?;
+            let span = pass.span();
+            let goes_on = path::caught(Path::CPU, &[&pass.name], span.as_ref(), || {
+                run(pass, lowered, &mut resources)
+                    .map_err(|stop| DispatchError::from(stopped(&pass.program, &pass.name, &stop)))
+            })?;
             for (binding, number) in &pass.bindings {
                 let to = [0, *number as u32];
                 held.take_from(&resources, [binding.group, binding.binding], to);

@@ -5,11 +5,11 @@ use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{F32, Faulty, Lanes, Observer, Options};
 
-use super::dispatch::{in_order, options};
+use super::dispatch::{Prepared, options};
 use super::hazards::{Found, Kind, Missing, kind_of};
 use super::sanitizer::made_up_options;
-use super::{author_of, dispatch, idiom_of, invocation};
-use crate::dispatch::{DispatchError, Pass, Passes};
+use super::{author_of, idiom_of, invocation};
+use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
@@ -80,9 +80,9 @@ pub(crate) fn hazards_made_up(passes: &Passes) -> Result<Vec<FoundInPass>, Dispa
 }
 
 fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, DispatchError> {
-    let finite = leaves_finite(passes)?;
     let mut all = Vec::new();
-    in_order(passes, &mut |pass: &Pass, lowered, resources| {
+    let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
+    let held = prepared.run(&mut |pass: &Pass, lowered, resources| {
         let faults = Faults::default();
         lowered.dispatch::<F32>(pass.workgroups, resources, options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
@@ -99,10 +99,9 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
             else {
                 continue;
             };
-            // The operations behind a NaN aren't kept here, and one of them may depend on it.
-            let hidden = finite && kind == Kind::Infinite;
             let idiom = site.and_then(|site| idiom_of(&pass.program, site));
-            let (operands, values, of_given_size) = (fault.operands, None, false);
+            let (operands, values) = (fault.operands, None);
+            let (hidden, of_given_size) = (false, false);
             let missing = fault.missing.map(|(other, parted)| Missing {
                 reached: invocation(pass, size, fault.case),
                 missing: invocation(pass, size, other),
@@ -117,13 +116,18 @@ fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, 
         }
         Ok(true)
     })?;
+    // The operations behind a NaN aren't kept here, and one of them may depend on it.
+    if are_finite(passes, prepared.left(&held))? {
+        let infinite = all.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
+        infinite.for_each(|one| one.found.hidden = true);
+    }
     Ok(all)
 }
 
 /// True if each float that passes leave is finite.
-fn leaves_finite(passes: &Passes) -> Result<bool, DispatchError> {
+fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> {
     let mut finite = true;
-    for (number, words) in dispatch(passes)? {
+    for (number, words) in left {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).unwrap_or_default();
         let mut scalars = shape.lanes();

@@ -3,11 +3,8 @@
 //! and limits the package is for.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read;
 use std::path::{Component, Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output};
 
 use serde::Deserialize;
 
@@ -19,6 +16,7 @@ use super::values::{self, Values};
 use super::workspace::{self, Kind};
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
+use crate::lines::{self, Broken};
 use crate::settings;
 
 /// The file's name.
@@ -294,9 +292,6 @@ impl Declared {
 /// What a program may print of one module: far more than any has.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// How often a program is looked after.
-const POLL: Duration = Duration::from_millis(10);
-
 /// Texts of `karat.toml`, and what the package that was asked for last has by each.
 impl Kind for Manifest {
     type Key = String;
@@ -549,31 +544,15 @@ impl Manifest {
 /// What a program prints, unless it fails, prints too much or doesn't end: then why.
 fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let deadline = settings::current().map_err(|error| error.to_string())?.deadline;
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let shown = format!("{command:?}");
-    let mut child =
-        command.spawn().map_err(|reason| format!("it doesn't run: {reason} ({shown})"))?;
-    let out = read(child.stdout.take().expect("it is piped"));
-    let err = read(child.stderr.take().expect("it is piped"));
-    let began = Instant::now();
-    // Whoever still writes, the program or one that it has started, has until the deadline.
-    let left = || deadline.saturating_sub(began.elapsed());
-    let said = (|| {
-        let said = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
-        loop {
-            match child.try_wait() {
-                Ok(Some(status)) => return Some((said.0, said.1, status)),
-                Ok(None) if !left().is_zero() => std::thread::sleep(POLL),
-                _ => return None,
+    let Output { status, stdout: out, stderr: err } =
+        lines::output(&mut command, deadline, MOST_BYTES).map_err(|broken| match broken {
+            Broken::Start(reason) => format!("it doesn't run: {reason} ({shown})"),
+            _ => {
+                let seconds = deadline.as_secs_f64();
+                format!("it didn't end within {seconds} s (KARAT_TIMEOUT): {shown}")
             }
-        }
-    })();
-    let Some((out, err, status)) = said else {
-        drop(child.kill());
-        drop(child.wait());
-        let seconds = deadline.as_secs_f64();
-        return Err(format!("it didn't end within {seconds} s (KARAT_TIMEOUT): {shown}"));
-    };
+        })?;
     if out.len() as u64 > MOST_BYTES {
         return Err(format!("it prints more than {} MiB: {shown}", MOST_BYTES >> 20));
     }
@@ -582,17 +561,4 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
         return Err(format!("{status}: {shown}\n{}", said.trim_end()).trim_end().to_owned());
     }
     Ok(out)
-}
-
-/// Reads a stream beside others. One byte more than is allowed tells that there is too much; then
-/// nobody reads on, and who writes is ended.
-fn read(stream: impl Read + Send + 'static) -> Receiver<Vec<u8>> {
-    let (sender, receiver) = channel();
-    std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        // What was read before an error is what was said.
-        drop(stream.take(MOST_BYTES + 1).read_to_end(&mut bytes));
-        drop(sender.send(bytes));
-    });
-    receiver
 }

@@ -67,8 +67,12 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
         }
         (None, _) => {}
     }
-    if let Some(program) = in_path("tint").find(|program| program::is_tint(program)) {
-        return Ok(Kind::Program(program));
+    for program in in_path("tint") {
+        match program::is_tint(&program) {
+            Ok(true) => return Ok(Kind::Program(program)),
+            Ok(false) => {}
+            Err(hung) => other = hung,
+        }
     }
     match browser() {
         Some(program) if needed => Ok(Kind::Browser(program)),
@@ -99,7 +103,9 @@ fn of_named(named: &Path) -> Result<Kind, String> {
     let stem = named.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     Ok(match stem.contains("chrom") || stem.contains("edge") {
         true => Kind::Browser(named.to_owned()),
-        false if program::is_tint(named) => Kind::Program(named.to_owned()),
+        false if program::is_tint(named).map_err(|hung| format!("KARAT_TINT={at}: {hung}"))? => {
+            Kind::Program(named.to_owned())
+        }
         false => return Err(format!("KARAT_TINT={at} is another program than Tint")),
     })
 }

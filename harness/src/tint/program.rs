@@ -11,10 +11,12 @@ use serde::Deserialize;
 
 use super::answer::{Answer, Message, Severity};
 use super::{NoVerdict, Question};
-use crate::lines::Broken;
+use crate::lines::{self, Broken};
 
 /// How long it may take for one text. It takes some 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// What its help may be.
+const MOST_BYTES: u64 = 1 << 20;
 const POLL: Duration = Duration::from_millis(1);
 
 /// A diagnostic, as `--diagnostics-format=json` has it.
@@ -39,10 +41,14 @@ struct Place {
 }
 
 /// True of a program that is Tint: Debian has a panel for desktops of the same name.
-pub(super) fn is_tint(program: &Path) -> bool {
-    let ran = Command::new(program).arg("--help").stdin(Stdio::null()).output();
+/// An error if it doesn't end: it may be.
+pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
-    ran.is_ok_and(|ran| says(&ran.stdout) || says(&ran.stderr))
+    match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
+        Ok(ran) => Ok(says(&ran.stdout) || says(&ran.stderr)),
+        Err(hung @ Broken::Hung(_)) => Err(format!("`{} --help`: {hung}", program.display())),
+        Err(_) => Ok(false),
+    }
 }
 
 pub(super) fn ask(program: &Path, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {

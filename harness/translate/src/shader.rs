@@ -1,10 +1,8 @@
 //! A shader as naga has it.
 
-use std::cell::Cell;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Once;
 
+use karat_core::panics;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage};
 
@@ -193,11 +191,11 @@ impl Shader {
             None => None,
         };
         // What a compiler of others does to its process is a verdict on it; naga is one of them.
-        let written = quietly(|| on_deep_stack(|| write::write(self, target, entry_point)));
+        let written = panics::caught(|| on_deep_stack(|| write::write(self, target, entry_point)));
         match written {
             Ok(Ok(translation)) => Ok(translation),
             Ok(Err(message)) => Err(TranslateError::Unsupported { target, message }),
-            Err(message) => Err(TranslateError::Panicked { target, message }),
+            Err(panicked) => Err(TranslateError::Panicked { target, message: panicked.message }),
         }
     }
 }
@@ -227,31 +225,6 @@ fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     /// naga's recursion takes up to some 20 KB a level without optimisation.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
-}
-
-thread_local! {
-    /// Whether a panic of this thread is a verdict, which nobody wants to see on stderr.
-    static QUIET: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs what may panic; the message of its panic.
-pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Result<T, String> {
-    static HOOK: Once = Once::new();
-    HOOK.call_once(|| {
-        let usual = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |panic| {
-            if !QUIET.get() {
-                usual(panic);
-            }
-        }));
-    });
-    let before = QUIET.replace(true);
-    let done = catch_unwind(AssertUnwindSafe(work));
-    QUIET.set(before);
-    done.map_err(|panic| {
-        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-        text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
-    })
 }
 
 /// An error with its causes.

@@ -287,14 +287,14 @@ impl Tool {
 
     /// What naga thinks of its own translation.
     fn read_back(&self, translation: &Translation) -> Validation {
-        let read = crate::shader::quietly(|| match &translation.code {
+        let read = karat_core::panics::caught(|| match &translation.code {
             Code::Text(text) => Shader::parse(text).map_err(|error| error.to_string()),
             Code::Words(words) => Shader::from_spirv(words).map_err(|error| error.to_string()),
         });
         let verdict = match read {
             Ok(Ok(_)) => Verdict::Valid,
             Ok(Err(message)) => Verdict::Invalid(message),
-            Err(message) => Verdict::Broke(format!("panics: {message}")),
+            Err(panicked) => Verdict::Broke(format!("panics: {}", panicked.message)),
         };
         let file = format!("naga shader.{}", translation.target.extension());
         self.says(file, verdict)

@@ -43,6 +43,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (valid, opinion) = validate_found(&found, &uses, true, out)?;
     let broken = search::broken_files(found.iter().map(|one| &one.package))?;
     search::write_broken(&broken, out)?;
+    args.place.write_outside(out)?;
     let good = valid && broken.is_empty();
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");

@@ -3,14 +3,17 @@
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
+use std::sync::mpsc;
 
 use anyhow::{Context, bail, ensure};
+use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::unstable::compare::{
     Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
 };
 use karat::unstable::output::{counted, tell, visible};
+use karat::unstable::process;
 
 use super::project::Project;
 use super::search;
@@ -56,15 +59,39 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         let request = Request::new(before, after.clone());
         let request = request.only(args.only.iter().map(String::as_str));
-        let mut compared = request.cases(args.cases as usize).paths(paths.clone()).run()?;
+        let request = request.cases(args.cases as usize).paths(paths.clone());
         // Of a revision the files are elsewhere for a moment: git's name of it says more.
         let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-        for line in compared.iter_mut().flat_map(|one| &mut one.uncovered) {
-            if let Some(own) = line.place.strip_prefix(&written) {
-                line.place = format!("{}:{own}", args.before);
+        // Drawn on a terminal alone.
+        let bar = ProgressBar::new(0).with_message(after.name());
+        bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
+        let (sender, verdicts) = mpsc::channel();
+        let (first, mut wrote) = (all.len(), Ok(()));
+        let compared = std::thread::scope(|scope| {
+            let tell = move |one: &Compared, done, of| {
+                // Its reader lives as long as there are verdicts.
+                drop(sender.send((one.clone(), done, of)));
+            };
+            let comparing = scope.spawn(move || request.run_with(&tell));
+            for (mut one, done, of) in verdicts {
+                bar.set_length(of as u64);
+                bar.set_position(done as u64);
+                for line in &mut one.uncovered {
+                    if let Some(own) = line.place.strip_prefix(&written) {
+                        line.place = format!("{}:{own}", args.before);
+                    }
+                }
+                if !args.json && wrote.is_ok() {
+                    wrote = bar.suspend(|| write_one(&one, args.all, (done, of), out));
+                }
+                all.push(one);
             }
-        }
-        all.extend(compared);
+            comparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        });
+        bar.finish_and_clear();
+        compared?;
+        wrote?;
+        all[first..].sort_by(|a, b| a.function.cmp(&b.function));
     }
     let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
     ensure!(
@@ -75,7 +102,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     ensure!(!all.is_empty(), "there is no function to compare");
     match args.json {
         true => write_json(&all, out)?,
-        false => write_text(&all, args.all, out)?,
+        false => write_sum(&all, out)?,
     }
     let broken = search::broken_files(&packages)?;
     match args.json {
@@ -102,8 +129,9 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
     };
     let git = |arguments: &[&str]| -> anyhow::Result<Vec<u8>> {
         let mut command = Command::new("git");
-        command.current_dir(&base).args(arguments).stdin(Stdio::null());
-        let output = command.output().context("git doesn't run")?;
+        command.current_dir(&base).args(arguments);
+        let output = process::output(&mut command, process::LOOK_UP, u64::MAX);
+        let output = output.context("git gives no answer")?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
             match said.trim() {
@@ -136,80 +164,93 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
     Ok(Package::open(&at)?)
 }
 
-fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+/// Prints a verdict as it comes: one of so many.
+fn write_one(
+    one: &Compared,
+    untouched: bool,
+    (done, of): (usize, usize),
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let Compared { function, location, change, interface, drawn, violations, .. } = one;
+    let count = format!("{DIM}({done} of {of}){DIM:#}");
+    match change {
+        Change::Untouched if untouched => {
+            writeln!(out, "{DIM}untouched  {function}{DIM:#}  {count}")?;
+        }
+        Change::Untouched => {}
+        Change::Same { cases } => {
+            writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}  {count}")?;
+            match one.dispatched {
+                Some([x, y, z]) => {
+                    let of = "invocations";
+                    writeln!(out, "    {DIM}{cases} words of {x} x {y} x {z} {of}{DIM:#}")?;
+                }
+                None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
+            }
+        }
+        Change::Changed { paths } => {
+            writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}  {count}")?;
+            for path in paths {
+                write_path(path, one.dispatched.is_some(), out)?;
+            }
+        }
+        Change::Signature { before, after } => {
+            writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}  {count}")?;
+            writeln!(out, "    {before}\n    {after}")?;
+        }
+        Change::Added => writeln!(out, "{DIM}added{DIM:#}      {function}  {count}")?,
+        Change::Removed => writeln!(out, "{BAD}removed{BAD:#}    {function}  {count}")?,
+        Change::Unjudged { reason } => {
+            writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}  {count}")?;
+        }
+        other => writeln!(out, "{function}: {other:?}")?,
+    }
+    for line in drawn.lines(usize::MAX) {
+        writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
+    }
+    if one.cut > 0 {
+        let left = counted(one.cut, "input");
+        writeln!(out, "    {DIM}{left} not run: they are too much work{DIM:#}")?;
+    }
+    for Uncovered { place, text, missed } in &one.uncovered {
+        let what = match missed {
+            Missed::Line => "no input came to",
+            Missed::True => "no input made it true:",
+            Missed::False => "each input made it true:",
+        };
+        writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
+    }
+    for violation in violations {
+        writeln!(out, "    {BAD}new{BAD:#}: {}", violation.headline)?;
+        for access in &violation.accesses {
+            writeln!(out, "      {}  {} {}", access.place, access.invocation, access.does)?;
+        }
+    }
+    for sentence in interface {
+        writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
+    }
+    Ok(())
+}
+
+/// Prints the last line.
+fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
     let (mut cut, mut moved, mut brought, mut uncovered) = (0, 0, 0, BTreeSet::new());
     for one in all {
-        let Compared { function, location, change, interface, drawn, violations, .. } = one;
+        match one.change {
+            Change::Untouched => quiet += 1,
+            Change::Same { .. } => same += 1,
+            Change::Changed { .. } | Change::Signature { .. } => changed += 1,
+            Change::Added => added += 1,
+            Change::Removed => removed += 1,
+            Change::Unjudged { .. } => unjudged += 1,
+            _ => {}
+        }
         cut += one.cut;
-        match change {
-            Change::Untouched => {
-                quiet += 1;
-                if untouched {
-                    writeln!(out, "{DIM}untouched  {function}{DIM:#}")?;
-                }
-            }
-            Change::Same { cases } => {
-                same += 1;
-                writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}")?;
-                match one.dispatched {
-                    Some([x, y, z]) => {
-                        let of = "invocations";
-                        writeln!(out, "    {DIM}{cases} words of {x} x {y} x {z} {of}{DIM:#}")?;
-                    }
-                    None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
-                }
-            }
-            Change::Changed { paths } => {
-                changed += 1;
-                writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}")?;
-                for path in paths {
-                    write_path(path, one.dispatched.is_some(), out)?;
-                }
-            }
-            Change::Signature { before, after } => {
-                changed += 1;
-                writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}")?;
-                writeln!(out, "    {before}\n    {after}")?;
-            }
-            Change::Added => {
-                added += 1;
-                writeln!(out, "{DIM}added{DIM:#}      {function}")?;
-            }
-            Change::Removed => {
-                removed += 1;
-                writeln!(out, "{BAD}removed{BAD:#}    {function}")?;
-            }
-            Change::Unjudged { reason } => {
-                unjudged += 1;
-                writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}")?;
-            }
-            other => writeln!(out, "{function}: {other:?}")?,
-        }
-        for line in drawn.lines(usize::MAX) {
-            writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
-        }
-        for Uncovered { place, text, missed } in &one.uncovered {
-            uncovered.insert(place);
-            let what = match missed {
-                Missed::Line => "no input came to",
-                Missed::True => "no input made it true:",
-                Missed::False => "each input made it true:",
-            };
-            writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
-        }
-        brought += violations.len();
-        for violation in violations {
-            writeln!(out, "    {BAD}new{BAD:#}: {}", violation.headline)?;
-            for access in &violation.accesses {
-                writeln!(out, "      {}  {} {}", access.place, access.invocation, access.does)?;
-            }
-        }
-        moved += usize::from(!interface.is_empty());
-        for sentence in interface {
-            writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
-        }
+        brought += one.violations.len();
+        moved += usize::from(!one.interface.is_empty());
+        uncovered.extend(one.uncovered.iter().map(|line| &line.place));
     }
     let style = match changed + removed + unjudged + moved + brought + uncovered.len() {
         0 => GOOD,
@@ -236,7 +277,7 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
         write!(out, "; inputs say nothing of {lines} of the edits")?;
     }
     if cut > 0 {
-        write!(out, "; {} not run: their loops are too long", counted(cut, "input"))?;
+        write!(out, "; {} not run: they are too much work", counted(cut, "input"))?;
     }
     writeln!(out)?;
     Ok(())

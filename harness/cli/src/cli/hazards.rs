@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::ops::RangeInclusive;
+use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::unstable::hazards::{Hazard, HazardError, Hazards, Kind, Lowered, Unseen};
 use karat::unstable::made_up::Drawn;
-use karat::unstable::output::counted;
+use karat::unstable::output::{counted, tell};
 
+use super::patience::PATIENCE;
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, terminal, write_json};
@@ -139,9 +141,18 @@ fn look(
         request.input(name, range.clone())
     };
     let request = inputs.iter().fold(request, declare).cases(args.cases as usize);
-    let found = request.run_with(&|done, of| {
-        bar.set_length(of as u64);
-        bar.set_position(done as u64);
+    let began = Instant::now();
+    let found = request.run_with(&|at| {
+        bar.set_length(at.of as u64);
+        bar.set_position(at.done as u64);
+        if at.found > 0 && began.elapsed() > PATIENCE {
+            let found = counted(at.found, "hazard");
+            let line = format!(
+                "{} of {} functions: {found} in {}, unless those that call it tell otherwise",
+                at.done, at.of, at.function
+            );
+            bar.suspend(|| tell(&line));
+        }
     });
     bar.finish_and_clear();
     Ok(found)
@@ -227,7 +238,11 @@ fn write_text(
     let Unseen { inputs, functions, in_part } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(out, ", {} of {of} not looked at: loops are too long", counted(inputs, "input"))?;
+        write!(
+            out,
+            ", {} of {of} not looked at: they are too much work",
+            counted(inputs, "input")
+        )?;
     }
     if in_part > 0 {
         write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;

@@ -97,6 +97,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "\n{error}")?;
     }
     search::write_broken(&no_tests, out)?;
+    args.place.write_outside(out)?;
     Ok(verdict)
 }
 

@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 /// How long people wait without wondering.
-const PATIENCE: Duration = Duration::from_secs(2);
+pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Does work. If it takes long, says on a terminal what is being done.
 pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {

@@ -17,13 +17,14 @@ use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::output::counted;
 use karat::unstable::package::is_of_tools;
 use karat::unstable::record::{Record, Recorded, Subject};
 use karat_suite::{Broken, Suite};
 
 use super::PackageArgs;
 use super::project::{MANIFEST, Project};
-use super::table::HEAD;
+use super::table::{HEAD, KNOWN};
 use super::test::subjects::Subjects;
 
 /// The folder of shaders beside a manifest.
@@ -203,29 +204,114 @@ fn is_empty(package: &Package) -> bool {
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();
-    let stands = declares(&shaders) && !declares(folder) && outside(folder)?.is_empty();
+    let stands = declares(&shaders) && !declares(folder) && outside(folder)?.packages.is_empty();
     Ok(if stands { shaders } else { folder.to_owned() })
 }
 
-/// The packages in a folder that lie outside of its `shaders`: files, and folders with modules.
-pub(super) fn outside(folder: &Path) -> anyhow::Result<Vec<Package>> {
-    let mut all = Vec::new();
+/// A folder's content that lies outside of its `shaders`.
+#[derive(Default)]
+struct Outside {
+    /// Files of modules, and folders with some.
+    packages: Vec<Package>,
+    /// Files that were meant to declare tests, beside no module.
+    files: Vec<PathBuf>,
+}
+
+fn outside(folder: &Path) -> anyhow::Result<Outside> {
+    let mut all = Outside::default();
     let unread = || format!("can't read `{}`", folder.display());
     for entry in std::fs::read_dir(folder).with_context(unread)? {
         let entry = entry.with_context(unread)?;
         let (path, name) = (entry.path(), entry.file_name());
-        let is_ours = name != SHADERS && !name.to_string_lossy().starts_with('.');
+        if name == SHADERS || name.to_string_lossy().starts_with('.') {
+            continue;
+        }
         let ending = path.extension().unwrap_or_default();
-        let holds = match path.is_dir() {
-            true => !path.is_symlink() && !is_of_tools(&path),
-            false => ending == "wgsl" || ending == "wesl",
-        };
-        if is_ours && holds {
-            let package = Package::open(&path)?;
-            all.extend(package.modules().is_ok().then_some(package));
+        match path.is_dir() {
+            true if path.is_symlink() || is_of_tools(&path) => {}
+            false if ending != "wgsl" && ending != "wesl" => {
+                all.files.extend(Some(path).filter(|file| karat_suite::is_meant(file)));
+            }
+            _ => {
+                let package = Package::open(&path)?;
+                match package.modules() {
+                    Ok(_) => all.packages.push(package),
+                    Err(_) => {
+                        let beside = package.files_beside().unwrap_or_default().into_iter();
+                        all.files.extend(beside.filter(|file| karat_suite::is_meant(file)));
+                    }
+                }
+            }
         }
     }
+    // A module's own tests are its package's.
+    let modules: Vec<PathBuf> = all.packages.iter().map(Package::root).collect();
+    all.files.retain(|file| {
+        let stem = file.file_name().unwrap_or_default().to_string_lossy();
+        let stem = stem.split('.').next().unwrap_or_default();
+        !modules.iter().any(|module| module.is_file() && module.file_stem() == Some(stem.as_ref()))
+    });
+    all.files.sort();
     Ok(all)
+}
+
+/// Says which tests aren't run because a folder's `shaders` alone is tested: that of the folder that is named, or of the
+/// working directory, if that is no Cargo project.
+pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow::Result<()> {
+    let folder = named.unwrap_or(Path::new("."));
+    let is_alone = match named {
+        Some(folder) => folder.is_dir() && stands_for(folder)? != *folder,
+        None => folder.join(SHADERS).is_dir(),
+    };
+    if !is_alone || folder.join("Cargo.toml").is_file() {
+        return Ok(());
+    }
+    let Outside { packages, files } = outside(folder)?;
+    let (mut beside, mut places) = (0, Vec::new());
+    for package in packages {
+        let place = shown(&package.root());
+        let suite = Suite::of(package)?;
+        let count = suite.tests.len() + suite.broken.len();
+        beside += count;
+        places.extend((count > 0).then_some(place));
+    }
+    // A folder with a karat.toml is a package by itself, and no part of another.
+    let is_package = folder.join(SHADERS).join(MANIFEST).is_file();
+    let all = "`karat test .` runs all".to_owned();
+    let some = |places: &[String]| {
+        super::test::some(&places.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    if beside > 0 {
+        let tests = counted(beside, "test");
+        let how = if is_package { format!("name them, {}", some(&places)) } else { all.clone() };
+        writeln!(out, "{KNOWN}not run: {tests} outside of `{SHADERS}`; {how}{KNOWN:#}")?;
+    }
+    if !files.is_empty() {
+        let count = counted(files.len(), "file");
+        let files: Vec<String> = files.iter().map(|file| shown(file)).collect();
+        let how = match is_package {
+            true => format!("move them into `{SHADERS}`, beside the modules that they are of"),
+            false => all,
+        };
+        writeln!(
+            out,
+            "{KNOWN}not run: {count} of tests outside of `{SHADERS}`, {}; {how}{KNOWN:#}",
+            some(&files)
+        )?;
+    }
+    Ok(())
+}
+
+/// Refuses a second folder, of which a filter would be some other test's name: `t` is in `expect_true`.
+pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Result<()> {
+    let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
+    ensure!(
+        second.is_empty(),
+        "`{second}` is a folder or file that is there, and the second word is a filter: name one folder at a time, `{}` or \
+         `{second}`",
+        folder.display()
+    );
+    Ok(())
 }
 
 /// Files of packages that were meant to declare tests, and can't be read.

@@ -117,7 +117,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     passed &= suites_passed;
     // Whoever names some tests knows that others don't run.
     if asked.filter.is_none() || !ran {
-        asked.write_beside(&project, told)?;
+        if asked.folder.is_some() || !project.is_cargo() {
+            search::write_outside(asked.folder.as_deref(), told)?;
+        }
     }
     let left_out = asked.write_left_out(&packages, told)?;
     if !ran {
@@ -235,13 +237,11 @@ impl<'a> Asked<'a> {
                     file.display()
                 )
             }
-            (_, Some(folder)) => Ok(Self {
-                args,
-                folder: Some(folder.to_owned()),
-                filter,
-                about: Vec::new(),
-                names: None,
-            }),
+            (_, Some(folder)) => {
+                search::expect_filter(folder, filter.filter(|_| !args.exact))?;
+                let (folder, about, names) = (Some(folder.to_owned()), Vec::new(), None);
+                Ok(Self { args, folder, filter, about, names })
+            }
             (Some(what), None) if args.failed => {
                 anyhow::bail!("`--failed` chooses the tests, and `{what}` is no folder")
             }
@@ -338,34 +338,6 @@ impl<'a> Asked<'a> {
         };
         let package = Package::open(search::stands_for(folder)?)?;
         Ok(vec![Found::stated(self.args.package.featured(package))])
-    }
-
-    /// Says which tests aren't run because the folder `shaders` alone is tested.
-    fn write_beside(&self, project: &Project, out: &mut dyn Write) -> anyhow::Result<()> {
-        if self.folder.is_some() || project.is_cargo() || !Path::new("shaders").is_dir() {
-            return Ok(());
-        }
-        let (mut beside, mut places) = (0, Vec::new());
-        for package in search::outside(Path::new("."))? {
-            let place = shown(&package.root());
-            let suite = Suite::of(package)?;
-            let count = suite.tests.len() + suite.broken.len();
-            beside += count;
-            places.extend((count > 0).then_some(place));
-        }
-        if beside > 0 {
-            let tests = counted(beside, "test");
-            // A folder with a karat.toml is a package by itself, and no part of another.
-            let how = match search::SHADERS {
-                shaders if Path::new(shaders).join("karat.toml").is_file() => {
-                    let places: Vec<&str> = places.iter().map(String::as_str).collect();
-                    format!("name them, {}", some(&places))
-                }
-                _ => "`karat test .` runs all".to_owned(),
-            };
-            writeln!(out, "{KNOWN}not run: {tests} outside of `shaders`; {how}{KNOWN:#}")?;
-        }
-        Ok(())
     }
 
     /// Says which tests aren't there because a condition doesn't hold.

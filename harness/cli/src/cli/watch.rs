@@ -24,7 +24,7 @@ use karat::Package;
 use karat_suite::Wrong;
 
 use super::project::Project;
-use super::search::{Found, stands_for};
+use super::search::{Found, expect_filter, stands_for, write_outside};
 use super::{Ending, Outcome, PackageArgs, resolved};
 pub(super) use resident::Resident;
 use screen::Screen;
@@ -175,6 +175,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // A variable that is set to nothing counts as not set.
     let names = if args.paths.trim().is_empty() { PATHS } else { &args.paths };
     let names = karat::path::named("--paths", names)?;
+    if let Some(folder) = &args.folder {
+        expect_filter(folder, args.filter.as_deref())?;
+    }
+    write_outside(args.folder.as_deref(), out)?;
     let (whole, sources) = Source::all(args.folder.as_deref())?;
     let (sender, events) = channel();
     let watching = outermost(&whole, &sources).into_iter().map(|folder| {

@@ -414,3 +414,39 @@ fn what_is_not_given_is_made_up() {
     assert!(call(&["--arbitrary=5000"]).error().contains("cases, from 0"));
     assert!(call(&["0.5", "3", "--arbitrary"]).error().contains("cannot be used with"));
 }
+
+/// naga's writer of GLSL panics at `break if` of what the loop's body declares: that is gl's failure, and `cpu` has its verdict.
+#[test]
+fn a_panic_of_one_path_leaves_the_others_their_results() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    let text = "@group(0) @binding(0) var<storage, read_write> lock: array<atomic<u32>, 2>;\n\
+                @compute @workgroup_size(1)\nfn spin() {\n    loop {\n        \
+                let taken = atomicExchange(&lock[0], 1u);\n        \
+                continuing { break if taken == 0u; }\n    }\n    atomicAdd(&lock[1], 1u);\n}\n";
+    write(path, "spin.wgsl", text);
+    let declared = "[[compute]]\nentry = \"spin\"\nworkgroups = 1\nwith = { lock = [0, 41] }\n\
+                    [compute.after.lock]\nequals = [1, 42]\n";
+    write(path, "spin.test.toml", declared);
+    if !open_paths(path).iter().any(|path| path == "gl") {
+        return;
+    }
+    let panics =
+        "path `gl` panics at `spin::spin` (spin.wgsl:3:1): naga panics as it writes GLSL: ";
+    let tested = karat(path, &["test", ".", "--paths", "gl,cpu"]);
+    assert_eq!(tested.code, Some(1), "{tested:?}");
+    for part in
+        [panics, "on cpu: Karat's engine", "it agrees", "1 check, 1 failed, 2 cases compared"]
+    {
+        assert!(tested.out.contains(part), "no `{part}` in {tested:?}");
+    }
+    let bound = ["--dispatch", "1", "--bind", "lock=[0,41]", "--path", "gl,cpu"];
+    let called = karat(path, &[&["call", "spin::spin"], &bound[..]].concat());
+    assert_eq!(called.code, Some(2), "{called:?}");
+    assert!(called.out.contains("lock = [1, 42]"), "{called:?}");
+    assert!(called.err.contains(&format!("no result on gl: {panics}")), "{called:?}");
+    assert!(
+        !called.err.contains("RUST_BACKTRACE") && !called.err.contains("thread '"),
+        "{called:?}"
+    );
+}

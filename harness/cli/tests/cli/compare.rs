@@ -84,10 +84,8 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     // A function that nothing called before changes nothing.
     write(alone.path(), "calc.wgsl", &format!("{bounded}fn more() -> f32 {{ return 1.0; }}\n"));
     let more = karat(alone.path(), &["compare", &old.path().display().to_string()]).good();
-    assert!(
-        more.contains("added      calc::more\n0 changed, 1 added, 0 edited with the same"),
-        "{more}"
-    );
+    assert!(more.starts_with("added      calc::more  ("), "{more}");
+    assert!(more.contains(" of 2)\n0 changed, 1 added, 0 edited with the same"), "{more}");
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),
@@ -131,4 +129,42 @@ fn textures_and_samplers_are_told_apart() {
         assert!(ran.code == Some(1) && ran.out.contains(change), "{to}: {ran:?}");
     }
     assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
+}
+
+/// Each verdict has its count, and the last line what was too much work.
+#[test]
+fn verdicts_come_with_their_count() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let slow = "fn slow(x: f32) -> f32 {\n    var sum = 0.0;\n    for (var i = 0u; i < 900u; i++) {\n        \
+                for (var j = 0u; j < 64u; j++) { sum += x * f32(j); }\n    }\n    return sum;\n}\n";
+    let quick: String =
+        (0..6).map(|n| format!("fn quick{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
+    let before = format!("{slow}{quick}");
+    write(folder.path(), "before/m.wgsl", &before);
+    write(folder.path(), "after/m.wgsl", &before.replace("x * ", "1.0 * x * "));
+    let ran = karat(folder.path(), &["compare", "before", "--shaders", "after"]);
+    assert_eq!(ran.code, Some(1), "what isn't looked at whole isn't the same: {ran:?}");
+    let lines: Vec<&str> = ran
+        .out
+        .lines()
+        .filter(|line| line.starts_with("same") || line.starts_with("unjudged"))
+        .collect();
+    let counts: Vec<&str> = lines.iter().filter_map(|line| line.rsplit('(').next()).collect();
+    assert_eq!(
+        counts,
+        ["1 of 7)", "2 of 7)", "3 of 7)", "4 of 7)", "5 of 7)", "6 of 7)", "7 of 7)"]
+    );
+    let slow = lines.iter().find(|line| line.contains("m::slow")).expect("it has a verdict");
+    assert!(slow.starts_with("unjudged") && slow.contains("not looked at whole"), "{slow}");
+    let last = ran.out.lines().last().unwrap_or_default();
+    assert!(last.contains("1 edited and not judged, 6 edited with the same results"), "{last}");
+    assert!(last.contains("inputs not run: they are too much work"), "{last}");
+    let found = karat(folder.path(), &["compare", "before", "--shaders", "after", "--json"]);
+    let names: Vec<String> = json(&found.out)
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|one| one["function"].as_str().unwrap_or_default().to_owned())
+        .collect();
+    assert!(names.is_sorted() && names.len() == 7, "one document, by names: {names:?}");
 }

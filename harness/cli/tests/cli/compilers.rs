@@ -670,3 +670,24 @@ fn a_barrier_that_some_miss_has_tints_word() {
     assert_eq!(alone.code, Some(1), "{alone:?}");
     assert!(!alone.out.contains("Tint says"), "{}", alone.out);
 }
+
+/// A program that doesn't answer `--help` is given up, and the reason is told.
+#[cfg(unix)]
+#[test]
+fn a_help_that_hangs_is_given_up() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
+    let program = folder.path().join("tint");
+    // One that is waited for, and one that leaves its output to another process.
+    for script in ["exec sleep 1000", "sleep 1000 & exit 0"] {
+        std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("it is ours");
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("ours");
+        let began = std::time::Instant::now();
+        let mut command = command(folder.path(), &["check", "--shaders", "m.wgsl"]);
+        let ran = output(command.env("KARAT_TINT", &program).env("KARAT_TIMEOUT", "5"));
+        assert!(began.elapsed() < std::time::Duration::from_secs(120), "{ran:?}");
+        assert!(ran.out.contains("it didn't answer within 10 s"), "{ran:?}");
+        assert!(ran.out.contains("1 package valid; Tint wasn't asked"), "{ran:?}");
+    }
+}

@@ -202,6 +202,82 @@ fn tests_outside_of_shaders_are_told() {
     assert!(ran.contains("not run: 1 test outside of `shaders`; name them, own"), "{ran}");
 }
 
+/// A file that declares tests outside of `shaders` is told by every command, as a `@test` there is, with and without a
+/// karat.toml; inside of `shaders` it isn't.
+#[test]
+fn declared_tests_outside_of_shaders_are_told() {
+    for (own, how) in [(None, "`karat test .` runs all"), (Some(""), "move them into `shaders`")] {
+        let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
+        let path = folder.path();
+        std::fs::remove_dir_all(path.join("before")).expect("it is there");
+        if let Some(text) = own {
+            write(path, "shaders/karat.toml", text);
+        }
+        let commands = [
+            &["test", "--paths", "cpu"][..],
+            &["watch", "--once", "--paths", "cpu"],
+            &["check"],
+            &["list"],
+        ];
+        for arguments in commands {
+            let ran = run(path, arguments).good();
+            assert!(!ran.contains("not run"), "{arguments:?}: {ran}");
+        }
+        write(path, "tests/a.test.toml", FAILS);
+        write(path, "tests/deep/c.tests.toml", FAILS);
+        write(path, "b.test.toml", "not even TOML [[");
+        write(path, "notes.toml", "[package]\n");
+        let told = "not run: 3 files of tests outside of `shaders`, b.test.toml, tests/a.test.toml, \
+                    tests/deep/c.tests.toml; ";
+        for arguments in commands {
+            let ran = run(path, arguments);
+            assert!(ran.out.contains(&format!("{told}{how}")), "{own:?} {arguments:?}: {ran:?}");
+        }
+        if own.is_some() {
+            for arguments in
+                [&["test", ".", "--paths", "cpu"][..], &["watch", ".", "--once", "--paths", "cpu"]]
+            {
+                let ran = run(path, arguments);
+                assert!(ran.out.contains("not run: 3 files of tests"), "{arguments:?}: {ran:?}");
+            }
+        } else {
+            let ran = run(path, &["test", ".", "--paths", "cpu"]);
+            assert!(ran.code == Some(1) && ran.out.contains("b.test.toml ... FAILED"), "{ran:?}");
+        }
+        // A folder that is named is what is meant.
+        let ran = run(path, &["test", "shaders", "--paths", "cpu"]).good();
+        assert!(!ran.contains("not run"), "{ran}");
+    }
+}
+
+/// A second folder is no filter, whatever tests have its name in theirs.
+#[test]
+fn a_second_folder_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    let test = |body: &str| {
+        format!("import karat::expect_true;\n@test fn tells() {{ expect_true({body}); }}\n")
+    };
+    write(path, "s/a_test.wgsl", &test("true"));
+    write(path, "t/a_test.wgsl", &test("false"));
+    write(path, "u.wgsl", HALF);
+    for second in ["t", "t/", "./t", "t/a_test.wgsl", "u.wgsl", "s"] {
+        for command in [
+            &["test", "s", second, "--paths", "cpu"][..],
+            &["watch", "s", second, "--once", "--paths", "cpu"],
+        ] {
+            let error = run(path, command).error();
+            assert!(
+                error.contains(&format!("`{second}` is a folder or file that is there")),
+                "{error}"
+            );
+        }
+    }
+    let filtered = run(path, &["test", "s", "tell", "--paths", "cpu"]).good();
+    assert!(filtered.contains("1 check, 0 failed"), "{filtered}");
+    assert_eq!(run(path, &["test", "t", "--paths", "cpu"]).code, Some(1));
+}
+
 /// Links that lead in circles are followed once, and what never ends isn't read.
 #[cfg(unix)]
 #[test]

@@ -149,21 +149,22 @@ macro_rules! gathered {
 macro_rules! scattered {
     ($self:ident, $columns:ident, $select:path, $base:expr, $value:expr, $indices:expr, $walk:ident) => {{
         let (base, from, indices) = ($base, $value, $indices);
+        let mut places = Vec::new();
         for lane in 0..$self.width {
             let mask = $self.active()[lane];
             if !A::possible(mask) {
                 continue;
             }
             let value = $self.$columns.get(from)[lane];
-            let mut places = Vec::new();
             let walk = ($walk, Elsewhere::Clamped);
+            places.clear();
             let clamped =
                 walk_lane::<A>(walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped && $self.leave_unwritten(lane) {
                 continue;
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
-            for at in places {
+            for at in places.drain(..) {
                 let place = &mut $self.$columns.get_mut(base + at)[lane];
                 *place = $select(mask, value, *place);
             }
@@ -389,39 +390,44 @@ impl<'p, A: Rules> Machine<'p, A> {
         let length = buffer.bytes.len();
         // Without an index, each lane loads the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
+        let join = A::undecided();
         for lane in 0..lanes {
-            let mut places = Vec::new();
-            let walk = (walk, self.elsewhere());
-            let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
-                places.push(at);
-            });
+            let (mut float, mut int, mut truth) = (None, None, None);
+            let clamped = walk_lane::<A>(
+                (walk, self.elsewhere()),
+                &registers[1..],
+                &self.ints,
+                lane,
+                length,
+                |at| match scalar {
+                    Scalar::F32 | Scalar::F16 => {
+                        let x = match scalar {
+                            Scalar::F32 => buffer.float(at),
+                            _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
+                        };
+                        float = Some(float.map_or(x, |before| A::select_float(join, before, x)));
+                    }
+                    Scalar::I32 | Scalar::U32 => {
+                        let x = A::int(buffer.word(at), scalar.signed());
+                        int = Some(int.map_or(x, |before| A::select_int(join, before, x)));
+                    }
+                    Scalar::Bool => {
+                        let x = A::bool(buffer.bytes.get(at).is_some_and(|byte| *byte != 0));
+                        truth = Some(truth.map_or(x, |before| A::select_bool(join, before, x)));
+                    }
+                },
+            );
             if clamped && A::possible(self.active()[lane]) {
                 self.leave(lane);
             }
-            let join = A::undecided();
-            match scalar {
-                Scalar::F32 | Scalar::F16 => {
-                    let values = places.iter().map(|&at| match scalar {
-                        Scalar::F32 => buffer.float(at),
-                        _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
-                    });
-                    if let Some(x) = values.reduce(|a, b| A::select_float(join, a, b)) {
-                        self.floats.get_mut(registers[0])[lane] = x;
-                    }
-                }
-                Scalar::I32 | Scalar::U32 => {
-                    let values = places.iter().map(|&at| A::int(buffer.word(at), scalar.signed()));
-                    if let Some(x) = values.reduce(|a, b| A::select_int(join, a, b)) {
-                        self.ints.get_mut(registers[0])[lane] = x;
-                    }
-                }
-                Scalar::Bool => {
-                    let byte = |at: usize| buffer.bytes.get(at).is_some_and(|byte| *byte != 0);
-                    let values = places.iter().map(|&at| A::bool(byte(at)));
-                    if let Some(x) = values.reduce(|a, b| A::select_bool(join, a, b)) {
-                        self.bools.get_mut(registers[0])[lane] = x;
-                    }
-                }
+            if let Some(x) = float {
+                self.floats.get_mut(registers[0])[lane] = x;
+            }
+            if let Some(x) = int {
+                self.ints.get_mut(registers[0])[lane] = x;
+            }
+            if let Some(x) = truth {
+                self.bools.get_mut(registers[0])[lane] = x;
             }
         }
         if lanes == 1 {

@@ -7,6 +7,7 @@ use std::process::Command;
 use serde::Deserialize;
 
 use super::{ASKING, Crate, DEEPEST, Graph, hash_of};
+use crate::lines;
 use crate::package::EXTENSIONS;
 
 /// What is read of `cargo metadata`.
@@ -55,7 +56,8 @@ struct Dependency {
 /// The platform that `rustc` compiles for, as it calls it.
 fn host() -> Option<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let output = Command::new(rustc).arg("-vV").output().ok()?;
+    let mut rustc = Command::new(rustc);
+    let output = lines::output(rustc.arg("-vV"), lines::LOOK_UP, u64::MAX).ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
     text.lines().find_map(|line| Some(line.strip_prefix("host: ")?.to_owned()))
 }

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use anyhow::ensure;
 use karat::Path;
 use karat::compute::Compute;
 use karat::unstable::compute::{Content, left, violations};
@@ -42,8 +43,17 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     let (found, watched) = violations(compute)?;
     let mut first: Vec<Content> = Vec::new();
     let mut unlike: Vec<String> = Vec::new();
+    let mut stopped = Vec::new();
     for path in paths {
-        let all = left(compute, *path)?;
+        let all = match left(compute, *path) {
+            Ok(all) => all,
+            Err(error) => {
+                let error = error.to_string();
+                stopped
+                    .push(format!("no result on {path}: {}", error.trim_start_matches("error: ")));
+                continue;
+            }
+        };
         for content in &all {
             writeln!(out, "{HEAD}{path:<8}{HEAD:#} {} = {}", content.name, shown(content))?;
             let other = first.iter().find(|other| other.name == content.name);
@@ -71,6 +81,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     if !watched.reason.is_empty() {
         writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
     }
+    ensure!(stopped.is_empty(), "{}", stopped.join("\n"));
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 

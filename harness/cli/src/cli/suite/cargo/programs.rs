@@ -8,6 +8,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use cargo_metadata::{Artifact, Message};
+use karat::unstable::process;
 
 /// Endings of files that Cargo builds from.
 const BUILT: [&str; 3] = ["rs", "toml", "lock"];
@@ -149,14 +150,14 @@ fn package(folder: &Path) -> Option<String> {
 /// The tests in a program; none if it has another test runner than Rust's.
 fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     let mut command = Command::new(executable);
-    command.current_dir(folder).args(["--list", "--format", "terse"]).stdin(Stdio::null());
+    command.current_dir(folder).args(["--list", "--format", "terse"]);
     let name = || format!("can't run `{}`", executable.display());
-    let listed = command.output().with_context(name)?;
+    let listed = process::output(&mut command, process::LOOK_UP, u64::MAX).with_context(name)?;
     let text = String::from_utf8_lossy(&listed.stdout).into_owned();
     let names = text.lines().filter_map(|line| line.strip_suffix(": test"));
     let names: BTreeSet<String> = names.map(str::to_owned).collect();
     command.arg("--ignored");
-    let ignored = command.output().with_context(name)?;
+    let ignored = process::output(&mut command, process::LOOK_UP, u64::MAX).with_context(name)?;
     let ignored = String::from_utf8_lossy(&ignored.stdout).into_owned();
     let ignored: HashSet<&str> =
         ignored.lines().filter_map(|line| line.strip_suffix(": test")).collect();
