@@ -839,6 +839,62 @@ mod tests {
         assert!(given_up.violations.is_empty(), "{given_up:?}");
     }
 
+    /// A length that a result shows is that of one buffer, whichever side may write it.
+    #[test]
+    fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
+        let of = |access: &str| {
+            format!(
+                "@group(0) @binding(0) var<storage, {access}> d: array<f32>;
+                @group(0) @binding(1) var<storage, read> other: array<f32>;
+                fn f(i: u32) -> u32 {{ return arrayLength(&d) + 1000u * arrayLength(&other); }}"
+            )
+        };
+        let [read, written] = ["read", "read_write"].map(of);
+        for (was, is) in [(&read, &written), (&written, &read)] {
+            let one = compared(was, is);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.interface.len(), 1, "{one:?}");
+        }
+        // What both read has other lengths, and so has a function that takes one for another.
+        let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+    }
+
+    /// A function that writes runs case by case, and each case covers its own lines.
+    #[test]
+    fn lines_that_any_case_comes_to_are_covered() {
+        let text = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
+            fn f(x: f32) -> f32 {
+                if x > 0.25 { seen[0] = 2.0 * x; }
+                if x < -0.25 { seen[1] = 3.0 * x; }
+                return x;
+            }";
+        for (from, to) in [("2.0 * x", "x * 2.0"), ("3.0 * x", "x * 3.0"), ("x > 0", "0.0 + x > 0")]
+        {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.uncovered, [], "{to}");
+        }
+    }
+
+    /// Each input and output that has another attribute is told, and no other one.
+    #[test]
+    fn each_attribute_that_changes_is_told() {
+        let of = |all: &[(&str, &str)]| {
+            all.iter()
+                .map(|(path, is)| ((*path).to_owned(), (*is).to_owned()))
+                .collect::<Vec<(String, String)>>()
+        };
+        let before = of(&[("in.a", "@location(0)"), ("in.b", "@location(1)"), ("in.c", "flat")]);
+        let after = of(&[("in.new", "flat"), ("in.b", "@location(2)"), ("in.a", "@location(3)")]);
+        let told = [
+            "`in.b` is @location(2), and was @location(1)",
+            "`in.a` is @location(3), and was @location(0)",
+        ];
+        assert_eq!(attributes(&before, &after), told);
+        assert_eq!(attributes(&before, &before), [""; 0]);
+    }
+
     /// A quad has more corners than a triangle.
     #[test]
     fn each_corner_of_a_quad_is_compared() {

@@ -571,3 +571,26 @@ impl std::fmt::Display for Drawn {
         f.write_str(&self.lines(usize::MAX).join("\n"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is declared of a member of a variable comes before what is declared of each member of that name.
+    #[test]
+    fn a_path_comes_before_its_last_name() {
+        let mut ranges = Ranges::default();
+        for (name, ends) in [("b", [0.0, 1.0]), ("a.b", [2.0, 3.0]), ("c.d.b", [4.0, 5.0])] {
+            ranges.declare(name, ends[0], ends[1]).expect("it is a range");
+        }
+        let get = |path: &str| ranges.get(path);
+        assert_eq!([get("a.b"), get("c.d.b")], [Some((2.0, 3.0)), Some((4.0, 5.0))]);
+        assert_eq!([get("b"), get("x.b"), get("d.b"), get("x.a.b")], [Some((0.0, 1.0)); 4]);
+        assert_eq!([get("a"), get("b.a"), get("bb"), get("")], [None; 4]);
+        ranges.declare("b", -1.0, -1.0).expect("one number is a range");
+        assert_eq!(ranges.get("b"), Some((-1.0, -1.0)), "the last declaration holds");
+        for (least, most) in [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
+            ranges.declare("b", least, most).expect_err("it is no range");
+        }
+    }
+}

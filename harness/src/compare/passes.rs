@@ -374,6 +374,60 @@ mod tests {
         }
     }
 
+    /// Numbers of elements repeat in one content alone, and are places of a list.
+    #[test]
+    fn what_an_edit_brings_over_one_content_is_told() {
+        let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @compute @workgroup_size(64) fn put(@builtin(global_invocation_id) g: vec3u) {
+                let k = g.x;
+                if k < arrayLength(&list) { list[k] = k; }
+            }";
+        let pixels = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @group(0) @binding(2) var<uniform> width: u32;
+            @fragment fn put(@builtin(position) at: vec4f) -> @location(0) vec4f {
+                let k = u32(at.y) * width + u32(at.x);
+                if k < arrayLength(&list) { list[k] = k; }
+                return vec4f(1.0);
+            }";
+        for text in [pass, pixels] {
+            let edited = text.replace("list[k] = k", "list[place[k]] = k");
+            let of = |before: &str, after: &str| {
+                let [before, after] = [before, after].map(|text| Package::from_source("m", text));
+                let mut all = Request::new(before, after).run().expect("both are valid");
+                all.pop().expect("one entry point").violations
+            };
+            let brought = of(text, &edited);
+            let [race] = &brought[..] else { panic!("{brought:?}") };
+            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert!(of(&edited, text).is_empty(), "an edit may mend it");
+        }
+    }
+
+    /// Words that are written on one side alone are no change of words.
+    #[test]
+    fn a_resource_that_one_side_writes_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> b: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                a[g.x] = g.x;
+                b[g.x] = 1u;
+            }";
+        let reason = |before: &str, after: &str| {
+            let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
+            reason.clone()
+        };
+        let without = text.replace("b[g.x] = 1u;", "");
+        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
+        let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
+        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+    }
+
     #[test]
     fn each_resource_that_changes_is_told() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;

@@ -197,3 +197,67 @@ fn located(
     let place = problem.bytes.clone().and_then(|bytes| resolve(problem.pass, bytes));
     place.map_or_else(String::new, |place| format!(" ({place})"))
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::fixture::{Buffer, Fixtures, Texture};
+    use crate::package::Package;
+    use crate::probe::Probed;
+
+    /// The results of a function, row by row, by jobs that the engine runs.
+    fn called(text: &str, fixtures: Fixtures, rows: &[u32]) -> Vec<Vec<u32>> {
+        let engine = super::super::of(Path::CPU).expect("it opens");
+        let package = Package::from_source("p", text);
+        let mut probed = Probed::new(&package, "f").expect("it is called");
+        probed.fit(&fixtures).expect("they fit");
+        let call = Call { probed: &probed, fixtures: &fixtures, cases: rows.len() };
+        let run: Run<'_> = Box::new(|job| Ok(super::super::raised(engine, job)));
+        let prepared = prepare(Path::CPU, run, &call).expect("it is prepared");
+        let mut found = Vec::new();
+        let started = prepared.start(rows.len(), rows).expect("it starts");
+        let lanes = probed.function().result.lanes().len();
+        let mut read = |words: &[u32], stride: usize| {
+            found = words.chunks_exact(stride).map(|row| row[..lanes].to_vec()).collect();
+        };
+        started(&mut read).expect("it runs");
+        found
+    }
+
+    #[test]
+    fn each_case_of_a_function_that_writes_has_its_own_arguments() {
+        let text = "@group(0) @binding(0) var<storage, read_write> seen: array<u32, 2>;
+            fn f(x: u32) -> u32 { seen[x % 2u] += x; return x + 1u; }";
+        let seen = vec![("seen".to_owned(), Buffer::from_pod(&[5_u32, 6]).into())];
+        let found = called(text, seen, &[10, 20, 31]);
+        assert_eq!(found, [[11, 15, 6], [21, 25, 6], [32, 5, 37]]);
+        let plain = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
+        assert_eq!(called(plain, Vec::new(), &[1, 4, 9]), [[1, 2], [4, 8], [9, 18]]);
+    }
+
+    /// Another program than Karat's makes textures by what a job says of them.
+    #[test]
+    fn a_texture_for_depths_is_one_of_depths() {
+        let ramp = || Texture::from_fn(2, 1, |x, _| 0.25 + x as f32 / 2.0);
+        let texels = |kind: &str, load: &str| {
+            let text = format!(
+                "@group(0) @binding(0) var image: {kind};
+                fn f(x: u32) -> f32 {{ return textureLoad(image, vec2u(x, 0u), 0){load}; }}"
+            );
+            let fixtures: Fixtures = vec![("image".to_owned(), ramp().into())];
+            let found = called(&text, fixtures.clone(), &[0, 1]);
+            assert_eq!(found, [[0.25_f32.to_bits()], [0.75_f32.to_bits()]]);
+            let probed = Probed::new(&Package::from_source("p", text), "f").expect("it is called");
+            let kernel = KernelJobs::new(&probed, &fixtures).expect("it is a job");
+            let job = kernel.job(1, &[0], 1, 0).expect("it is a job");
+            let texels = job.resources.iter().find_map(|resource| match resource {
+                crate::job::Resource::Texture { texture, .. } => Some(texture.texels),
+                _ => None,
+            });
+            texels.expect("a texture")
+        };
+        use crate::reflect::Texels;
+        assert_eq!(texels("texture_depth_2d", ""), Texels::Depth);
+        assert_eq!(texels("texture_2d<f32>", ".x"), Texels::Float);
+    }
+}

@@ -276,6 +276,37 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], 7).elements, [16, 8, 1]);
     }
 
+    /// One content has floats below 0, one is noise, and in two some arrays are shorter than others.
+    #[test]
+    fn contents_differ_in_what_they_try() {
+        let of =
+            |size| (0..Extents::VARIANTS).map(move |variant| Extents::of(size, [4, 2, 1], variant));
+        let numbers = |is: fn(&Extents) -> bool| {
+            let all = of([8, 8, 1]).enumerate();
+            all.filter(|(_, one)| is(one)).map(|(number, _)| number).collect::<Vec<_>>()
+        };
+        assert_eq!(numbers(|one| one.negative), [4]);
+        assert_eq!(numbers(|one| one.noise), [7]);
+        assert_eq!(numbers(|one| one.shorter.is_some()), [6, 8]);
+        assert_eq!(numbers(|one| one.numbered == Some(Numbered::Bits)), [3]);
+        assert_eq!(numbers(|one| one.numbered.is_none()), [8]);
+        let names = ["a", "b", "points", "list", "next", "source"];
+        for one in of([8, 8, 1]) {
+            let total = one.total();
+            let lengths = names.map(|name| one.elements_of(name));
+            let parts = [8, 5, 3, 2].map(|eighths| total * eighths / 8);
+            match one.shorter {
+                Some(_) => {
+                    assert!(lengths.iter().all(|length| parts.contains(length)), "{lengths:?}");
+                    assert!(lengths.iter().any(|length| *length != lengths[0]), "{lengths:?}");
+                }
+                None => assert_eq!(lengths, [total; 6]),
+            }
+        }
+        // A draw's buffers have an element for each pixel.
+        assert!(of([1; 3]).all(|one| names.map(|name| one.elements_of(name)) == [one.total(); 6]));
+    }
+
     #[test]
     fn unknown_numbers_differ_from_each_other() {
         let all = [0, 2, 3, 4, 5].map(|variant| {

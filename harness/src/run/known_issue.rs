@@ -363,6 +363,8 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
+        /// Of another reason.
+        Other(&'static str),
         Declaration,
         Paths(PathFailures<Error>),
     }
@@ -371,6 +373,7 @@ mod tests {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             match self {
                 Self::Late | Self::Declaration => f.write_str("late"),
+                Self::Other(reason) => f.write_str(reason),
                 Self::Paths(paths) => write!(f, "{paths}"),
             }
         }
@@ -398,13 +401,100 @@ mod tests {
         }
     }
 
+    fn adapter(path: &str) -> Adapter {
+        let (path, name) = (path.to_owned(), path.to_owned());
+        Adapter { path, name, driver: String::new(), software: true }
+    }
+
+    /// The first failure is the headline, and each path has a fault of its own.
+    #[test]
+    fn the_fault_of_each_path_is_kept() {
+        let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
+            let paths = PathFailures { failures, stopped, agreeing: vec![adapter("z")] };
+            let fault = paths.fault(|error| {
+                let headline = error.to_string();
+                let paths = vec![PathFault::on(&adapter(&headline))];
+                Fault { headline, paths, ..Fault::default() }
+            });
+            let one = |one: &PathFault| (one.adapter.path.clone(), one.stopped.clone());
+            (fault.headline, fault.paths.iter().map(one).collect::<Vec<_>>())
+        };
+        let stopped = || vec![(adapter("c"), Error::Other("lost")), (adapter("d"), Error::Late)];
+        let [a, b] = ["a", "b"].map(|path| (path.to_owned(), None));
+        let [c, d] =
+            [("c", "lost"), ("d", "late")].map(|(path, why)| (path.into(), Some(why.into())));
+        let failures = || vec![Error::Other("a"), Error::Other("b")];
+        assert_eq!(of(failures(), Vec::new()), ("a".to_owned(), vec![a.clone(), b.clone()]));
+        assert_eq!(of(failures(), stopped()), ("a".to_owned(), vec![a, b, c.clone(), d.clone()]));
+        assert_eq!(of(Vec::new(), stopped()), ("lost".to_owned(), vec![c, d]));
+    }
+
+    /// Paths that stop for one reason are one error, and those that stop for several are told apart.
+    #[test]
+    fn paths_stop_alike_for_one_reason() {
+        let of = |asked: usize, reasons: &[&'static str]| {
+            let stopped = reasons.iter().enumerate();
+            let stopped =
+                stopped.map(|(at, reason)| (adapter(&format!("{at}")), Error::Other(reason)));
+            let all = Conclusion::<(), Error> {
+                asked,
+                stopped: stopped.collect(),
+                ..Conclusion::default()
+            };
+            match all.verdict(|_, _| Vec::new()) {
+                Err(Error::Other(reason)) => reason.to_owned(),
+                Err(Error::Paths(paths)) => paths.to_string(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(of(2, &["lost", "lost"]), "lost");
+        assert_eq!(of(1, &["lost"]), "lost");
+        let told = "on 0: 0 there is no verdict\nlost\non 1: 1 there is no verdict\n";
+        assert_eq!(of(2, &["lost", "late"]), format!("{told}late"));
+        assert_eq!(of(3, &["lost", "lost"]), format!("{told}lost"), "another one did not stop");
+        let third = "\non 2: 2 there is no verdict\nlate";
+        assert_eq!(of(3, &["lost", "lost", "late"]), format!("{told}lost{third}"));
+    }
+
+    /// What is declared twice has both reasons, and none if one of them names no bug.
+    #[test]
+    fn reasons_add_up() {
+        let of = |declared: &[(&'static str, &str)]| {
+            let mut all = KnownIssues::default();
+            declared.iter().for_each(|(on, reason)| all.declare((*on).into(), reason));
+            let reasons = all.values.iter().map(|(_, reason)| reason.clone());
+            (reasons.collect::<Vec<_>>(), all.expect_sound::<Unsound>("f").is_ok())
+        };
+        let told = |reasons: &[&str], sound| {
+            (reasons.iter().map(|one| (*one).to_owned()).collect::<Vec<_>>(), sound)
+        };
+        assert_eq!(of(&[("gl", " bug 1 ")]), told(&["bug 1"], true));
+        assert_eq!(of(&[("gl", "bug 1"), ("gl", "bug 2")]), told(&["bug 1; bug 2"], true));
+        let apart = [("gl", "bug 1"), ("vulkan", "bug 2"), ("gl", "bug 3")];
+        assert_eq!(of(&apart), told(&["bug 1; bug 3", "bug 2"], true));
+        assert_eq!(of(&[("gl", "bug 1"), ("gl", "")]), told(&[""], false));
+        assert_eq!(of(&[("gl", " "), ("gl", "bug 1")]), told(&[""], false));
+        assert_eq!(of(&[("gll", "bug 1")]), told(&["bug 1"], false), "no path is called so");
+    }
+
+    /// Why declarations are none.
+    struct Unsound;
+
+    impl From<PathError> for Unsound {
+        fn from(_: PathError) -> Self {
+            Self
+        }
+    }
+
+    impl From<WrongDeclaration> for Unsound {
+        fn from(_: WrongDeclaration) -> Self {
+            Self
+        }
+    }
+
     /// With two sources of arguments each path is judged twice, and named once.
     #[test]
     fn a_path_is_named_once() {
-        let adapter = |path: &str| {
-            let (path, name) = (path.to_owned(), path.to_owned());
-            Adapter { path, name, driver: String::new(), software: true }
-        };
         let mut all = Conclusion::<(), Error>::default();
         for (stop, agree) in [(["a", "c"], ["b", "d"]), (["c", "e"], ["a", "b"])] {
             all.extend(Conclusion {
