@@ -193,6 +193,30 @@ mod tests {
         assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
     }
 
+    /// Bounds that leave the range at either end, or have no end, prove nothing of results that stay within. A box is
+    /// halved some thousand times and not for ever.
+    #[test]
+    fn bounds_beyond_a_range_prove_nothing() {
+        let package = Package::from_source(
+            "proofs",
+            "fn part(x: f32) -> f32 { return x - floor(x); }
+            fn back(x: f32) -> f32 { return floor(x) - x; }
+            fn inverse(x: f32) -> f32 { return min(1.0 / x, 1.0); }
+            fn tenth(x: f32) -> f32 { return min(x, 0.1); }
+            fn large(i: u32) -> u32 { return min(i, 16777217u); }",
+        );
+        let engine = crate::executor::of(Path::CPU).expect("it opens");
+        let over = |name: &'static str| package.function(name).on(engine);
+        let unit = |name| over(name).over(0.0..=1.0).unrecorded();
+        assert!(!unit("part").stays_within(0.0..=1.0).proved);
+        assert!(!unit("back").stays_within(-1.0..=0.0).proved);
+        assert!(!unit("inverse").stays_within(0.0..=1.0).proved);
+        // The `f32` next to 0.1 is above it; an integer is no `f32`.
+        assert!(unit("tenth").stays_within(0.0..=0.1).proved);
+        let large = over("large").over(Integers(0..=20_000_000_u32)).unrecorded();
+        assert!(large.stays_within(0.0..=16_777_217.0).proved);
+    }
+
     /// A buffer holds what a test gave it, and a host something else.
     #[test]
     fn what_is_read_is_no_argument() {
@@ -202,6 +226,7 @@ mod tests {
             fn read(x: f32) -> f32 { return x * half; }
             fn alone(x: f32) -> f32 { return x * 0.5; }
             fn nth(i: u32, j: i32) -> u32 { return min(i, 1000u) + u32(max(j, 0)); }
+            fn pair(x: f32) -> vec2f { return vec2f(0.5 * x, 0.25 * x); }
             fn hole(i: u32) -> u32 { return select(i % 7u, 9u, i == 3u); }",
         );
         let engine = crate::executor::of(Path::CPU).expect("it opens");
@@ -212,6 +237,9 @@ mod tests {
         let nth = || over("nth").over((Integers(0..=5000_u32), Integers(-9..=9_i32))).unrecorded();
         assert!(nth().stays_within(0.0..=1009.0).proved);
         nth().try_stays_within(0.0..=1008.0).expect_err("the last of both");
+        let pair = || over("pair").over(0.0..=1.0).unrecorded();
+        assert!(pair().stays_within(0.0..=0.5).proved, "each component is within");
+        pair().try_stays_within(0.0..=0.25).expect_err("of the first");
         let hole = over("hole").over(Integers(0..=6_u32)).unrecorded();
         hole.try_stays_within(0.0..=7.0).expect_err("of 3");
     }

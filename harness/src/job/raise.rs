@@ -259,4 +259,22 @@ mod tests {
             assert!(!matches!(reply(from, to), Reply::Done(_)), "{to}");
         }
     }
+
+    /// A problem is one of a pass, at a place in its text.
+    #[test]
+    fn a_problem_has_its_pass_and_its_bytes() {
+        let mut job: Job = serde_json::from_str(JOB).expect("it is a job");
+        let Work::Passes(passes) = &mut job.work else { unreachable!("it has passes") };
+        let mut second = passes[0].clone();
+        second.shader.wgsl = second.shader.wgsl.replace("x = 7u", "x = 7.5");
+        let text = second.shader.wgsl.clone();
+        passes.push(second);
+        let nothing = |_: &Passes| panic!("nothing runs");
+        let Reply::Refused(problem) = run(&job, &nothing, &|_| panic!("it draws nothing")) else {
+            panic!("the second pass isn't valid")
+        };
+        let bytes = problem.bytes.expect("it has a place");
+        let place = text[..bytes.start].contains("fn f()");
+        assert_eq!((problem.pass, place), (1, true), "{}", problem.message);
+    }
 }

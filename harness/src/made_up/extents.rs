@@ -276,6 +276,45 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], 7).elements, [16, 8, 1]);
     }
 
+    /// At least 64 elements, and of a tail some fewer in each direction that has several invocations a workgroup.
+    #[test]
+    fn elements_are_those_of_whole_workgroups_or_a_few_less() {
+        let of = |size, workgroups, variant| Extents::of(size, workgroups, variant).elements;
+        assert_eq!(of([3, 1, 1], [7, 1, 1], 0), [84, 1, 1]);
+        assert_eq!(
+            [of([64, 1, 1], [2, 1, 1], 1), of([64, 1, 1], [2, 1, 1], 4)],
+            [[125, 1, 1], [124, 1, 1]]
+        );
+        assert_eq!(
+            [of([8, 8, 1], [2, 1, 1], 1), of([8, 8, 1], [2, 1, 1], 4)],
+            [[15, 7, 1], [14, 6, 1]]
+        );
+        assert_eq!(of([8, 8, 1], [4, 2, 1], 4), [28, 14, 1]);
+        assert_eq!(of([64, 1, 1], [2, 3, 1], 4), [124, 3, 1]);
+    }
+
+    #[test]
+    fn elements_are_numbered() {
+        let of = |how: Numbered| [0, 1, 3].map(|at| how.of(at, 4));
+        assert_eq!(of(Numbered::Forwards), [0, 1, 3]);
+        assert_eq!(of(Numbered::Backwards), [3, 2, 0]);
+        assert_eq!(of(Numbered::Apart), [0, 1 << 16, 3 << 16]);
+        assert_eq!(of(Numbered::Zero), [0; 3]);
+        for variant in 0..Extents::VARIANTS {
+            let of = |added| Extents::of([64, 1, 1], [2, 1, 1], variant + added);
+            assert_eq!(of(Extents::ZEROS).numbered, Some(Numbered::Zero));
+            assert_eq!(of(Extents::APART).numbered, Some(Numbered::Apart));
+            let sizes = [0, Extents::ZEROS, Extents::APART].map(|added| of(added).elements);
+            assert_eq!(sizes, [sizes[0]; 3]);
+            // A lane of a vector isn't the one before.
+            let [x, y] = [0, 1].map(|lane| of(0).unknown("v", lane));
+            match variant {
+                2..=4 => assert_eq!(y, x.map(|x| x + 1)),
+                _ => assert_eq!(x, y),
+            }
+        }
+    }
+
     /// One content has floats below 0, one is noise, and in two some arrays are shorter than others.
     #[test]
     fn contents_differ_in_what_they_try() {
