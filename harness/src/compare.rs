@@ -359,7 +359,8 @@ impl Request {
         let mut change = self.run_both(&before, &after, &mut ran).unwrap_or_else(unseen);
         let mut violations = Vec::new();
         if after.function.form.alone && stage == Some(Stage::Fragment) {
-            match self.brought_to_pixels(name) {
+            let renamed = renamed(Side::of(&before), Side::of(&after));
+            match self.brought_to_pixels(name, renamed) {
                 Ok(brought) => violations = brought,
                 // A change says more than that pixels can't be run beside each other.
                 Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
@@ -933,6 +934,125 @@ mod tests {
             &of("select(0.0, all[i], i < 4u)"),
         );
         assert!(given_up.violations.is_empty(), "{given_up:?}");
+    }
+
+    /// A length that a result shows is that of one buffer, whichever side may write it.
+    #[test]
+    fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
+        let of = |access: &str| {
+            format!(
+                "@group(0) @binding(0) var<storage, {access}> d: array<f32>;
+                @group(0) @binding(1) var<storage, read> other: array<f32>;
+                fn f(i: u32) -> u32 {{ return arrayLength(&d) + 1000u * arrayLength(&other); }}"
+            )
+        };
+        let [read, written] = ["read", "read_write"].map(of);
+        for (was, is, told) in [
+            (&read, &written, "`d` is read_write, and was read"),
+            (&written, &read, "`d` is read, and was read_write"),
+        ] {
+            let one = compared(was, is);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.interface, [told]);
+        }
+        // What both read has other lengths, and so has a function that takes one for another.
+        let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+    }
+
+    /// A function that writes runs case by case, and each case covers its own lines.
+    #[test]
+    fn lines_that_any_case_comes_to_are_covered() {
+        let text = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
+            fn f(x: f32) -> f32 {
+                if x > 0.25 && x < 0.75 { seen[0] = 2.0 * x; }
+                if x < -0.25 && x > -0.75 { seen[1] = 3.0 * x; }
+                return x;
+            }";
+        for (from, to) in [("2.0 * x", "x * 2.0"), ("3.0 * x", "x * 3.0"), ("x > 0", "x + 0.0 > 0")]
+        {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.uncovered, [], "{to}");
+        }
+    }
+
+    /// All NaNs are one value, and no number is near to them.
+    #[test]
+    fn words_are_as_far_as_their_values() {
+        let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
+        let nan = f32::from_bits(f32::NAN.to_bits() ^ 5);
+        assert_eq!([far(1.0, 1.0), far(f32::NAN, nan)], [None; 2]);
+        assert_eq!([far(1.0, nan), far(nan, 1.0)], [Some(Distance::Nan); 2]);
+        assert_eq!(far(1.0, 1.0_f32.next_up()), Some(Distance::Ulp(1)));
+        assert_eq!(distance(Scalar::U32, 0x7fc0_0000, 0x7fc0_0001), Some(Distance::Other));
+        let like = |own: Distance, most: Distance| own.is_like(most);
+        assert!(
+            like(Distance::Ulp(10), Distance::Ulp(100))
+                && !like(Distance::Ulp(9), Distance::Ulp(100))
+        );
+        assert!(like(Distance::Nan, Distance::Nan) && !like(Distance::Ulp(9), Distance::Nan));
+    }
+
+    /// Of many components the first four that changed are shown, and the others are counted.
+    #[test]
+    fn the_first_components_that_changed_are_shown() {
+        let of = |changed: u32, length: u32| {
+            let element = Box::new(Shape::Scalar(Scalar::U32));
+            let was = vec![0; length as usize];
+            let is: Vec<u32> =
+                (0..length).map(|at| if at < changed { at + 1 } else { 0 }).collect();
+            told(&Shape::Array { element, length }, &is, (&was, &is))
+        };
+        assert_eq!(of(1, 17), "[0] = 1");
+        assert_eq!(of(4, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4");
+        assert_eq!(of(5, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4 and 1 more of 17");
+        assert!(of(1, 16).contains("1, 0, 0"), "fewer are shown whole: {}", of(1, 16));
+    }
+
+    /// Over several contents the largest change is shown, each resource has its first word, and cases add up.
+    #[test]
+    fn changes_over_several_contents_add_up() {
+        let change = |ulp: Option<u64>, resource: &str, after: &str| {
+            let word = WordChange {
+                resource: resource.to_owned(),
+                before: format!("{resource}[0] = 0"),
+                after: after.to_owned(),
+            };
+            let (path, before, after) = ("cpu".to_owned(), word.before.clone(), after.to_owned());
+            let (cases, relative, arguments) = ((2, 9), None, Vec::new());
+            PathChange { path, cases, ulp, relative, arguments, before, after, words: vec![word] }
+        };
+        let mut sum = change(Some(3), "a", "1");
+        for (ulp, resource, after, shown) in [
+            (Some(3), "a", "2", "1"),
+            (Some(4), "b", "3", "3"),
+            (None, "c", "NaN", "NaN"),
+            (Some(9), "c", "4", "NaN"),
+        ] {
+            sum.add(change(ulp, resource, after));
+            assert_eq!(sum.after, shown);
+        }
+        let words: Vec<&str> = sum.words.iter().map(|one| &*one.resource).collect();
+        assert_eq!((sum.cases.0, words), (10, vec!["c", "b", "a"]));
+    }
+
+    /// Each input and output that has another attribute is told, and no other one.
+    #[test]
+    fn each_attribute_that_changes_is_told() {
+        let of = |all: &[(&str, &str)]| {
+            all.iter()
+                .map(|(path, is)| ((*path).to_owned(), (*is).to_owned()))
+                .collect::<Vec<(String, String)>>()
+        };
+        let before = of(&[("in.a", "@location(0)"), ("in.b", "@location(1)"), ("in.c", "flat")]);
+        let after = of(&[("in.new", "flat"), ("in.b", "@location(2)"), ("in.a", "@location(3)")]);
+        let told = [
+            "`in.b` is @location(2), and was @location(1)",
+            "`in.a` is @location(3), and was @location(0)",
+        ];
+        assert_eq!(attributes(&before, &after), told);
+        assert_eq!(attributes(&before, &before), [""; 0]);
     }
 
     /// A quad has more corners than a triangle.

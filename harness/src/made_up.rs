@@ -571,3 +571,99 @@ impl std::fmt::Display for Drawn {
         f.write_str(&self.lines(usize::MAX).join("\n"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is declared of a member of a variable comes before what is declared of each member of that name.
+    #[test]
+    fn a_path_comes_before_its_last_name() {
+        let mut ranges = Ranges::default();
+        for (name, ends) in [("b", [0.0, 1.0]), ("a.b", [2.0, 3.0]), ("c.d.b", [4.0, 5.0])] {
+            ranges.declare(name, ends[0], ends[1]).expect("it is a range");
+        }
+        let get = |path: &str| ranges.get(path);
+        assert_eq!([get("a.b"), get("c.d.b")], [Some((2.0, 3.0)), Some((4.0, 5.0))]);
+        assert_eq!([get("b"), get("x.b"), get("d.b"), get("x.a.b")], [Some((0.0, 1.0)); 4]);
+        assert_eq!([get("a"), get("b.a"), get("bb"), get("")], [None; 4]);
+        ranges.declare("b", -1.0, -1.0).expect("one number is a range");
+        assert_eq!(ranges.get("b"), Some((-1.0, -1.0)), "the last declaration holds");
+        for (least, most) in [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
+            ranges.declare("b", least, most).expect_err("it is no range");
+        }
+    }
+
+    #[cfg(feature = "engine")]
+    fn function(text: &str) -> (crate::probe::Probed, Ranges) {
+        let package = Package::from_source("p", text);
+        let probed = crate::probe::Probed::new(&package, "f").expect("it is called");
+        (probed, Ranges::default())
+    }
+
+    /// Rows are few where a function has few values: each content of resources meets all of them.
+    #[cfg(feature = "engine")]
+    #[test]
+    fn contents_meet_a_part_of_many_rows_and_all_of_few() {
+        let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let (count, rows) = arguments.rows(1, 100);
+        assert_eq!((count, rows.len()), (2, 2));
+        assert_eq!(arguments.part(&rows, count, 3), (count, rows));
+        let many: Vec<u32> = (0..10).collect();
+        assert_eq!(arguments.part(&many, 10, 0), (10, many.clone()));
+        assert_eq!(arguments.part(&many, 10, 1), (3, vec![1, 5, 9]));
+        assert_eq!(arguments.part(&many, 10, 4), (3, vec![0, 4, 8]));
+        // One case has no arguments, and there is no second one.
+        let (probed, ranges) = function("fn f() -> f32 { return 1.0; }");
+        let cases = [0, 1].map(|case| MadeUp::of(&probed, &ranges, case).map(|one| one.lanes));
+        assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
+    }
+
+    /// Rows that a caller may well give, and those whose loops end soon.
+    #[cfg(feature = "engine")]
+    #[test]
+    fn rows_are_moderate_or_few() {
+        let text = "fn f(k: i32, n: u32, x: f32, roughness: f32, m: mat2x2f) -> f32 { return x; }";
+        let (probed, mut ranges) = function(text);
+        ranges.declare("n", 0.0, 1e6).expect("it is a range");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let row = |k: i32, n: u32, floats: [f32; 6]| {
+            let floats = floats.into_iter().map(f32::to_bits);
+            [k.cast_unsigned(), n].into_iter().chain(floats).collect::<Vec<u32>>()
+        };
+        let whole = |k, n| row(k, n, [1.0, 0.5, 1.0, 0.0, 0.0, 1.0]);
+        let few = [whole(8, 0), whole(-8, 1_000_000)];
+        let all = [whole(9, 0), few[0].clone(), whole(-9, 0), few[1].clone()].concat();
+        assert_eq!(arguments.few(&all), few.concat(), "`n` is declared");
+        let is = |x, roughness, [a, b, c, d]: [f32; 4]| {
+            arguments.is_moderate(&row(1, 1, [x, roughness, a, b, c, d]))
+        };
+        const ONE: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
+        assert!(is(1e4, 0.5, ONE) && is(0.0, 2e4, ONE), "a name says what a number is");
+        assert!(!is(-2e4, 0.5, ONE) && !is(1e-12, 0.5, ONE) && !is(1.0, 1e-12, ONE));
+        assert!(is(1.0, 0.5, [0.0, 1.0, 1.0, 0.0]), "a mirror has an inverse");
+        assert!(!is(1.0, 0.5, [1.0, 2.0, 2.0, 4.0]) && !is(1.0, 0.5, [0.0; 4]));
+    }
+
+    /// Texture coordinates are the first two numbers of a vector.
+    #[cfg(feature = "engine")]
+    #[test]
+    fn pixels_have_coordinates() {
+        let (probed, ranges) = function("fn f(uv: vec3f, k: u32) -> f32 { return uv.x; }");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let [row, other] = [[8.0_f32, 8.0, 2.0], [0.0, 0.0, 4.0]]
+            .map(|floats| floats.map(f32::to_bits).into_iter().chain([5]).collect::<Vec<u32>>());
+        let words = arguments.of_pixels(probed.function(), [&row, &other], [2, 2]);
+        let rows: Vec<[f32; 3]> = words
+            .chunks_exact(4)
+            .map(|row| [0, 1, 2].map(|lane| f32::from_bits(row[lane])))
+            .collect();
+        let expected = [[0.25, 0.25, 2.0], [0.75, 0.25, 3.0], [0.25, 0.75, 3.0], [0.75, 0.75, 4.0]];
+        assert_eq!(rows, expected);
+        assert!(
+            words.chunks_exact(4).all(|row| row[3] == 5),
+            "an integer is that of the first row"
+        );
+    }
+}

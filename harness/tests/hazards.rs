@@ -626,6 +626,27 @@ fn what_was_not_looked_at_is_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
+/// No name says how large a texture is beside another one; an array is as long as what is dispatched.
+#[test]
+fn a_texel_outside_may_be_one_of_another_size() {
+    let of = |source: &str, value: &str| {
+        look(&format!(
+            "@group(0) @binding(0) var {source};
+            @group(0) @binding(1) var result: texture_storage_2d<r32float, write>;
+            @compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3u) {{
+                let size = textureDimensions(result);
+                if any(id.xy >= size) {{ return; }}
+                textureStore(result, id.xy, vec4f({value}));
+            }}"
+        ))
+    };
+    let texture = of("image: texture_2d<f32>", "textureLoad(image, id.xy + 1u, 0).x");
+    let kinds = |all: &[Hazard]| all.iter().map(|one| one.kind).collect::<Vec<_>>();
+    assert_eq!((kinds(&texture.found), kinds(&texture.rare)), (vec![], vec![Kind::OutOfRange]));
+    let array = of("<storage, read> all: array<f32>", "all[id.y * size.x + id.x + 1u]");
+    assert_eq!((kinds(&array.found), kinds(&array.rare)), (vec![Kind::OutOfRange], vec![]));
+}
+
 /// One thread may be told of a count while another one tells the next.
 #[test]
 fn progress_never_goes_backwards() {

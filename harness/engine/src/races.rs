@@ -579,9 +579,7 @@ impl Detector {
             of: 0,
             number: site,
         };
-        let outside = self.outside.entry(site).or_insert_with(new);
-        outside.count += 1;
-        outside.writes |= writes;
+        self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
     pub(crate) fn buffer(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {

@@ -408,3 +408,69 @@ struct Shadow {
 pub(super) fn unsuited(function: &Function, wanted: &'static str) -> Failure {
     Mismatch::Unsuited { result: function.result.clone(), wanted }.of(function)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPEN: Bounds = (Bound::Excluded(0.0), Bound::Excluded(1.0));
+    const BELOW: Bounds = (Bound::Included(0.0), Bound::Excluded(8.0));
+
+    /// A search goes to the nearer of the ends that no result may have.
+    #[test]
+    fn distances_are_those_to_open_ends() {
+        let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {
+            let (scalars, words): (Vec<_>, Vec<_>) = lanes.iter().copied().unzip();
+            distance(ranges, &scalars, &words)
+        };
+        let single = |x: f32| (Scalar::F32, x.to_bits());
+        let float = |x: f32| of([BELOW, OPEN], &[single(x)]);
+        assert_eq!([float(0.25), float(0.75), float(0.0), float(1.0)], [0.25, 0.25, 0.0, 0.0]);
+        assert_eq!([float(-0.5), float(1.5)], [-0.5; 2], "beyond an end");
+        let above = (Bound::Excluded(2.0), Bound::Unbounded);
+        assert_eq!(of([above; 2], &[single(7.0)]), 5.0);
+        assert_eq!(of([above; 2], &[(Scalar::I32, (-7_i32).cast_unsigned())]), -9.0);
+        // A number of a type has the range of that type, and the nearest lane counts.
+        assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3)]), 5.0);
+        assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3), single(0.5)]), 0.5);
+        assert_eq!(of([OPEN, BELOW], &[single(0.5), single(7.0)]), 1.0);
+        // Neither closed ends nor booleans have a distance.
+        let closed = (Bound::Included(0.0), Bound::Included(1.0));
+        assert_eq!(of([closed; 2], &[single(0.5)]), f64::INFINITY);
+        assert_eq!(of([OPEN; 2], &[(Scalar::Bool, 1)]), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_range_admits_some_numbers_and_not_all() {
+        use Bound::{Excluded, Included, Unbounded};
+        for (range, expected) in [
+            ((Included(0.0), Included(0.0)), true),
+            ((Included(0.0), Excluded(0.0)), false),
+            ((Excluded(0.0), Included(0.0)), false),
+            ((Excluded(0.0), Excluded(1.0)), true),
+            ((Included(1.0), Included(0.0)), false),
+            ((Unbounded, Included(0.0)), true),
+            ((Excluded(0.0), Unbounded), true),
+            ((Unbounded, Unbounded), false),
+            ((Unbounded, Excluded(f64::NAN)), false),
+            ((Included(f64::NAN), Included(1.0)), false),
+            ((Included(0.0), Included(f64::INFINITY)), true),
+            ((Included(f64::NEG_INFINITY), Included(0.0)), true),
+            ((Included(f64::NEG_INFINITY), Unbounded), false),
+            ((Unbounded, Excluded(f64::INFINITY)), false),
+        ] {
+            assert_eq!(is_some_and_not_all(range), expected, "{range:?}");
+        }
+        let statements = [
+            ((Included(0.0), Included(1.0)), "lies in 0..=1"),
+            ((Included(0.0), Excluded(1.0)), "lies in 0..<1"),
+            ((Excluded(0.0), Included(1.0)), "is above 0 and at most 1"),
+            ((Excluded(0.0), Excluded(1.0)), "is above 0 and below 1"),
+            ((Included(0.5), Unbounded), "is at least 0.5"),
+            ((Unbounded, Excluded(2.0)), "is below 2"),
+        ];
+        for (range, statement) in statements {
+            assert_eq!(shown(range), statement);
+        }
+    }
+}

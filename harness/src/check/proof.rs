@@ -92,3 +92,155 @@ fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     };
     Some([[from.clone(), with(to, below)], [with(from, above), to.clone()]])
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::domain::Integers;
+    use crate::fixture::Uniform;
+    use crate::package::Package;
+    use crate::path::Path;
+
+    /// The rows of a box of integers and booleans, as numbers.
+    fn rows([from, to]: &Ends, scalars: &[Scalar]) -> Vec<Vec<i64>> {
+        let mut all = vec![Vec::new()];
+        for (lane, scalar) in scalars.iter().enumerate() {
+            let [least, most] = [from, to].map(|row| match scalar {
+                Scalar::I32 => i64::from(row[lane].cast_signed()),
+                _ => i64::from(row[lane]),
+            });
+            let longer = |row: &Vec<i64>| {
+                let row = row.clone();
+                (least..=most).map(move |x| [&row[..], &[x]].concat())
+            };
+            all = all.iter().flat_map(longer).collect();
+        }
+        all
+    }
+
+    /// Cuts boxes until each holds one row, which is one of the whole box, and each of those once.
+    fn cut(whole: &Ends, scalars: &[Scalar]) {
+        let (mut boxes, mut met) = (vec![whole.clone()], Vec::new());
+        while let Some(one) = boxes.pop() {
+            match halves(&one, scalars) {
+                Some(halves) => {
+                    let mut both: Vec<_> =
+                        halves.iter().flat_map(|half| rows(half, scalars)).collect();
+                    both.sort_unstable();
+                    assert_eq!(both, rows(&one, scalars), "{one:?} of {scalars:?}");
+                    boxes.extend(halves);
+                }
+                None => {
+                    let own = rows(&one, scalars);
+                    assert_eq!(own.len(), 1, "{one:?} of {scalars:?} is whole");
+                    met.extend(own);
+                }
+            }
+        }
+        met.sort_unstable();
+        assert_eq!(met, rows(whole, scalars), "{scalars:?}");
+    }
+
+    /// A row that no half holds would be proved unseen.
+    #[test]
+    fn halves_of_integers_hold_each_row_once() {
+        let end = |x: i32| x.cast_unsigned();
+        for (scalar, starts) in [
+            (Scalar::U32, [0, 1, 6, end(i32::MAX) - 3, u32::MAX - 8]),
+            (Scalar::I32, [end(-5), 0, end(i32::MIN), end(i32::MAX - 8), end(-1)]),
+        ] {
+            for start in starts {
+                for length in 0..=8 {
+                    let to = start.wrapping_add(length);
+                    cut(&[vec![start], vec![to]], &[scalar]);
+                    // The longest side is cut first, wherever it stands.
+                    cut(&[vec![0, start], vec![1, to]], &[Scalar::Bool, scalar]);
+                    cut(&[vec![start, 3], vec![to, 6]], &[scalar, Scalar::U32]);
+                    cut(&[vec![end(-2), start], vec![1, to]], &[Scalar::I32, scalar]);
+                }
+            }
+        }
+        cut(&[vec![0, 1], vec![1, 1]], &[Scalar::Bool; 2]);
+        let whole = [vec![0], vec![u32::MAX]];
+        let half = u32::MAX / 2;
+        let expected = [[vec![0], vec![half]], [vec![half + 1], vec![u32::MAX]]];
+        assert_eq!(halves(&whole, &[Scalar::U32]), Some(expected));
+        let whole = [vec![end(i32::MIN)], vec![end(i32::MAX)]];
+        let expected = [[vec![end(i32::MIN)], vec![end(-1)]], [vec![0], vec![end(i32::MAX)]]];
+        assert_eq!(halves(&whole, &[Scalar::I32]), Some(expected));
+    }
+
+    /// Halves of floats meet at a number between the ends; neighbours have none.
+    #[test]
+    fn halves_of_floats_meet() {
+        let all =
+            [-f32::MAX, -1.0, -f32::from_bits(1), 0.0, f32::from_bits(1), 1e-30, 1.0, f32::MAX];
+        for (at, from) in all.into_iter().enumerate() {
+            for to in all[at..].iter().flat_map(|to| [*to, to.next_up()]) {
+                let ends = [vec![from.to_bits()], vec![to.to_bits()]];
+                match halves(&ends, &[Scalar::F32]) {
+                    Some([[first, below], [above, last]]) => {
+                        let [below, above] = [below, above].map(|row| f32::from_bits(row[0]));
+                        assert_eq!([first, last], ends);
+                        let is_between =
+                            from.total_cmp(&below).is_lt() && below.total_cmp(&to).is_lt();
+                        assert!(below == above && is_between, "{from} {below} {to}");
+                    }
+                    None => assert!(!(from.next_up() < to && to.is_finite()), "{from} {to}"),
+                }
+            }
+        }
+        assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
+    }
+
+    /// Bounds that leave the range at either end, or have no end, prove nothing of results that stay within. A box is
+    /// halved some thousand times and not for ever.
+    #[test]
+    fn bounds_beyond_a_range_prove_nothing() {
+        let package = Package::from_source(
+            "proofs",
+            "fn part(x: f32) -> f32 { return x - floor(x); }
+            fn back(x: f32) -> f32 { return floor(x) - x; }
+            fn inverse(x: f32) -> f32 { return min(1.0 / x, 1.0); }
+            fn tenth(x: f32) -> f32 { return min(x, 0.1); }
+            fn large(i: u32) -> u32 { return min(i, 16777217u); }",
+        );
+        let engine = crate::executor::of(Path::CPU).expect("it opens");
+        let over = |name: &'static str| package.function(name).on(engine);
+        let unit = |name| over(name).over(0.0..=1.0).unrecorded();
+        assert!(!unit("part").stays_within(0.0..=1.0).proved);
+        assert!(!unit("back").stays_within(-1.0..=0.0).proved);
+        assert!(!unit("inverse").stays_within(0.0..=1.0).proved);
+        // The `f32` next to 0.1 is above it; an integer is no `f32`.
+        assert!(unit("tenth").stays_within(0.0..=0.1).proved);
+        let large = over("large").over(Integers(0..=20_000_000_u32)).unrecorded();
+        assert!(large.stays_within(0.0..=16_777_217.0).proved);
+    }
+
+    /// A buffer holds what a test gave it, and a host something else.
+    #[test]
+    fn what_is_read_is_no_argument() {
+        let package = Package::from_source(
+            "proofs",
+            "@group(0) @binding(0) var<uniform> half: f32;
+            fn read(x: f32) -> f32 { return x * half; }
+            fn alone(x: f32) -> f32 { return x * 0.5; }
+            fn nth(i: u32, j: i32) -> u32 { return min(i, 1000u) + u32(max(j, 0)); }
+            fn pair(x: f32) -> vec2f { return vec2f(0.5 * x, 0.25 * x); }
+            fn hole(i: u32) -> u32 { return select(i % 7u, 9u, i == 3u); }",
+        );
+        let engine = crate::executor::of(Path::CPU).expect("it opens");
+        let over = |name: &'static str| package.function(name).on(engine);
+        let read = over("read").with("half", Uniform::new(0.5_f32)).over(0.0..=1.0);
+        assert!(!read.unrecorded().stays_within(0.0..=1.0).proved);
+        assert!(over("alone").over(0.0..=1.0).unrecorded().stays_within(0.0..=1.0).proved);
+        let nth = || over("nth").over((Integers(0..=5000_u32), Integers(-9..=9_i32))).unrecorded();
+        assert!(nth().stays_within(0.0..=1009.0).proved);
+        nth().try_stays_within(0.0..=1008.0).expect_err("the last of both");
+        let pair = || over("pair").over(0.0..=1.0).unrecorded();
+        assert!(pair().stays_within(0.0..=0.5).proved, "each component is within");
+        pair().try_stays_within(0.0..=0.25).expect_err("of the first");
+        let hole = over("hole").over(Integers(0..=6_u32)).unrecorded();
+        hole.try_stays_within(0.0..=7.0).expect_err("of 3");
+    }
+}

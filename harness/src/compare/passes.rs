@@ -51,7 +51,8 @@ impl Request {
         }
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
-        let (mut brought, mut covered) = (Brought::default(), Both::default());
+        let mut brought = Brought { renamed: renamed.clone(), ..Brought::default() };
+        let mut covered = Both::default();
         for (variant, invocations) in runs {
             // Several workgroups may not be meant: they count where nothing else tells the edit.
             let is_more = invocations != usual;
@@ -142,9 +143,13 @@ impl Request {
 
 impl Request {
     /// Violations between the pixels of a draw, of a fragment function that writes what others see, that an edit brings.
-    pub(super) fn brought_to_pixels(&self, name: &str) -> Result<Vec<Violation>, String> {
+    pub(super) fn brought_to_pixels(
+        &self,
+        name: &str,
+        renamed: Vec<(String, String)>,
+    ) -> Result<Vec<Violation>, String> {
         let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
-        let mut brought = Brought::default();
+        let mut brought = Brought { renamed, ..Brought::default() };
         for variant in 0..Extents::VARIANTS {
             let of = |package| Passes::of_pixels(package, name, false, &ranges, variant);
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
@@ -160,15 +165,24 @@ impl Request {
 /// Workgroups of a pass that is dispatched as one, where it may take more.
 const SEVERAL: u32 = 3;
 
-/// The subject of a violation. Indices have no variable, and their headline says whether they read or write.
-fn subject(one: &Violation) -> (ViolationKind, &str) {
-    let of_index = one.kind.is_of_index();
-    (one.kind, if of_index { &one.headline } else { &one.variable })
+/// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their
+/// headline says whether they read or write.
+fn subject(one: &Violation, renamed: &[(String, String)]) -> (ViolationKind, String) {
+    let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
+    let text = match one.kind.is_of_index() {
+        true => one.headline.clone(),
+        false => quoted(&one.variable),
+    };
+    let new_name =
+        |text: String, (was, is): &(String, String)| text.replace(&quoted(was), &quoted(is));
+    (one.kind, renamed.iter().fold(text, new_name))
 }
 
 /// Violations that an edit brings: the first of each kind about each variable.
 #[derive(Default)]
 struct Brought {
+    /// Resources that have another name after the edit.
+    renamed: Vec<(String, String)>,
     sure: Vec<Violation>,
     /// Indices over any sizes and numbers: a guard that is gone.
     of_indices: Vec<Violation>,
@@ -177,6 +191,7 @@ struct Brought {
 impl Brought {
     /// Adds violations that the pass after the edit has over a content, and hadn't before.
     fn add(&mut self, variant: usize, old: &Examined, new: &Examined) {
+        let subject = |one: &Violation| subject(one, &self.renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
@@ -199,7 +214,7 @@ impl Brought {
 }
 
 fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
-    if all.iter().all(|known| subject(known) != subject(one)) {
+    if all.iter().all(|known| subject(known, &[]) != subject(one, &[])) {
         all.push(one.clone());
     }
 }
@@ -376,6 +391,133 @@ mod tests {
             assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
             assert!(compared(&edited, &text).violations.is_empty(), "an edit may mend it");
         }
+    }
+
+    /// Numbers of elements repeat in one content alone, and are places of a list.
+    #[test]
+    fn what_an_edit_brings_over_one_content_is_told() {
+        let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @compute @workgroup_size(64) fn put(@builtin(global_invocation_id) g: vec3u) {
+                let k = g.x;
+                if k < arrayLength(&list) { list[k] = k; }
+            }";
+        let pixels = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @group(0) @binding(2) var<uniform> width: u32;
+            @fragment fn put(@builtin(position) at: vec4f) -> @location(0) vec4f {
+                let k = u32(at.y) * width + u32(at.x);
+                if k < arrayLength(&list) { list[k] = k; }
+                return vec4f(1.0);
+            }";
+        for text in [pass, pixels] {
+            let edited = text.replace("list[k] = k", "list[place[k]] = k");
+            let of = |before: &str, after: &str| {
+                let [before, after] = [before, after].map(|text| Package::from_source("m", text));
+                let mut all = Request::new(before, after).run().expect("both are valid");
+                all.pop().expect("one entry point").violations
+            };
+            let brought = of(text, &edited);
+            let [race] = &brought[..] else { panic!("{brought:?}") };
+            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert!(of(&edited, text).is_empty(), "an edit may mend it");
+        }
+    }
+
+    /// Words that are written on one side alone are no change of words.
+    #[test]
+    fn a_resource_that_one_side_writes_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> b: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                a[g.x] = g.x;
+                b[g.x] = 1u;
+            }";
+        let reason = |before: &str, after: &str| {
+            let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
+            reason.clone()
+        };
+        let without = text.replace("b[g.x] = 1u;", "");
+        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
+        let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
+        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+    }
+
+    fn compared(before: &str, after: &str) -> super::Compared {
+        let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+        let mut all = Request::new(before, after).run().expect("both are valid");
+        all.pop().expect("the pass")
+    }
+
+    /// A resource with another name is the same one, and one of another type is none.
+    #[test]
+    fn resources_are_compared_by_their_names_and_types() {
+        let text = "@group(0) @binding(0) var<storage, read> from_: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> to: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                to[g.x] = from_[g.x];
+            }";
+        let renamed = text.replace("to: ", "target_: ").replace("to[", "target_[");
+        let renamed = renamed.replace("from_", "source");
+        let one = compared(text, &renamed);
+        assert!(matches!(one.change, Change::Same { .. }) && one.violations.is_empty(), "{one:?}");
+        let edited = compared(text, &renamed.replace("= source[g.x]", "= source[g.x] + 1u"));
+        assert!(matches!(edited.change, Change::Changed { .. }), "{edited:?}");
+        let typed = text.replace("to: array<u32>", "to: array<i32>");
+        let typed = compared(text, &typed.replace("= from_[g.x]", "= i32(from_[g.x])"));
+        let Change::Unjudged { reason } = &typed.change else { panic!("{typed:?}") };
+        assert!(
+            reason.starts_with("`to` is array<i32") && reason.contains("was array<u32"),
+            "{reason}"
+        );
+    }
+
+    /// A loop that ended, and one that didn't.
+    #[test]
+    fn a_loop_that_an_edit_makes_endless_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
+            @compute @workgroup_size(4) fn f(@builtin(global_invocation_id) g: vec3u) {
+                var sum = 0u;
+                for (var k = 0u; k < 4u; k += 1u) { sum += k; }
+                if g.x < arrayLength(&d) { d[g.x] = sum; }
+            }";
+        let endless = text.replace("k += 1u", "k += 0u");
+        for (before, after, expected) in [
+            (text, &*endless, "after the edit a loop of it doesn't end"),
+            (&endless, text, "its loops are too long to be run"),
+        ] {
+            let one = compared(before, after);
+            let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+            assert_eq!(reason, expected);
+        }
+    }
+
+    /// An index over any numbers is told where nothing else is; and a pass of one workgroup that races with itself in
+    /// several is made for one.
+    #[test]
+    fn what_a_host_may_not_give_is_told_last() {
+        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
+            @group(0) @binding(1) var<storage, read> x: array<f32>;
+            @group(0) @binding(2) var<storage, read_write> y: array<f32>;
+            @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
+                if id.x >= arrayLength(&y) { return; }
+                y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
+            }";
+        let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
+        assert_eq!(compared(text, &bare).violations.len(), 1);
+        let changed = compared(text, &bare.replace("= x[", "= 2.0 * x["));
+        assert!(matches!(changed.change, Change::Changed { .. }), "{changed:?}");
+        assert!(changed.violations.is_empty(), "{changed:?}");
+        let alone = TICKETS.replace("let group =", "shared_[i] = i; let group =");
+        let alone = format!(
+            "@group(0) @binding(2) var<storage, read_write> shared_: array<u32, 32>;{alone}"
+        );
+        let one = compared(&alone, &alone.replace("group * 32u", "0u"));
+        assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
     }
 
     #[test]

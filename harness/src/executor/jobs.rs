@@ -197,3 +197,190 @@ fn located(
     let place = problem.bytes.clone().and_then(|bytes| resolve(problem.pass, bytes));
     place.map_or_else(String::new, |place| format!(" ({place})"))
 }
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::fixture::{Buffer, Fixtures, Texture};
+    use crate::package::Package;
+    use crate::probe::Probed;
+
+    /// The results of a function, row by row, by jobs that the engine runs.
+    fn called(text: &str, fixtures: Fixtures, rows: &[u32]) -> Vec<Vec<u32>> {
+        called_with(&|_, _| {}, text, fixtures, rows).expect("it runs")
+    }
+
+    /// The same of an engine with a fault, which changes the words that a job leaves.
+    fn called_with(
+        fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync),
+        text: &str,
+        fixtures: Fixtures,
+        rows: &[u32],
+    ) -> Result<Vec<Vec<u32>>, String> {
+        let engine = super::super::of(Path::CPU).expect("it opens");
+        let package = Package::from_source("p", text);
+        let mut probed = Probed::new(&package, "f").expect("it is called");
+        probed.fit(&fixtures).expect("they fit");
+        let call = Call { probed: &probed, fixtures: &fixtures, cases: rows.len() };
+        let run: Run<'_> = Box::new(|job| {
+            let mut reply = super::super::raised(engine, job);
+            if let Reply::Done(outputs) = &mut reply {
+                fault(job, outputs);
+            }
+            Ok(reply)
+        });
+        let prepared = prepare(Path::CPU, run, &call).expect("it is prepared");
+        let mut found = Vec::new();
+        let started = prepared.start(rows.len(), rows).expect("it starts");
+        let lanes = probed.function().result.lanes().len();
+        let mut read = |words: &[u32], stride: usize| {
+            found = words.chunks_exact(stride).map(|row| row[..lanes].to_vec()).collect();
+        };
+        started(&mut read).map_err(|error| error.to_string())?;
+        Ok(found)
+    }
+
+    #[test]
+    fn each_case_of_a_function_that_writes_has_its_own_arguments() {
+        let text = "@group(0) @binding(0) var<storage, read_write> seen: array<u32, 2>;
+            fn f(x: u32) -> u32 { seen[x % 2u] += x; return x + 1u; }";
+        let seen = vec![("seen".to_owned(), Buffer::from_pod(&[5_u32, 6]).into())];
+        let found = called(text, seen, &[10, 20, 31]);
+        assert_eq!(found, [[11, 15, 6], [21, 25, 6], [32, 5, 37]]);
+        let two = "@group(0) @binding(0) var<storage, read_write> sum: u32;
+            @group(0) @binding(1) var<storage, read_write> last: u32;
+            fn f(x: u32) -> u32 { sum += x; last = 2u * x; return 0u; }";
+        let both = ["sum", "last"].map(|name| (name.to_owned(), Buffer::from_pod(&[1_u32]).into()));
+        assert_eq!(called(two, both.to_vec(), &[10, 20]), [[0, 11, 20], [0, 21, 40]]);
+        let plain = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
+        assert_eq!(called(plain, Vec::new(), &[1, 4, 9]), [[1, 2], [4, 8], [9, 18]]);
+    }
+
+    /// Words that nothing wrote, those of another dispatch and those of too few cases are no results.
+    #[test]
+    fn what_a_job_does_not_do_is_seen() {
+        let text = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
+        let error = |fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync)| {
+            called_with(fault, text, Vec::new(), &[1, 4, 9]).expect_err("it is a fault")
+        };
+        let unwritten = error(&|job, outputs| {
+            let crate::job::Resource::Buffer { words } = &job.resources[job.outputs[0]] else {
+                panic!("results are a buffer")
+            };
+            outputs[0][4] = words[4];
+        });
+        assert!(unwritten.contains("never wrote 1 of 6 result words"), "{unwritten}");
+        let other = error(&|_, outputs| outputs[0][5] ^= 1);
+        assert!(other.contains("wrote no result for 1 of 3 cases"), "{other}");
+        let short = error(&|_, outputs| outputs[0].truncate(8));
+        assert!(short.contains("it returned outputs of [8] words, and [9] are wanted"), "{short}");
+        let none = error(&|_, outputs| outputs.clear());
+        assert!(none.contains("it returned outputs of [] words, and [9] are wanted"), "{none}");
+    }
+
+    /// A result may be the word that stands for none, and is computed again over another one.
+    #[test]
+    fn a_result_may_be_poison() {
+        let text = format!("fn f(x: u32) -> u32 {{ return {}u + x; }}", evidence::WORD);
+        let rows = [0, 1, evidence::OTHER - evidence::WORD];
+        let expected = [[evidence::WORD], [evidence::WORD + 1], [evidence::OTHER]];
+        assert_eq!(called(&text, Vec::new(), &rows), expected);
+        let immediate = "var<immediate> k: u32; fn f(x: u32) -> u32 { return 10u * k + x; }";
+        let four = vec![("k".to_owned(), Buffer::from_pod(&[4_u32]).into())];
+        assert_eq!(called(immediate, four, &[1, 2]), [[41], [42]]);
+    }
+
+    /// A job is some megabytes of text, at most.
+    #[test]
+    fn jobs_are_of_a_size() {
+        let capacity = |text: &str, fixtures: Fixtures, cases: usize| {
+            let package = Package::from_source("p", text);
+            let mut probed = Probed::new(&package, "f").expect("it is called");
+            probed.fit(&fixtures).expect("they fit");
+            let call = Call { probed: &probed, fixtures: &fixtures, cases };
+            let run: Run<'_> = Box::new(|_| unreachable!("it isn't called"));
+            prepare(Path::CPU, run, &call).expect("it is prepared").capacity()
+        };
+        let of = |text: &str, cases| capacity(text, Vec::new(), cases);
+        let twice = "fn f(x: f32) -> f32 { return 2.0 * x; }";
+        assert_eq!([of(twice, 0), of(twice, 100), of(twice, 100_000)], [1, 100, 4096]);
+        // 1,023 words and a canary.
+        let large = "fn f(x: f32) -> array<f32, 1023> { return array<f32, 1023>(); }";
+        assert_eq!(of(large, 100_000), 512);
+        assert_eq!(of("fn f(x: array<f32, 2048>) -> f32 { return x[1]; }", 100_000), 256);
+        let writes = "@group(0) @binding(0) var<storage, read_write> sum: u32;
+            fn f(x: u32) -> u32 { sum += x; return x; }";
+        let sum = vec![("sum".to_owned(), Buffer::zeros(4).into())];
+        assert_eq!(capacity(writes, sum, 100_000), 64);
+    }
+
+    /// JSON has no infinity.
+    #[test]
+    fn a_job_is_text_and_back() {
+        let text = "@group(0) @binding(0) var image: texture_2d<f32>;
+            @group(0) @binding(1) var linear: sampler;
+            fn f(x: f32) -> f32 { return textureSampleLevel(image, linear, vec2f(x), 0.0).x; }";
+        let probed = Probed::new(&Package::from_source("p", text), "f").expect("it is called");
+        let image = Texture::from_fn(2, 1, |x, _| glam::Vec4::splat(x as f32));
+        let fixtures: Fixtures = vec![
+            ("image".to_owned(), image.into()),
+            ("linear".to_owned(), crate::fixture::Sampler::LINEAR.lod(0.5, f32::INFINITY).into()),
+        ];
+        let kernel = KernelJobs::new(&probed, &fixtures).expect("it is a job");
+        let job = kernel.job(1, &[0], 1, 0).expect("it is a job");
+        let text = serde_json::to_string(&job).expect("it is text");
+        let back: Job = serde_json::from_str(&text).expect("it is the same");
+        let crate::job::Resource::Sampler(sampler) = back.resources[1] else { panic!("{text}") };
+        assert_eq!(sampler.lod, (0.5, 32.0));
+    }
+
+    /// A storage texture says its format, in whichever pass it is one.
+    #[test]
+    fn a_texture_that_a_later_pass_stores_has_its_format() {
+        let text = "@group(0) @binding(0) var read: texture_2d<f32>;
+            @group(0) @binding(1) var sum: texture_storage_2d<r32float, write>;
+            @group(0) @binding(2) var<storage, read_write> data: array<f32>;
+            @compute @workgroup_size(1) fn first() { data[0] = textureLoad(read, vec2u(0u), 0).x; }
+            @compute @workgroup_size(1) fn second() { textureStore(sum, vec2u(0u), vec4f(data[0])); }";
+        let package = Package::from_source("p", text);
+        let wanted = ["first", "second"]
+            .map(|name| crate::dispatch::Wanted { name: name.to_owned(), workgroups: [1; 3] });
+        let image = Texture::from_fn(1, 1, |_, _| glam::Vec4::ONE);
+        let fixtures: Fixtures =
+            vec![("read".to_owned(), image.into()), ("data".to_owned(), Buffer::zeros(4).into())];
+        let shared = [("sum".to_owned(), "read".to_owned())];
+        let passes = Passes::new(&package, &wanted, (&fixtures, &shared), &Default::default());
+        let job = Job::of_passes(&passes.expect("they fit")).expect("it is a job");
+        let formats = job.resources.iter().filter_map(|resource| match resource {
+            crate::job::Resource::Texture { format, .. } => Some(format.clone()),
+            _ => None,
+        });
+        assert_eq!(formats.collect::<Vec<_>>(), [Some("r32float".to_owned())]);
+    }
+
+    /// Another program than Karat's makes textures by what a job says of them.
+    #[test]
+    fn a_texture_for_depths_is_one_of_depths() {
+        let ramp = || Texture::from_fn(2, 1, |x, _| 0.25 + x as f32 / 2.0);
+        let texels = |kind: &str, load: &str| {
+            let text = format!(
+                "@group(0) @binding(0) var image: {kind};
+                fn f(x: u32) -> f32 {{ return textureLoad(image, vec2u(x, 0u), 0){load}; }}"
+            );
+            let fixtures: Fixtures = vec![("image".to_owned(), ramp().into())];
+            let found = called(&text, fixtures.clone(), &[0, 1]);
+            assert_eq!(found, [[0.25_f32.to_bits()], [0.75_f32.to_bits()]]);
+            let probed = Probed::new(&Package::from_source("p", text), "f").expect("it is called");
+            let kernel = KernelJobs::new(&probed, &fixtures).expect("it is a job");
+            let job = kernel.job(1, &[0], 1, 0).expect("it is a job");
+            let texels = job.resources.iter().find_map(|resource| match resource {
+                crate::job::Resource::Texture { texture, .. } => Some(texture.texels),
+                _ => None,
+            });
+            texels.expect("a texture")
+        };
+        use crate::reflect::Texels;
+        assert_eq!(texels("texture_depth_2d", ""), Texels::Depth);
+        assert_eq!(texels("texture_2d<f32>", ".x"), Texels::Float);
+    }
+}

@@ -221,3 +221,60 @@ fn drawn(job: &Job, frame: &Frame, draw: Draw<'_>) -> Result<Vec<Vec<u32>>, Unra
     let image = draw(&Drawing::of(Cow::Owned(scene))?)?;
     Ok(vec![image.pixels().iter().flatten().map(|x| x.to_bits()).collect()])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const JOB: &str = r#"{"jobs": 1, "id": 7, "resources": [{"buffer": {"words": [0, 0]}}], "outputs": [0],
+        "seconds": 60.0, "work": {"passes": [{"shader": {"wgsl":
+        "@group(0) @binding(0) var<storage, read_write> x: u32; @compute @workgroup_size(1) fn f() { x = 7u; }",
+        "sources": [], "overrides": {}}, "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}],
+        "workgroups": [1, 1, 1]}]}}"#;
+
+    /// The reply to an edited job, of a device whose buffers are longer than it is asked for.
+    fn reply(from: &str, to: &str) -> Reply {
+        assert!(JOB.contains(from), "{from}");
+        let job: Job = serde_json::from_str(&JOB.replacen(from, to, 1)).expect("it is a job");
+        run(&job, &|_| Ok(vec![(0, vec![7, 8, 9, 10])]), &|_| panic!("it draws nothing"))
+    }
+
+    #[test]
+    fn what_is_no_sound_job_has_a_reason() {
+        assert_eq!(reply("", ""), Reply::Done(vec![vec![7, 8]]));
+        for (from, to, reason) in [
+            (r#""jobs": 1"#, r#""jobs": 2"#, "the job is of version 2, and not of 1"),
+            (r#""jobs": 1"#, r#""jobs": 0"#, "the job is of version 0, and not of 1"),
+            ("[0, 0], \"resource", "[0, 1], \"resource", "the job binds nothing to `pass0::x`"),
+            (r#""resource": 0"#, r#""resource": 1"#, "the job has no resource 1"),
+            ("[0, 0]}}", "[0]}}, {\"buffer\": {\"words\": [1]}}", "no pass uses resource 1"),
+            (r#""outputs": [0]"#, r#""outputs": [0, 1]"#, "no pass writes resource 1"),
+        ] {
+            let Reply::Failed(problem) = reply(from, to) else { panic!("{to} is no job") };
+            assert_eq!(problem.message, reason);
+        }
+        for (from, to) in
+            [("[1, 1, 1]", "[1, 0, 1]"), ("[1, 1, 1]", "[65536, 1, 1]"), ("\"f\"", "\"g\"")]
+        {
+            assert!(!matches!(reply(from, to), Reply::Done(_)), "{to}");
+        }
+    }
+
+    /// A problem is one of a pass, at a place in its text.
+    #[test]
+    fn a_problem_has_its_pass_and_its_bytes() {
+        let mut job: Job = serde_json::from_str(JOB).expect("it is a job");
+        let Work::Passes(passes) = &mut job.work else { unreachable!("it has passes") };
+        let mut second = passes[0].clone();
+        second.shader.wgsl = second.shader.wgsl.replace("x = 7u", "x = 7.5");
+        let text = second.shader.wgsl.clone();
+        passes.push(second);
+        let nothing = |_: &Passes| panic!("nothing runs");
+        let Reply::Refused(problem) = run(&job, &nothing, &|_| panic!("it draws nothing")) else {
+            panic!("the second pass isn't valid")
+        };
+        let bytes = problem.bytes.expect("it has a place");
+        let place = text[..bytes.start].contains("fn f()");
+        assert_eq!((problem.pass, place), (1, true), "{}", problem.message);
+    }
+}

@@ -276,6 +276,76 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], 7).elements, [16, 8, 1]);
     }
 
+    /// At least 64 elements, and of a tail some fewer in each direction that has several invocations a workgroup.
+    #[test]
+    fn elements_are_those_of_whole_workgroups_or_a_few_less() {
+        let of = |size, workgroups, variant| Extents::of(size, workgroups, variant).elements;
+        assert_eq!(of([3, 1, 1], [7, 1, 1], 0), [84, 1, 1]);
+        assert_eq!(
+            [of([64, 1, 1], [2, 1, 1], 1), of([64, 1, 1], [2, 1, 1], 4)],
+            [[125, 1, 1], [124, 1, 1]]
+        );
+        assert_eq!(
+            [of([8, 8, 1], [2, 1, 1], 1), of([8, 8, 1], [2, 1, 1], 4)],
+            [[15, 7, 1], [14, 6, 1]]
+        );
+        assert_eq!(of([8, 8, 1], [4, 2, 1], 4), [28, 14, 1]);
+        assert_eq!(of([64, 1, 1], [2, 3, 1], 4), [124, 3, 1]);
+    }
+
+    #[test]
+    fn elements_are_numbered() {
+        let of = |how: Numbered| [0, 1, 3].map(|at| how.of(at, 4));
+        assert_eq!(of(Numbered::Forwards), [0, 1, 3]);
+        assert_eq!(of(Numbered::Backwards), [3, 2, 0]);
+        assert_eq!(of(Numbered::Apart), [0, 1 << 16, 3 << 16]);
+        assert_eq!(of(Numbered::Zero), [0; 3]);
+        for variant in 0..Extents::VARIANTS {
+            let of = |added| Extents::of([64, 1, 1], [2, 1, 1], variant + added);
+            assert_eq!(of(Extents::ZEROS).numbered, Some(Numbered::Zero));
+            assert_eq!(of(Extents::APART).numbered, Some(Numbered::Apart));
+            let sizes = [0, Extents::ZEROS, Extents::APART].map(|added| of(added).elements);
+            assert_eq!(sizes, [sizes[0]; 3]);
+            // A lane of a vector isn't the one before.
+            let [x, y] = [0, 1].map(|lane| of(0).unknown("v", lane));
+            match variant {
+                2..=4 => assert_eq!(y, x.map(|x| x + 1)),
+                _ => assert_eq!(x, y),
+            }
+        }
+    }
+
+    /// One content has floats below 0, one is noise, and in two some arrays are shorter than others.
+    #[test]
+    fn contents_differ_in_what_they_try() {
+        let of =
+            |size| (0..Extents::VARIANTS).map(move |variant| Extents::of(size, [4, 2, 1], variant));
+        let numbers = |is: fn(&Extents) -> bool| {
+            let all = of([8, 8, 1]).enumerate();
+            all.filter(|(_, one)| is(one)).map(|(number, _)| number).collect::<Vec<_>>()
+        };
+        assert_eq!(numbers(|one| one.negative), [4]);
+        assert_eq!(numbers(|one| one.noise), [7]);
+        assert_eq!(numbers(|one| one.shorter.is_some()), [6, 8]);
+        assert_eq!(numbers(|one| one.numbered == Some(Numbered::Bits)), [3]);
+        assert_eq!(numbers(|one| one.numbered.is_none()), [8]);
+        let names = ["a", "b", "points", "list", "next", "source"];
+        for one in of([8, 8, 1]) {
+            let total = one.total();
+            let lengths = names.map(|name| one.elements_of(name));
+            let parts = [8, 5, 3, 2].map(|eighths| total * eighths / 8);
+            match one.shorter {
+                Some(_) => {
+                    assert!(lengths.iter().all(|length| parts.contains(length)), "{lengths:?}");
+                    assert!(lengths.iter().any(|length| *length != lengths[0]), "{lengths:?}");
+                }
+                None => assert_eq!(lengths, [total; 6]),
+            }
+        }
+        // A draw's buffers have an element for each pixel.
+        assert!(of([1; 3]).all(|one| names.map(|name| one.elements_of(name)) == [one.total(); 6]));
+    }
+
     #[test]
     fn unknown_numbers_differ_from_each_other() {
         let all = [0, 2, 3, 4, 5].map(|variant| {

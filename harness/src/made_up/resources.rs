@@ -573,7 +573,7 @@ const MOST_FACE: u32 = 64;
 /// Layers and slices.
 const LAYERS: u32 = 4;
 
-#[cfg(all(test, feature = "routes"))]
+#[cfg(all(test, feature = "engine"))]
 mod tests {
     use super::*;
 
@@ -588,6 +588,137 @@ mod tests {
         }
     }
 
+    fn probed(text: &str) -> Probed {
+        let package = crate::Package::from_source("p", text);
+        Probed::new(&package, "f").expect("it is called")
+    }
+
+    /// The words of a buffer.
+    fn words(made: &Resources, name: &str) -> Vec<u32> {
+        let found = made.fixtures.iter().find(|(path, _)| path == name);
+        let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };
+        bytemuck::pod_collect_to_vec(buffer.bound())
+    }
+
+    /// A guard that is left out shows where an array is short; one that is written is read back whole.
+    #[test]
+    fn arrays_that_are_read_have_several_lengths() {
+        let probed = probed(
+            "@group(0) @binding(0) var<storage, read> d: array<f32>;
+            @group(0) @binding(1) var<storage, read_write> w: array<f32>;
+            fn f(i: u32) -> f32 { w[i] = d[i]; return d[i]; }",
+        );
+        let made = |variant| Resources::of(&probed, &Ranges::default(), variant).expect("made up");
+        let lengths = |name: &str| {
+            (0..VARIANTS).map(|variant| words(&made(variant), name).len()).collect::<Vec<_>>()
+        };
+        assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
+        assert_eq!(lengths("w"), [64; 6]);
+        // Elements take the numbers that are tried first in turn.
+        let first = words(&made(1), "d");
+        assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
+    }
+
+    /// Textures that are read have other sizes in each content; those that are written are read back whole.
+    #[test]
+    fn written_textures_keep_their_size() {
+        let probed = probed(
+            "@group(0) @binding(0) var image: texture_2d<f32>;
+            @group(0) @binding(1) var stored: texture_storage_2d<r32float, write>;
+            fn f(i: u32) -> f32 {
+                textureStore(stored, vec2u(i), vec4f(1.0));
+                return textureLoad(image, vec2u(i), 0).x;
+            }",
+        );
+        let sizes = |name: &str| {
+            let size = |variant| {
+                let made = Resources::of(&probed, &Ranges::default(), variant).expect("made up");
+                let (_, fixture) = made.fixtures.iter().find(|(path, _)| path == name)?;
+                fixture.view().map(|view| (view.levels[0].width, view.levels[0].height))
+            };
+            (0..VARIANTS).map(size).collect::<std::collections::BTreeSet<_>>().len()
+        };
+        assert_eq!(sizes("stored"), 1);
+        assert!(sizes("image") > 2);
+    }
+
+    /// Behind an array of a buffer, whole numbers are no elements' any more; what is declared is none.
+    #[test]
+    fn whole_numbers_of_elements_are_their_own() {
+        let text =
+            "struct Item { id: u32, next: i32 } struct S { items: array<Item, 4>, mode: u32 }
+            @group(0) @binding(0) var<storage, read> s: S;
+            @group(0) @binding(1) var<storage, read> given: array<u32, 3>;
+            @group(0) @binding(2) var<storage, read_write> sum: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                sum[g.x] = s.items[g.x].id + s.mode + given[g.x % 3u];
+            }";
+        let package = crate::Package::from_source("p", text);
+        let (program, bindings, size) =
+            Program::of_pass(&package, "f", &crate::reflect::Overrides::new()).expect("a pass");
+        let mut ranges = Ranges::default();
+        ranges.declare("given", 7.0, 7.0).expect("it is a range");
+        let of = |variant: usize| {
+            let extents = Extents::of(size, [2, 1, 1], variant);
+            let made = Resources::of_pass((&program, &bindings), &ranges, extents, variant);
+            let made = made.expect("it is made up");
+            (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec(), made.guessed)
+        };
+        assert_eq!(of(0), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3], false));
+        assert_eq!(of(1), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3], false));
+    }
+
+    /// Values are those of names, wherever their members stand.
+    #[test]
+    fn members_in_another_order_hold_the_same() {
+        let of = |members: &str, variant| {
+            let probed = probed(&format!(
+                "struct Q {{ u: f32, v: f32 }} struct L {{ l: vec4f }} struct P {{ {members} }}
+                @group(0) @binding(0) var<storage, read> p: P;
+                fn f(x: f32) -> f32 {{ return x * p.a * p.b.y * p.q.v * f32(p.c) * p.list[1].l.x; }}"
+            ));
+            let made = Resources::of(&probed, &Ranges::default(), variant).expect("it is made up");
+            let mut members = made.members;
+            members.sort_unstable();
+            assert_eq!(members.len(), 5);
+            members
+        };
+        for variant in 0..VARIANTS {
+            let one = of("a: f32, b: vec2f, q: Q, c: u32, list: array<L, 3>", variant);
+            assert_eq!(of("c: u32, q: Q, list: array<L, 3>, b: vec2f, a: f32", variant), one);
+            assert_eq!(of("list: array<L, 3>, b: vec2f, c: u32, a: f32, q: Q", variant), one);
+        }
+    }
+
+    /// An element that isn't there is 0, which is the largest of numbers below it.
+    #[test]
+    fn floats_of_one_content_are_below_zero() {
+        let text = "struct P { mass: f32, other: f32 }
+            @group(0) @binding(0) var<storage, read> d: array<f32>;
+            @group(0) @binding(1) var<storage, read> p: array<P>;
+            @group(0) @binding(2) var<storage, read> roughness: array<f32>;
+            @group(0) @binding(3) var<storage, read_write> sum: array<f32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                sum[g.x] = d[g.x] + p[g.x].other + roughness[g.x];
+            }";
+        let package = crate::Package::from_source("p", text);
+        let (program, bindings, size) =
+            Program::of_pass(&package, "f", &crate::reflect::Overrides::new()).expect("a pass");
+        let positive = |name: &str| {
+            let all = (0..Extents::VARIANTS).filter(|variant| {
+                let extents = Extents::of(size, [2, 1, 1], *variant);
+                let of = (&*program, &*bindings);
+                let made = Resources::of_pass(of, &Ranges::default(), extents, *variant);
+                let floats = words(&made.expect("it is made up"), name).into_iter();
+                floats.map(f32::from_bits).any(|x| x > 0.0)
+            });
+            all.collect::<Vec<_>>()
+        };
+        assert_eq!([positive("d"), positive("p")], [[0, 1, 2, 3, 5, 6, 7, 8]; 2]);
+        assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name says what it is");
+    }
+
+    #[cfg(feature = "routes")]
     #[test]
     fn what_is_differentiated_varies() {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";

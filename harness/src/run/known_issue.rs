@@ -363,6 +363,9 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
+        /// Of another reason.
+        Other(&'static str),
+        Refused,
         Declaration,
         Paths(PathFailures<Error>),
     }
@@ -371,6 +374,8 @@ mod tests {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             match self {
                 Self::Late | Self::Declaration => f.write_str("late"),
+                Self::Refused => f.write_str("refused"),
+                Self::Other(reason) => f.write_str(reason),
                 Self::Paths(paths) => write!(f, "{paths}"),
             }
         }
@@ -390,7 +395,7 @@ mod tests {
 
     impl Stop for Error {
         fn is_refusal(&self) -> bool {
-            false
+            matches!(self, Self::Refused)
         }
 
         fn of_paths(failures: PathFailures<Self>) -> Self {
@@ -398,13 +403,217 @@ mod tests {
         }
     }
 
+    fn adapter(path: &str) -> Adapter {
+        let (path, name) = (path.to_owned(), path.to_owned());
+        Adapter { path, name, driver: String::new(), software: true }
+    }
+
+    /// The first failure is the headline, and each path has a fault of its own.
+    #[test]
+    fn the_fault_of_each_path_is_kept() {
+        let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
+            let paths = PathFailures { failures, stopped, agreeing: vec![adapter("z")] };
+            let fault = paths.fault(|error| {
+                let headline = error.to_string();
+                let paths = vec![PathFault::on(&adapter(&headline))];
+                Fault { headline, paths, ..Fault::default() }
+            });
+            let one = |one: &PathFault| (one.adapter.path.clone(), one.stopped.clone());
+            (fault.headline, fault.paths.iter().map(one).collect::<Vec<_>>())
+        };
+        let stopped = || vec![(adapter("c"), Error::Other("lost")), (adapter("d"), Error::Late)];
+        let [a, b] = ["a", "b"].map(|path| (path.to_owned(), None));
+        let [c, d] =
+            [("c", "lost"), ("d", "late")].map(|(path, why)| (path.into(), Some(why.into())));
+        let failures = || vec![Error::Other("a"), Error::Other("b")];
+        assert_eq!(of(failures(), Vec::new()), ("a".to_owned(), vec![a.clone(), b.clone()]));
+        assert_eq!(of(failures(), stopped()), ("a".to_owned(), vec![a, b, c.clone(), d.clone()]));
+        assert_eq!(of(Vec::new(), stopped()), ("lost".to_owned(), vec![c, d]));
+    }
+
+    /// Paths that stop for one reason are one error, and those that stop for several are told apart.
+    #[test]
+    fn paths_stop_alike_for_one_reason() {
+        let of = |asked: usize, reasons: &[&'static str]| {
+            let stopped = reasons.iter().enumerate();
+            let stopped =
+                stopped.map(|(at, reason)| (adapter(&format!("{at}")), Error::Other(reason)));
+            let all = Conclusion::<(), Error> {
+                asked,
+                stopped: stopped.collect(),
+                ..Conclusion::default()
+            };
+            match all.verdict(|_, _| Vec::new()) {
+                Err(Error::Other(reason)) => reason.to_owned(),
+                Err(Error::Paths(paths)) => paths.to_string(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(of(2, &["lost", "lost"]), "lost");
+        assert_eq!(of(1, &["lost"]), "lost");
+        let told = "on 0: 0 there is no verdict\nlost\non 1: 1 there is no verdict\n";
+        assert_eq!(of(2, &["lost", "late"]), format!("{told}late"));
+        assert_eq!(of(3, &["lost", "lost"]), format!("{told}lost"), "another one did not stop");
+        let third = "\non 2: 2 there is no verdict\nlate";
+        assert_eq!(of(3, &["lost", "lost", "late"]), format!("{told}lost{third}"));
+    }
+
+    /// What is declared twice has both reasons, and none if one of them names no bug.
+    #[test]
+    fn reasons_add_up() {
+        let of = |declared: &[(&'static str, &str)]| {
+            let mut all = KnownIssues::default();
+            declared.iter().for_each(|(on, reason)| all.declare((*on).into(), reason));
+            let reasons = all.values.iter().map(|(_, reason)| reason.clone());
+            (reasons.collect::<Vec<_>>(), all.expect_sound::<Unsound>("f").is_ok())
+        };
+        let told = |reasons: &[&str], sound| {
+            (reasons.iter().map(|one| (*one).to_owned()).collect::<Vec<_>>(), sound)
+        };
+        assert_eq!(of(&[("gl", " bug 1 ")]), told(&["bug 1"], true));
+        assert_eq!(of(&[("gl", "bug 1"), ("gl", "bug 2")]), told(&["bug 1; bug 2"], true));
+        let apart = [("gl", "bug 1"), ("vulkan", "bug 2"), ("gl", "bug 3")];
+        assert_eq!(of(&apart), told(&["bug 1; bug 3", "bug 2"], true));
+        assert_eq!(of(&[("gl", "bug 1"), ("gl", "")]), told(&[""], false));
+        assert_eq!(of(&[("gl", " "), ("gl", "bug 1")]), told(&[""], false));
+        assert_eq!(of(&[("gll", "bug 1")]), told(&["bug 1"], false), "no path is called so");
+        let refused = |on: &'static str, reason| {
+            let mut all = KnownIssues::default();
+            all.declare_refusal(on.into(), reason);
+            assert!(all.names(Path::GL, &adapter("gl")) == (on == "gl"), "{on}");
+            all.expect_sound::<Unsound>("f").is_ok()
+        };
+        assert_eq!(
+            [refused("gl", "bug"), refused("gl", ""), refused("gll", "bug")],
+            [true, false, false]
+        );
+    }
+
+    /// A path that a test judges itself.
+    #[derive(Debug)]
+    struct Judge(&'static str);
+
+    impl Executor for Judge {
+        fn path(&self) -> Path {
+            self.0.parse().expect("a name")
+        }
+
+        fn adapter(&self) -> Adapter {
+            adapter(self.0)
+        }
+    }
+
+    /// What becomes of a path by its verdict, failing cases or why it has none, and what is declared of it: `gl` fails,
+    /// and `vulkan` refuses.
+    #[test]
+    fn each_verdict_has_a_meaning_by_what_is_declared() {
+        let mut declared = KnownIssues::default();
+        declared.declare("gl".into(), "wrong");
+        declared.declare("dx12".into(), "wrong too");
+        declared.declare_refusal("vulkan".into(), "too large");
+        declared.declare_refusal("dx12".into(), "too deep");
+        let of = |path: &'static str, verdict: fn() -> Result<u64, Error>, replays: bool| {
+            let mut records = Vec::new();
+            let judge = &mut |_: &dyn Executor, adapter: &Adapter| -> Result<_, Error> {
+                let record = PathRecord { failures: verdict()?, ..PathRecord::of(adapter.clone()) };
+                Ok(Judged { record, values: () })
+            };
+            let own = Judge(path);
+            let all =
+                declared.conclude("f", &[&own, &Judge("metal")], replays, &mut records, judge);
+            let records: Vec<_> = records.iter().filter(|one| one.adapter.path == path).collect();
+            let known = all.known.iter().find(|one| one.adapter.path == path);
+            let record = records.first().map_or("none".to_owned(), |record| {
+                format!("{} {}", record.worst, record.known_issue.as_deref().unwrap_or("-"))
+            });
+            let is = match () {
+                () if known.is_some() => "known",
+                () if !all.wrong.is_empty() => "wrong",
+                () if all.stopped.iter().any(|(one, _)| one.path == path) => "stopped",
+                () if all.differing.iter().any(|(one, ())| one.path == path) => "differs",
+                () => "agrees",
+            };
+            format!("{is}, {}", record.trim_start())
+        };
+        for (path, verdict, replays, expected) in [
+            ("gl", (|| Ok(3)) as fn() -> Result<u64, Error>, false, "known, wrong"),
+            ("gl", || Ok(0), false, "wrong, wrong"),
+            ("gl", || Ok(0), true, "known, wrong"),
+            ("gl", || Err(Error::Late), false, "stopped, none"),
+            ("gl", || Err(Error::Refused), false, "stopped, none"),
+            ("vulkan", || Err(Error::Refused), false, "known, refused too large"),
+            ("vulkan", || Err(Error::Late), false, "stopped, none"),
+            ("vulkan", || Ok(0), false, "wrong, too large"),
+            ("vulkan", || Ok(3), true, "wrong, too large"),
+            ("dx12", || Ok(3), false, "wrong, too deep"),
+            ("dx12", || Err(Error::Refused), false, "known, refused too deep"),
+            ("cpu", || Ok(3), true, "differs, -"),
+            ("cpu", || Ok(0), false, "agrees, -"),
+        ] {
+            assert_eq!(of(path, verdict, replays), expected, "{path}");
+        }
+    }
+
+    /// The same paths are asked more than once, and each answer counts.
+    #[test]
+    fn answers_add_up() {
+        let stops = |path: &str| Conclusion::<(), Error> {
+            asked: 1,
+            stopped: vec![(adapter(path), Error::Other("lost"))],
+            ..Conclusion::default()
+        };
+        let mut all = stops("a");
+        all.extend(stops("a"));
+        let alike = all.verdict(|_, _| Vec::new());
+        assert!(matches!(alike, Err(Error::Other("lost"))), "{alike:?}");
+        let known = |path: &str| {
+            let (adapter, reason) = (adapter(path), "bug".to_owned());
+            KnownIssue { adapter, reason, cases: 2, failures: 1 }
+        };
+        let agrees = |path: &str| Conclusion::<(), Error> {
+            asked: 2,
+            agreeing: vec![(adapter(path), ())],
+            known: vec![known(path)],
+            ..Conclusion::default()
+        };
+        let mut all = agrees("a");
+        all.extend(agrees("b"));
+        let (agreeing, issues) = all.verdict(|_, _| Vec::new()).expect("they agree");
+        assert_eq!((agreeing.len(), issues), (2, vec![known("a"), known("b")]));
+        // A failure hides no path that stopped.
+        let mut all = agrees("a");
+        all.extend(Conclusion { differing: vec![(adapter("b"), ())], ..stops("c") });
+        let found = all.verdict(|differing, agreeing| {
+            assert_eq!((differing.len(), agreeing.len()), (1, 1));
+            vec![Error::Other("off")]
+        });
+        let Err(Error::Paths(paths)) = found else { panic!("{found:?}") };
+        assert_eq!(
+            paths.to_string(),
+            "off\non c: c there is no verdict\nlost\non a: a\n  it agrees"
+        );
+        let all: Vec<String> = paths.all().map(ToString::to_string).collect();
+        assert_eq!(all, ["off", "lost"]);
+    }
+
+    /// Why declarations are none.
+    struct Unsound;
+
+    impl From<PathError> for Unsound {
+        fn from(_: PathError) -> Self {
+            Self
+        }
+    }
+
+    impl From<WrongDeclaration> for Unsound {
+        fn from(_: WrongDeclaration) -> Self {
+            Self
+        }
+    }
+
     /// With two sources of arguments each path is judged twice, and named once.
     #[test]
     fn a_path_is_named_once() {
-        let adapter = |path: &str| {
-            let (path, name) = (path.to_owned(), path.to_owned());
-            Adapter { path, name, driver: String::new(), software: true }
-        };
         let mut all = Conclusion::<(), Error>::default();
         for (stop, agree) in [(["a", "c"], ["b", "d"]), (["c", "e"], ["a", "b"])] {
             all.extend(Conclusion {

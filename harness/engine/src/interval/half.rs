@@ -30,11 +30,6 @@ impl Interval {
                 if bounds.is_bounded() { Self { chain: self.chain, ..bounds } } else { bounds }
             }
             Half::Ulps(ulps) => by(f64::from(ulps)),
-            Half::Root => {
-                // The inverse root has 2 ulp, and its inverse 2.5 and a rounding; arguments below 2^-14 may be 0.
-                let bounds = by(6.0);
-                if lo < normal.sqrt() { bounds.join(Self::point(0.0)) } else { bounds }
-            }
             Half::Length(components) => {
                 // Half of the relative error of a sum of squares, each rounded, and the root's. A square that is
                 // subnormal is off by a step.

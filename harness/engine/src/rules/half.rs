@@ -15,8 +15,6 @@ pub enum Half {
     Chained(u8),
     /// Off by so many ulp.
     Ulps(u8),
-    /// 1 / inverseSqrt: as [`Ulps`](Self::Ulps), and 0 for arguments that may be flushed.
-    Root,
     /// The root of a sum of squares, of so many components.
     Length(u8),
     /// Off by 1 + 2 |x| ulp at x.
@@ -57,7 +55,8 @@ impl FloatRule {
                 | B::Saturate
                 | B::Step
                 | B::Sign => Half::Rounded,
-                B::Sqrt => Half::Root,
+                // The inverse root has 2 ulp, and its inverse 2.5 and a rounding.
+                B::Sqrt => Half::Ulps(6),
                 B::InverseSqrt => Half::Ulps(2),
                 B::Remainder | B::Mix | B::SmoothStep => return None,
             },

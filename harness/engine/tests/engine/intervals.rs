@@ -299,3 +299,16 @@ fn every_decision_within_the_bounds_is_followed() {
     }
     assert!(undecided > 50, "only {undecided}");
 }
+
+/// Only a half below 2^-14 is subnormal.
+#[test]
+fn roots_of_halves_that_may_be_flushed_may_be_zero() {
+    let source = "enable f16; fn f(x: f32) -> f32 { return f32(sqrt(f16(x))); }";
+    let least = 2f32.powi(-14);
+    let [subnormal, normal, four] = intervals(source, &[least / 2.0, least, 4.0])[..] else {
+        panic!("three rows")
+    };
+    assert!(subnormal.contains(0.0) && subnormal.contains(f64::from(least / 2.0).sqrt()));
+    assert!(!normal.contains(0.0) && normal.contains(1.0 / 128.0), "{normal:?}");
+    assert!(four.contains(2.0) && four.lo() > 1.98 && four.hi() < 2.03, "{four:?}");
+}

@@ -110,9 +110,13 @@ fn an_index_that_wraps_is_told() {
         // Through a call, and a let-binding.
         ("beyond(4u * i)", &[3]),
         ("-i32(i * 4u)", &[3]),
+        // Only the lowest five bits of a distance count.
+        ("shifted(i)", &[]),
     ] {
         let source = format!(
             "fn beyond(k: u32) -> u32 {{ let n = k + 2u; return n; }}
+             override distance = 33u;
+             fn shifted(k: u32) -> u32 {{ return k << distance; }}
              fn f(i: u32) -> f32 {{ var a = array<f32, 8>(); return a[{index}]; }}"
         );
         let program = program(&source, "f");

@@ -121,6 +121,45 @@ fn equal_writes_hide_no_other_race() {
     assert_eq!(counts, [1, 1], "an element counts once");
 }
 
+/// Each workgroup has memory of its own, which begins at zero.
+#[test]
+fn what_another_workgroup_has_written_is_unwritten() {
+    let unwritten = |body: &str, groups: u32| {
+        let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
+        let all = observed.unwritten.iter();
+        all.map(|one| (one.variable.clone(), one.byte / 4, one.access.invocation, one.count))
+            .collect::<Vec<_>>()
+    };
+    let of_w = |element, invocation, count| vec![("w".to_owned(), element, invocation, count)];
+    let first = "if group.x == 0u { w[i] = i; } workgroupBarrier(); d[g.x] = w[i];";
+    assert_eq!(unwritten(first, 1), []);
+    assert_eq!(unwritten(first, 3), of_w(0, 64, 128));
+    let last = "if group.x == 2u { w[i] = i; } workgroupBarrier(); d[g.x] = w[i];";
+    assert_eq!(unwritten(last, 3), of_w(0, 0, 128));
+    let half = "if i < 32u { w[i] = i; } workgroupBarrier(); d[g.x] = w[i];";
+    assert_eq!(unwritten(half, 2), of_w(32, 32, 64));
+    // An atomic that reads and writes at once reads first.
+    let counts = "atomicAdd(&a[i], 1u); d[g.x] = atomicLoad(&a[i]);";
+    let [one] = &unwritten(counts, 2)[..] else { panic!("the load is behind the addition") };
+    assert_eq!((&*one.0, one.3), ("a", 128));
+    assert_eq!(unwritten("atomicStore(&a[i], 1u); d[g.x] = atomicAdd(&a[i], 1u);", 2), []);
+}
+
+#[test]
+fn indices_outside_say_whether_they_write() {
+    let outside = |body: &str| {
+        let observed = observe(&format!("{HEAD}{body}\n}}\n"), 1, 64);
+        let all = observed.outside.iter();
+        all.map(|one| (one.writes, one.invocation, one.count, one.of)).collect::<Vec<_>>()
+    };
+    assert_eq!(outside("w[i] = d[i + 60u];"), [(false, 4, 60, 64)]);
+    assert_eq!(outside("d[i + 60u] = i;"), [(true, 4, 60, 64)]);
+    assert_eq!(outside("if i > 31u { d[2u * i] = i; }"), [(true, 32, 32, 32)]);
+    assert_eq!(outside("d[i + 60u] += 1u;"), [(false, 4, 60, 64), (true, 4, 60, 64)]);
+    // 32 times 2^27 is 0, and each other one from 1 on is beyond.
+    assert_eq!(outside("d[i << 27u] = 1u;"), [(false, 32, 1, 64), (true, 1, 62, 64)]);
+}
+
 /// Booleans and 16-bit floats have places of their own within a word.
 #[test]
 fn small_elements_are_apart() {
