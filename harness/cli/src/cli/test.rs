@@ -116,10 +116,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     passed &= suites_passed;
     // Whoever names some tests knows that others don't run.
-    if asked.filter.is_none() || !ran {
-        if asked.folder.is_some() || !project.is_cargo() {
-            search::write_outside(asked.folder.as_deref(), told)?;
-        }
+    let is_of_cargo = asked.folder.is_none() && project.is_cargo();
+    if (asked.filter.is_none() || !ran) && !is_of_cargo {
+        search::write_outside(asked.folder.as_deref(), told)?;
     }
     let left_out = asked.write_left_out(&packages, told)?;
     if !ran {
