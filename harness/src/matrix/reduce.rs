@@ -63,9 +63,11 @@ impl Pair<'_, '_> {
                 results[case * self.results.len()..][..self.results.len()].to_vec()
             };
             !Flushed::of(self.arguments, row).any(|row| {
+                let latitude = self.leeway.at(&row, 1);
                 let is_that_of = |caller: &Caller<'_>, kept: Vec<u32>| {
+                    let case = latitude.as_ref().map(|all| all.case(0, kept.len()));
                     let flushed = caller.results(&row, 1);
-                    flushed.is_ok_and(|flushed| !self.judge.case(&flushed, &kept, None).differs)
+                    flushed.is_ok_and(|flushed| !self.judge.case(&flushed, &kept, case).differs)
                 };
                 is_that_of(self.expected, own(actual)) || is_that_of(self.actual, own(expected))
             })
@@ -169,10 +171,15 @@ mod tests {
     /// A column that takes a subnormal for 0 is right, and one that returns something else isn't.
     #[test]
     fn what_is_flushed_is_open_and_nothing_else() {
-        let kept = |all: &[u32]| all.iter().map(|x| if *x > 0 { 3 } else { 7 }).collect();
-        let flushing =
-            |all: &[u32]| all.iter().map(|x| if *x > 0x80_0000 { 3 } else { 7 }).collect();
-        let wrong = |all: &[u32]| all.iter().map(|x| if *x > 0x80_0000 { 3 } else { 9 }).collect();
+        let kept = |all: &[u32]| {
+            all.iter().map(|x| if f32::from_bits(*x) > 0.0 { 3 } else { 7 }).collect()
+        };
+        let flushing = |all: &[u32]| {
+            all.iter().map(|x| if f32::from_bits(*x) >= 1.2e-38 { 3 } else { 7 }).collect()
+        };
+        let wrong = |all: &[u32]| {
+            all.iter().map(|x| if f32::from_bits(*x) >= 1.2e-38 { 3 } else { 9 }).collect()
+        };
         let (arguments, results) = ([Scalar::F32], [Scalar::U32]);
         let within = Tolerance::from(Abs(0.0));
         let judge = Judge::new(&results, &within, &[0]);
