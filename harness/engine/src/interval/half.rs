@@ -52,8 +52,7 @@ impl Interval {
                 let more = if lo < power(LEAST_STEP) { any } else { 0.0 };
                 Self::rounded((lo - error(lo)).max(0.0), hi + error(hi).max(more))
             }
-            Half::Logarithm(least) if lo < f64::from(least) => Self::UNBOUNDED,
-            Half::Logarithm(_) => {
+            Half::Logarithm => {
                 let error = |y: f64| (3.0 * ulp(2.0 * y)).max(1.0 / 128.0 /* 2^-7 */);
                 Self::rounded(lo - error(lo), hi + error(hi))
             }

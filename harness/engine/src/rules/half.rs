@@ -19,8 +19,8 @@ pub enum Half {
     Length(u8),
     /// Off by 1 + 2 |x| ulp at x.
     Power,
-    /// Off by 2^-7, or by 3 ulp outside of [0.5, 2]. The least result is of the least number that isn't flushed.
-    Logarithm(i8),
+    /// Off by 2^-7, or by 3 ulp outside of [0.5, 2].
+    Logarithm,
     /// Off by 2^-7.
     Wave,
 }
@@ -62,9 +62,7 @@ impl FloatRule {
             },
             Self::Exponential(rule) => match rule {
                 E::Exp | E::Exp2 => Half::Power,
-                // The logarithms of 2^-14.
-                E::Log => Half::Logarithm(-9),
-                E::Log2 => Half::Logarithm(-14),
+                E::Log | E::Log2 => Half::Logarithm,
                 _ => return None,
             },
             // Each of its products is rounded.

@@ -312,3 +312,39 @@ fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     assert!(!normal.contains(0.0) && normal.contains(1.0 / 128.0), "{normal:?}");
     assert!(four.contains(2.0) && four.lo() > 1.98 && four.hi() < 2.03, "{four:?}");
 }
+
+/// A bound of half precision holds what WGSL allows, and little more: from, to, and how much further it may reach.
+#[test]
+fn functions_of_halves_are_as_exact_as_wgsl_says() {
+    let tiny = 2f32.powi(-15);
+    for (expression, x, [least, most], slack) in [
+        // A subnormal may be flushed, whatever its sign.
+        ("f16(x)", -tiny, [-tiny, 0.0], 0.0),
+        // Behind a power of two 6 ulp are twice as large.
+        ("sqrt(f16(x))", 4.0, [2.0 - 6.0 / 1024.0, 2.0 + 6.0 / 512.0], 0.02),
+        // Squares below 2^-14 may be 0, and are off by a step of 2^-24.
+        ("length(vec2h(f16(x), 0.0h))", 2f32.powi(-8), [0.0, 2f32.powi(-8)], 1e-4),
+        ("length(vec2h(f16(x), 0.0h))", 2f32.powi(-12), [0.0, 1.7 * 2f32.powi(-12)], 1e-4),
+        ("exp(f16(x))", 5.0, [148.4 - 11.0 * 0.125, 148.4 + 11.0 * 0.125], 4.0),
+        ("exp(f16(x))", -20.0, [0.0, 0.0077], 1e-3),
+        ("log2(f16(x))", 1.0, [-1.0 / 128.0, 1.0 / 128.0], 1e-3),
+        ("log2(f16(x))", 2f32.powi(-14), [-14.0 - 3.0 / 128.0, -14.0 + 3.0 / 128.0], 0.04),
+        ("log(f16(x))", 2f32.powi(-13), [-9.01 - 3.0 / 128.0, -9.01 + 3.0 / 128.0], 0.04),
+        ("sin(f16(x))", 0.5, [0.4794 - 1.0 / 128.0, 0.4794 + 1.0 / 128.0], 1e-3),
+    ] {
+        let source = format!("enable f16; fn f(x: f32) -> f32 {{ return f32({expression}); }}");
+        let bound = intervals(&source, &[x])[0];
+        assert!(bound.is_bounded(), "{expression} of {x}");
+        assert!(bound.lo() <= least && most <= bound.hi(), "{expression} of {x}: {bound:?}");
+        let reaches = bound.lo() < least - slack || most + slack < bound.hi();
+        assert!(!reaches, "{expression} of {x}: {bound:?}");
+    }
+    // The sum of squares overflows.
+    let long = |x: f32| {
+        let source = "enable f16; fn f(x: f32) -> f32 { return f32(length(vec2h(f16(x)))); }";
+        intervals(source, &[x])[0].is_bounded()
+    };
+    assert!(long(100.0) && !long(200.0));
+    let log = "enable f16; fn f(x: f32) -> f32 { return f32(log2(f16(x))); }";
+    assert!(!intervals(log, &[tiny])[0].is_bounded(), "it may be 0");
+}

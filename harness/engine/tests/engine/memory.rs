@@ -107,6 +107,10 @@ fn an_index_that_wraps_is_told() {
         ("min(i * 4u, 7u)", &[]),
         // Of those that are outside the access tells.
         ("i + 8u", &[]),
+        ("i * 4u + 8u", &[]),
+        // A large stride is even, and another distance moves bits.
+        ("i * 131072u", &[3]),
+        ("i << (i >> 28u)", &[]),
         // Through a call, and a let-binding.
         ("beyond(4u * i)", &[3]),
         ("-i32(i * 4u)", &[3]),

@@ -158,6 +158,33 @@ fn indices_outside_say_whether_they_write() {
     assert_eq!(outside("d[i + 60u] += 1u;"), [(false, 4, 60, 64), (true, 4, 60, 64)]);
     // 32 times 2^27 is 0, and each other one from 1 on is beyond.
     assert_eq!(outside("d[i << 27u] = 1u;"), [(false, 32, 1, 64), (true, 1, 62, 64)]);
+    assert_eq!(outside("if i < 32u { d[i << 27u] = 1u; }"), [(true, 1, 31, 32)]);
+    // The first number that wraps, and the element that it finds.
+    let observed = observe(&format!("{HEAD}d[i << 28u] = 1u;\n}}\n"), 1, 64);
+    assert_eq!(observed.outside[0].index, Some((1 << 32, 0)), "of 16, 32 and 48");
+}
+
+/// What a program writes is told word by word and texel by texel, and what it only reads isn't.
+#[test]
+fn written_elements_are_told() {
+    let observed = observe(&format!("{HEAD}w[i] = d[i]; if i == 3u {{ d[5] = 1u; }}\n}}\n"), 1, 64);
+    let written = &observed.written[&(0, 0)];
+    let bytes: Vec<usize> = (0..256).filter(|byte| written.contains(*byte)).collect();
+    assert_eq!((observed.written.len(), bytes), (1, vec![20]));
+    let observed = observe(&format!("{HEAD}w[i] = d[i];\n}}\n"), 1, 64);
+    assert!(observed.written.is_empty(), "it reads");
+    let text = "@group(0) @binding(1) var t: texture_storage_2d<r32uint, read_write>;
+        @compute @workgroup_size(8, 8) fn main(@builtin(local_invocation_id) i: vec3u) {
+            let x = textureLoad(t, i.xy).x;
+            if i.y == 2u { textureStore(t, vec2u(3u, 2u), vec4u(7u + 0u * x)); }
+        }";
+    let observed = observe(text, 1, 1);
+    let written = &observed.written[&(0, 1)];
+    let texels: Vec<usize> = (0..64).filter(|texel| written.contains(*texel)).collect();
+    assert_eq!(texels, [2 * 8 + 3]);
+    let wrote = observed.races.iter().filter(|race| race.first.writes && race.second.writes);
+    let texels: Vec<_> = wrote.map(|race| [race.first.texel, race.second.texel]).collect();
+    assert_eq!(texels, [[Some([7, 0, 0, 1]); 2]]);
 }
 
 /// Booleans and 16-bit floats have places of their own within a word.
