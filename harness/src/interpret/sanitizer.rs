@@ -84,8 +84,8 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// Adds a violation. `false`: it is known.
-    fn add(&mut self, one: &Violation) -> bool {
+    /// True of a violation that a run before had.
+    fn has(&self, one: &Violation) -> bool {
         // The access that comes second in one order comes first in another.
         let places = |one: &Violation| -> BTreeSet<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
@@ -93,11 +93,7 @@ impl Known {
         let subject = |one: &Violation| (one.entry_point.clone(), one.kind, one.variable.clone());
         let is_same =
             |other: &Violation| subject(other) == subject(one) && places(other) == places(one);
-        let is_new = !self.violations.iter().any(is_same);
-        if is_new {
-            self.violations.push(one.clone());
-        }
-        is_new
+        self.violations.iter().any(is_same)
     }
 }
 
@@ -128,7 +124,8 @@ pub(super) fn observe(
         headline(&error.to_string()).clone_into(&mut examined.watched.reason);
         None
     });
-    examined.violations.retain(|(one, _)| known.add(one));
+    examined.violations.retain(|(one, _)| !known.has(one));
+    known.violations.extend(examined.violations.iter().map(|(one, _)| one.clone()));
     if let Some(order) = order.filter(|_| !examined.violations.is_empty()) {
         let note = order.note(prepared.passes);
         let turns = parting::turns(prepared, &order);
