@@ -911,22 +911,23 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Gives zero to what was read outside of an array or a texture, where that is what stands there.
+    /// Gives what was read outside of an array or a texture the number that stands there, if one does.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
-        if self.strayed.is_empty() || self.elsewhere() != Elsewhere::Zero {
+        if self.strayed.is_empty() {
             return;
         }
+        let Elsewhere::Number(number) = self.elsewhere() else { return };
         let [floats, ints, bools] = self.code.shape(instruction.op).outs.map(|n| n as usize);
         for &lane in &self.strayed {
             for &out in &registers[..floats] {
-                self.floats.get_mut(out)[lane] = A::float(0.0);
+                self.floats.get_mut(out)[lane] = A::float(f32::from(number));
             }
             for &out in &registers[floats..floats + ints] {
-                self.ints.get_mut(out)[lane] = A::int(0, false);
+                self.ints.get_mut(out)[lane] = A::int(u32::from(number), false);
             }
             for &out in &registers[floats + ints..floats + ints + bools] {
-                self.bools.get_mut(out)[lane] = A::bool(false);
+                self.bools.get_mut(out)[lane] = A::bool(number != 0);
             }
         }
     }

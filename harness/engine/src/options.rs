@@ -17,8 +17,8 @@ pub enum Elsewhere {
     Nth(u32),
     /// The one that the index is modulo the number of elements.
     Wrapped,
-    /// None: it reads zero.
-    Zero,
+    /// None: it reads this number. WGSL allows zero, and any that an element may hold.
+    Number(u8),
 }
 
 impl Elsewhere {
@@ -28,7 +28,7 @@ impl Elsewhere {
             _ if (0..=last).contains(&index) => index,
             Self::Nth(number) => i64::from(number) % (last + 1),
             Self::Wrapped => index.rem_euclid(last + 1),
-            Self::Clamped | Self::Zero => index.clamp(0, last),
+            Self::Clamped | Self::Number(_) => index.clamp(0, last),
         }
     }
 }

@@ -15,7 +15,7 @@ const MOST_RUNS: usize = 64;
 /// What else may be read, the likeliest first: with few reads more elements are tried, as kinds and flags are compared
 /// with small numbers, one of which may be the only one that matters.
 const OTHERS: [Elsewhere; 7] = [
-    Elsewhere::Zero,
+    Elsewhere::Number(0),
     Elsewhere::Nth(0),
     Elsewhere::Wrapped,
     Elsewhere::Nth(2),
@@ -24,6 +24,16 @@ const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Nth(5),
 ];
 const LEAST: usize = 3;
+
+/// The same over contents that are made up, of which any number may be an element.
+const ANY: [Elsewhere; 6] = [
+    Elsewhere::Number(0),
+    Elsewhere::Number(47),
+    Elsewhere::Number(u8::MAX),
+    Elsewhere::Number(1),
+    Elsewhere::Number(2),
+    Elsewhere::Number(3),
+];
 
 /// The reads outside of a pass that matter.
 #[derive(Debug, Default)]
@@ -36,13 +46,14 @@ pub(super) struct Matter {
     pub(super) untried: usize,
 }
 
-/// Judges the reads of the pass of this number.
+/// Judges the reads of the pass of this number, which may be over contents that are made up.
 pub(super) fn matter(
     prepared: &Prepared<'_>,
-    number: usize,
+    (number, made_up): (usize, bool),
     reads: &[&Outside],
     options_of: OfPass<'_>,
 ) -> Result<Matter, DispatchError> {
+    let others = if made_up { &ANY[..] } else { &OTHERS };
     let mut runs = 0;
     let mut left = |outside: Choice, outside_at: Option<(u32, Elsewhere)>| {
         runs += 1;
@@ -57,11 +68,11 @@ pub(super) fn matter(
     let usual = left(dropped, None)?;
     // Those together are some, too.
     let left_over = MOST_RUNS - 1 - 2 * (1 + LEAST);
-    let each = (left_over / reads.len().max(1)).clamp(LEAST, OTHERS.len());
+    let each = (left_over / reads.len().max(1)).clamp(LEAST, others.len());
     let most = left_over / each;
     all.untried = reads.len().saturating_sub(most);
     for read in reads.iter().take(most) {
-        for elsewhere in OTHERS.into_iter().take(each) {
+        for elsewhere in others.iter().copied().take(each) {
             if left(dropped, Some((read.number, elsewhere)))? != usual {
                 all.alone.push(read.number);
                 break;
@@ -71,7 +82,7 @@ pub(super) fn matter(
     if all.alone.is_empty() && !reads.is_empty() {
         for drops in [true, false] {
             let usual = left(Choice { drops, ..Choice::default() }, None)?;
-            for reads in OTHERS.into_iter().take(LEAST) {
+            for reads in others.iter().copied().take(LEAST) {
                 all.together |= left(Choice { reads, drops }, None)? != usual;
             }
         }
@@ -80,7 +91,7 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// The choices between which all that is read and written outside is compared.
+/// The choices between which all that is read and written outside is compared, over contents that are made up.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
-    OTHERS.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
+    ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

@@ -33,21 +33,21 @@ pub(super) fn made_up_options() -> Options {
 
 /// [`examine`] of passes over made-up resources.
 pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
-    examine_with(passes, &made_up_options())
+    examine_with(passes, &made_up_options(), true)
 }
 
 /// Runs passes in the usual order, in subgroups of the usual size and of the smallest, and returns the findings. The
 /// result says which passes the engine couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
-    examine_with(passes, &options())
+    examine_with(passes, &options(), false)
 }
 
-fn examine_with(passes: &Passes, base: &Options) -> Examined {
+fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
     let prepared = match Prepared::new(passes, &karat_engine::Settings::default()) {
         Ok(prepared) => prepared,
         Err(error) => return refused(passes, &error),
     };
-    let mut known = Known::default();
+    let mut known = Known { made_up, ..Known::default() };
     let (mut examined, _) = observe(&prepared, Ways::Ordered(None, base), &mut known);
     if prepared.has_subgroups() && examined.watched.reason.is_empty() {
         // There are the most of them, and a lane has the fewest others.
@@ -74,6 +74,8 @@ pub(super) fn refused(passes: &Passes, error: &DispatchError) -> Examined {
 /// The findings of runs so far.
 #[derive(Default)]
 pub(super) struct Known {
+    /// True if the contents of resources are made up.
+    made_up: bool,
     violations: Vec<Violation>,
     /// Operations whose indices leave their arrays, by pass.
     outside: BTreeSet<(usize, u32)>,
@@ -252,7 +254,7 @@ fn run(
         let Some((_, size, _)) = own.first() else { continue };
         let of_pass: Vec<&Outside> = own.iter().map(|(.., one)| one).collect();
         let options_of = |number: usize| options_in(number, order.as_ref(), base);
-        let found = outside::matter(prepared, number, &of_pass, &options_of)?;
+        let found = outside::matter(prepared, (number, known.made_up), &of_pass, &options_of)?;
         let pass = &prepared.passes.passes[number];
         let examining = Examining { pass, size: *size, together: is_usual };
         for one in of_pass.iter().filter(|one| found.alone.contains(&one.number)) {

@@ -584,8 +584,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                 && self.leave_unwritten(lane)
             {
                 if atomic.result {
-                    let zero = self.elsewhere() == Elsewhere::Zero;
-                    let old = if zero { 0 } else { buffer.word(at) };
+                    let old = match self.elsewhere() {
+                        Elsewhere::Number(number) => u32::from(number),
+                        _ => buffer.word(at),
+                    };
                     self.ints.get_mut(registers[0])[lane] = A::int(old, signed);
                     if compared {
                         self.bools.get_mut(registers[1])[lane] = A::bool(false);

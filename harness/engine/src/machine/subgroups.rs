@@ -110,7 +110,7 @@ impl<A: Rules> Machine<'_, A> {
             let there = there.unwrap_or(match self.elsewhere() {
                 Elsewhere::Nth(number) => number as usize % here.len(),
                 Elsewhere::Wrapped => here.len() - 1,
-                Elsewhere::Clamped | Elsewhere::Zero => at,
+                Elsewhere::Clamped | Elsewhere::Number(_) => at,
             });
             match is_float {
                 true => self.floats.get_mut(registers[0])[*lane] = floats[there],

@@ -139,7 +139,7 @@ fn lanes_see_each_other() {
 #[test]
 fn a_lane_that_is_not_there() {
     let zero = Options {
-        outside: Choice { reads: Elsewhere::Zero, drops: true },
+        outside: Choice { reads: Elsewhere::Number(0), drops: true },
         schedule: Schedule { subgroup: 8, ..Schedule::default() },
         ..Options::default()
     };
