@@ -75,9 +75,9 @@
 //!   count modulo 32, and floats become integers by saturation, as naga's back ends have it.
 //! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
 //!   computed from it. [`Program::cause`] says which operation made it so.
-//! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once. In a serial
-//!   [`Schedule`] each has a machine of its own, which stops at a barrier. Workgroups run one after the other, or some of
-//!   them beside each other ([`Options::beside`]).
+//! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once, unless a
+//!   [`Schedule`] has them run one by one, or some of them together: each such unit has a machine of its own, which stops
+//!   before atomics and at barriers. Workgroups run one after the other, as far as none waits for another one.
 //! - Subgroups are lanes in a row, 32 of them unless a [`Schedule`] says otherwise.
 
 mod accuracy;
