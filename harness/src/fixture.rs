@@ -8,7 +8,7 @@
 //! | `var<uniform>`, `var<immediate>` | [`Uniform`], or [`Buffer`] by its bytes |
 //! | `var<storage>` | [`Storage`] by its elements, [`Uniform`] by its value, or [`Buffer`] |
 
-mod buffer;
+pub(crate) mod buffer;
 mod cube_map;
 mod error;
 mod level;

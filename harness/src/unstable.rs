@@ -52,6 +52,11 @@ pub mod executor {
     pub use crate::executor::*;
 }
 
+/// Fixtures of which a test says no more than their size.
+pub mod fixture {
+    pub use crate::fixture::buffer::blank;
+}
+
 /// Goldens as files: pending ones, acceptance, provenance.
 pub mod golden {
     pub use crate::golden::acceptance::{AcceptError, Acceptance, Accepted};

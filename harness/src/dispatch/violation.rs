@@ -147,7 +147,6 @@ pub(crate) struct Examined {
     pub(crate) violations: Vec<(Violation, Diagnostic)>,
     pub(crate) watched: Watched,
     /// A loop that was stopped.
-    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs loops"))]
     pub(crate) endless: Option<Diagnostic>,
     /// True if all loops together went round more often than is tried over made-up resources.
     #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs loops"))]

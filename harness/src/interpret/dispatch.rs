@@ -31,6 +31,7 @@ pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards,
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
 /// The same where each pass runs in its own way.
+#[cfg(feature = "routes")]
 pub(super) fn dispatched(
     passes: &Passes,
     options_of: OfPass<'_>,

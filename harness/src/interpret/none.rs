@@ -130,6 +130,11 @@ impl Interpreted {
 pub(crate) enum OrderOf {}
 
 impl OrderOf {
+    #[cfg(feature = "routes")]
+    pub(crate) fn is_of_size(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn subgroup(&self) -> u32 {
         match *self {}
     }
@@ -160,8 +165,6 @@ pub(crate) struct Tried {
 /// A run that didn't happen.
 pub(crate) struct Run {
     pub(crate) order: Option<OrderOf>,
-    #[cfg(feature = "routes")]
-    pub(crate) is_of_size: bool,
     pub(crate) left: Option<crate::dispatch::Afterwards>,
     pub(crate) examined: crate::dispatch::Examined,
 }
@@ -191,13 +194,7 @@ impl Iterator for Runner {
 
     fn next(&mut self) -> Option<Run> {
         let examined = self.0.take()?;
-        Some(Run {
-            order: None,
-            #[cfg(feature = "routes")]
-            is_of_size: false,
-            left: None,
-            examined,
-        })
+        Some(Run { order: None, left: None, examined })
     }
 }
 

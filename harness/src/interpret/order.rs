@@ -13,7 +13,7 @@ pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
 /// Passes of at most so many invocations run them one by one; in larger ones some neighbours stay side by side, since
 /// that costs an eighth.
-const ONE_BY_ONE: u64 = 4096;
+pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
 /// An order of the invocations of passes.
@@ -117,7 +117,7 @@ impl OrderOf {
     }
 
     /// True if only the size of subgroups is another one.
-    fn is_of_size(&self) -> bool {
+    pub(crate) fn is_of_size(&self) -> bool {
         let usual = Schedule::default();
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }

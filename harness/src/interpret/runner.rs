@@ -29,8 +29,6 @@ const SIMPLE: u64 = 3;
 pub(crate) struct Run {
     /// `None`: the usual order.
     pub(crate) order: Option<OrderOf>,
-    /// True if only the size of subgroups is another one.
-    pub(crate) is_of_size: bool,
     /// What is left; `None`: a loop didn't end, or not all of the passes ran.
     pub(crate) left: Option<Afterwards>,
     /// The findings that no run before had.
@@ -115,7 +113,8 @@ impl<'p> Runner<'p> {
             true => Next::Drawn(from),
             false => Next::End,
         };
-        let few = self.explores && !self.known.races && most_orders <= MOST_LIKELY;
+        let is_small = self.passes.invocations() <= super::order::ONE_BY_ONE;
+        let few = self.explores && is_small && !self.known.races && most_orders <= MOST_LIKELY;
         let next = match next {
             Next::Usual => of_size(0).unwrap_or_else(|| drawn(0)),
             Next::Size(at) => of_size(at + 1).unwrap_or_else(|| drawn(0)),
@@ -164,7 +163,7 @@ impl<'p> Runner<'p> {
             self.tried.orders += u64::from(stores == Stores::AtOnce);
             let order = Some(order(&explorer));
             self.next = Next::All(explorer, stores);
-            return Some(Run { order, is_of_size: false, left, examined });
+            return Some(Run { order, left, examined });
         }
     }
 }
@@ -177,10 +176,10 @@ impl Iterator for Runner<'_> {
             Ok(prepared) => prepared,
             Err(error) => {
                 let examined = super::sanitizer::refused(self.passes, &error.take()?);
-                return Some(Run { order: None, is_of_size: false, left: None, examined });
+                return Some(Run { order: None, left: None, examined });
             }
         };
-        let (order, is_of_size) = match &mut self.next {
+        let order = match &mut self.next {
             Next::End => return None,
             Next::All(..) => {
                 let Next::All(explorer, stores) = std::mem::replace(&mut self.next, Next::End)
@@ -189,11 +188,11 @@ impl Iterator for Runner<'_> {
                 };
                 return self.explored(explorer, stores);
             }
-            Next::Usual => (None, false),
-            Next::Size(at) => (Some(OrderOf::of_size(self.passes, SUBGROUPS[*at])), true),
+            Next::Usual => None,
+            Next::Size(at) => Some(OrderOf::of_size(self.passes, SUBGROUPS[*at])),
             Next::Drawn(number) => {
                 self.tried.orders += 1;
-                (Some(OrderOf::drawn(self.passes, &self.atomics, *number)), false)
+                Some(OrderOf::drawn(self.passes, &self.atomics, *number))
             }
         };
         let ways = Ways::Ordered(order.as_ref(), &options());
@@ -202,6 +201,6 @@ impl Iterator for Runner<'_> {
             self.atomics = std::mem::take(&mut self.known.atomics);
         }
         self.next = self.after(&examined);
-        Some(Run { order, is_of_size, left, examined })
+        Some(Run { order, left, examined })
     }
 }

@@ -225,12 +225,12 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     for run in Runner::new(passes).few(ORDERS) {
         let Some(left) = run.left else { continue };
         let words: Vec<u32> = left.into_iter().flat_map(|(_, words)| words).collect();
-        if run.order.is_none() {
+        let Some(order) = run.order else {
             usual = words;
             continue;
-        }
+        };
         let pairs = usual.iter().zip(&words).map(|(usual, word)| usual != word);
-        if run.is_of_size {
+        if order.is_of_size() {
             open.iter_mut().zip(pairs).for_each(|(open, differs)| *open |= differs);
             continue;
         }

@@ -473,7 +473,7 @@ fn buffer(
             let says = |key: &str| table.contains_key(key);
             return Ok(match says("value") || says("range") {
                 true => Buffer::from_bytes(bytes).into(),
-                false => Buffer::blank(bytes.len()).into(),
+                false => karat::unstable::fixture::blank(bytes.len()).into(),
             });
         }
         // `{ count = 0, items = { size = 150 } }`

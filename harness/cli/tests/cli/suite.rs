@@ -974,3 +974,82 @@ fn the_readme_shows_what_its_first_test_says() {
     }
     assert!(shown.lines().count() > 5, "{shown}");
 }
+
+/// A buffer that is given by its size alone holds anything in a host, so what reads it before a pass writes it is counted,
+/// where what passes leave depends on it.
+#[test]
+fn what_no_pass_has_written_is_counted() {
+    let shader = "@group(0) @binding(0) var<storage, read> values: array<f32>;
+@group(0) @binding(1) var<storage, read_write> parts: array<f32>;
+@group(0) @binding(2) var<storage, read_write> total: array<f32>;
+@group(0) @binding(3) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> fixed: array<f32, 4>;
+@compute @workgroup_size(4) fn some(@builtin(local_invocation_index) i: u32) { if i < 3u { parts[i] = values[i]; } }
+@compute @workgroup_size(4) fn all(@builtin(local_invocation_index) i: u32) { parts[i] = values[i]; }
+@compute @workgroup_size(1) fn sum() { total[0] = parts[0] + parts[1] + parts[2] + parts[3]; }
+@compute @workgroup_size(1) fn given_up() { total[0] = select(parts[3], 6.0, values[0] > 0.0); }
+@compute @workgroup_size(1) fn own() { total[0] += values[0]; }
+@compute @workgroup_size(4) fn count(@builtin(local_invocation_index) i: u32) { atomicAdd(&counts[i / 2u], 1u); }
+@compute @workgroup_size(1) fn of_fixed() { fixed[0] = 1.0; total[0] = fixed[0] + fixed[1] + values[0]; }
+";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", shader);
+    let run = |passes: &str, with: &str, after: &str| {
+        let declared = format!(
+            "[[compute]]\npasses = [{passes}]\nwith = {{ {with} }}\n[compute.after.{after}]\nin_range = [0, 99]\n"
+        );
+        write(folder.path(), "m.test.toml", &declared);
+        cpu(folder.path(), &[]).out
+    };
+    let values = "values = [1, 2, 3, 0]";
+    let sized = format!("{values}, parts = {{ size = 4 }}, total = {{ size = 1 }}");
+    let cleared = format!("{values}, parts = {{ size = 4, value = 0 }}, total = {{ size = 1 }}");
+    let one = |name: &str| format!("{{ entry = \"{name}\", workgroups = 1 }}");
+    let two = |first: &str, second: &str| format!("{}, {}", one(first), one(second));
+    for (passes, with, after, read) in [
+        (two("some", "sum"), sized.clone(), "total", Some("`parts[3]` at m.wgsl:8:78")),
+        (two("all", "sum"), sized.clone(), "total", None),
+        (two("some", "sum"), cleared, "total", None),
+        (two("some", "given_up"), sized, "total", None),
+        (
+            one("own"),
+            format!("{values}, total = {{ size = 1 }}"),
+            "total",
+            Some("`total[0]` at m.wgsl:10:"),
+        ),
+        (one("own"), format!("{values}, total = [0]"), "total", None),
+        (
+            one("count"),
+            "counts = { size = 2 }".to_owned(),
+            "counts",
+            Some("`counts[0]` at m.wgsl:11:"),
+        ),
+        (one("count"), "counts = { size = 2, value = 0 }".to_owned(), "counts", None),
+        (one("count"), "counts = { size = 2, range = \"0..3\" }".to_owned(), "counts", None),
+        (
+            one("of_fixed"),
+            format!("{values}, fixed = {{}}, total = {{ size = 1 }}"),
+            "total",
+            Some("`fixed[1]` at m.wgsl:12:"),
+        ),
+        (
+            one("of_fixed"),
+            format!("{values}, fixed = [0, 0, 0, 0], total = {{ size = 1 }}"),
+            "total",
+            None,
+        ),
+    ] {
+        let out = run(&passes, &with, after);
+        match read {
+            Some(read) => {
+                let expected = format!("1 line reads what no pass has written: {read}");
+                assert!(out.contains(&expected), "{passes} {with}: {out}");
+                assert!(out.contains("say `value = 0` beside `size`"), "{out}");
+            }
+            None => assert!(!out.contains("no pass has written"), "{passes} {with}: {out}"),
+        }
+        assert!(out.contains("1 check, 0 failed"), "{passes} {with}: {out}");
+    }
+    let both = run(&one("count"), "counts = { size = 2, value = 0, range = \"0..3\" }", "counts");
+    assert!(both.contains("elements have a `value` or a `range`"), "{both}");
+}
