@@ -1007,7 +1007,7 @@ fn what_no_pass_has_written_is_counted() {
     let one = |name: &str| format!("{{ entry = \"{name}\", workgroups = 1 }}");
     let two = |first: &str, second: &str| format!("{}, {}", one(first), one(second));
     for (passes, with, after, read) in [
-        (two("some", "sum"), sized.clone(), "total", Some("`parts[3]` at m.wgsl:8:78")),
+        (two("some", "sum"), sized.clone(), "total", Some("`parts[3]` at m.wgsl:8:84")),
         (two("all", "sum"), sized.clone(), "total", None),
         (two("some", "sum"), cleared, "total", None),
         (two("some", "given_up"), sized, "total", None),
