@@ -233,7 +233,7 @@ impl Request {
         self.run_with(&|_, _, _| {})
     }
 
-    /// [`run`](Self::run), which tells each verdict as it comes, with the count of those that are there, and of how many.
+    /// [`run`](Self::run), which tells each verdict as soon as all before it are there, with their count, and of how many.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -271,16 +271,21 @@ impl Request {
             (Some(_), None) => Compared::of(name, Change::Removed),
             _ => Compared::of(name, Change::Added),
         };
-        let done = Mutex::new(0);
-        let compared = all.into_par_iter().map(|(name, there)| {
+        let done = Mutex::new((0, BTreeMap::new()));
+        let all: Vec<_> = all.into_iter().enumerate().collect();
+        let compared = all.into_par_iter().map(|(at, (name, there))| {
             let one = panics::caught(|| verdict(name, there)).unwrap_or_else(|panicked| {
                 let reason = format!("Karat panics at it: {panicked}");
                 Compared::of(name, Change::Unjudged { reason })
             });
-            // No count is told late.
+            // In the order of names, so that the same verdicts are the same text.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
-            *done += 1;
-            told(&one, *done, of);
+            let (next, waiting) = &mut *done;
+            waiting.insert(at, one.clone());
+            while let Some(one) = waiting.remove(next) {
+                *next += 1;
+                told(&one, *next, of);
+            }
             one
         });
         Ok(compared.collect())

@@ -513,6 +513,13 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let note = "where it is to take longer, set KARAT_TIMEOUT to the seconds that it may";
             (span, case, message, note)
         }
+        Stop::Waits { span, case } => {
+            let message = format!(
+                "on path `cpu` `{name}` was stopped: this loop waits for a word that nothing changes any more"
+            );
+            let note = "an invocation has to store that word, and not behind a loop or a barrier in which it waits itself";
+            (span, case, message, note)
+        }
         other => {
             let message = other.to_string();
             return PathError::Route { path: Path::CPU, message }.into();

@@ -272,6 +272,15 @@ fn outcomes_of_relaxed_atomics_are_met() {
             }
         }
     }
+    // The message names both, and none that stands before them.
+    let first = format!("atomicAdd(&a[2], 1u); {} {}", store(0, 42), store(1, 1));
+    let second =
+        "let f = atomicLoad(&a[1]); out[0] = 1u + u32(f == 1u && atomicLoad(&a[0]) == 0u);";
+    let seen = test(&litmus(&first, second, 2), 2);
+    let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
+    let late = &order.turns[1];
+    assert!(late.starts_with("`atomicStore(&a[0], 42u)` (<m>:4:"), "{late}");
+    assert!(late.contains("is seen after `atomicStore(&a[1], 1u)` (<m>:4:"), "{late}");
     // Where whole atomics have it as well, nothing is said of relaxed ones.
     let seen = test(&litmus(&store(0, 1), "out[0] = 1u + atomicLoad(&a[0]);", 2), 2);
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };

@@ -58,6 +58,20 @@ fn results_of_an_order() {
             2,
             1,
         ),
+        (
+            "a poll that gives up",
+            "if w.x == 0u { atomicStore(&a[0], 1u); } else { for (var k = 0u; k < 100u; k++) { if atomicLoad(&a[0]) == 1u { atomicStore(&out[0], 1u); break; } } }",
+            1,
+            2,
+            1,
+        ),
+        (
+            "retries that run out",
+            "for (var k = 0u; k < 3u; k++) { let old = atomicLoad(&out[0]); if atomicCompareExchangeWeak(&out[0], old, old + 1u).exchanged { break; } }",
+            1,
+            8,
+            8,
+        ),
         ("the last one wins", "atomicStore(&out[0], g.x);", 1, 3, 2),
         (
             "the first one wins",
@@ -106,6 +120,13 @@ fn results_of_no_order() {
     for (name, body, size, groups, expected) in [
         ("a sum", "atomicAdd(&out[0], g.x);", 8, 4, 496),
         ("a maximum", "atomicMax(&out[0], g.x);", 4, 2, 7),
+        (
+            "an invocation that waits for another one of its workgroup",
+            "if i == 0u { loop { if atomicLoad(&a[0]) == 1u { break; } } atomicStore(&out[0], 5u); } if i == 7u { atomicStore(&a[0], 1u); }",
+            8,
+            1,
+            5,
+        ),
         ("a ticket for each", "let n = atomicAdd(&a[0], 1u); atomicAdd(&out[0], n);", 2, 2, 6),
         (
             "a lock, whose words are its own",

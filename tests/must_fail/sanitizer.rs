@@ -132,7 +132,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     // Without the list nothing races, and the count is too low.
     let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
-    assert_eq!(order.swap, "the atomics come in another order");
+    assert_eq!(order.swap, "the invocations take turns, each to its next atomic");
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
     // Each of the six loads and stores, in the order in which they went wrong.
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");

@@ -17,7 +17,7 @@ use crate::races::{Detector, Observed, OfGroup};
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::runs::Runs;
-use crate::schedule::{Actor, ByPriority, Priorities, Stores, Turns, shuffled};
+use crate::schedule::{Actor, ByPriority, Priorities, Schedule, Stores, Turns, shuffled};
 
 /// WebGPU's limit is 256 invocations; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
@@ -299,6 +299,11 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
+/// Turns in a row in which all that runs only waits, until it is taken to wait for ever; of invocations that go side by side
+/// fewer, as they may wait for each other.
+const WAITS: usize = 1 << 14;
+const WAITS_TOGETHER: usize = 1 << 10;
+
 /// Turns between two looks at the clock.
 const TURNS: usize = 1024;
 
@@ -381,7 +386,35 @@ impl Program {
     }
 
     /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
+    ///
+    /// Invocations that go side by side wait for ever for each other. Where that happens in the usual order, they go one
+    /// by one.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
+        &self,
+        workgroups: [u32; 3],
+        resources: &mut Resources,
+        options: &Options,
+        observer: &dyn Observer<A>,
+        watch: Option<Watch<'_>>,
+    ) -> Result<Observed, Stop> {
+        let is_explored = watch.as_ref().is_some_and(|watch| watch.explorer.is_some());
+        let side_by_side = options.schedule.together == usize::MAX && !is_explored;
+        let before = (side_by_side && self.has_atomics()).then(|| resources.clone());
+        let groups = watch.as_ref().map(|watch| watch.groups);
+        let ran = self.run_in_order::<A, SEEN>(workgroups, resources, options, observer, watch);
+        let waits = match &ran {
+            Ok(observed) => matches!(observed.stopped, Some(Stop::Waits { .. })),
+            Err(stop) => matches!(stop, Stop::Waits { .. }),
+        };
+        let Some(before) = before.filter(|_| waits) else { return ran };
+        *resources = before;
+        let schedule = Schedule { together: 1, ..options.schedule.clone() };
+        let options = Options { schedule, ..options.clone() };
+        let watch = groups.map(|groups| Watch { groups, explorer: None });
+        self.run_in_order::<A, SEEN>(workgroups, resources, &options, observer, watch)
+    }
+
+    fn run_in_order<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],
         resources: &mut Resources,
@@ -433,11 +466,11 @@ impl Program {
             // Of more than fit into memory some run before the deadline.
             let mut groups: Box<dyn Iterator<Item = usize>> = match (some, schedule.priorities) {
                 (Some(some), _) => Box::new(some.iter().copied()),
-                (None, Priorities::ByNumber) => Box::new(0..all),
+                (None, Priorities::ByNumber | Priorities::InTurn) => Box::new(0..all),
                 (None, Priorities::Backwards) => Box::new((0..all).rev()),
                 (None, Priorities::Shuffled(seed)) => Box::new(shuffled(all, seed).into_iter()),
             };
-            let yields = self.has_atomics() && (all > 1 || units > 1);
+            let yields = self.has_atomics() && (all > 1 || invocations > 1);
             let live = match (yields || units > 1, is_explored) {
                 (_, true) => all,
                 (true, _) => LEAST_ROOMS.max(ROOMY / invocations),
@@ -454,6 +487,10 @@ impl Program {
                 watch_is_on.then(|| Box::new(Detector::new(code, invocations, blank)));
             let mut order = Order { taken: options.shows_order.then(Vec::new) };
             let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
+            // Turns in a row in which nobody did more than wait, and as many as say that nobody ever will.
+            let mut idle = 0;
+            let for_ever = if lanes > 1 { WAITS_TOGETHER } else { WAITS };
+            let for_ever = for_ever.max(2 * rooms.len() * units);
             let mut room_of: HashMap<u32, usize> = HashMap::new();
             // What a machine does in its next turn, if turns ask for it.
             let step = |machine: &Machine<'_, A>, memory: &Memory<'_, A>, group, asks| match asks {
@@ -514,6 +551,10 @@ impl Program {
                         "workgroups that weren't done at the deadline (KARAT_TIMEOUT)",
                     ));
                 }
+                if count > options.most_turns {
+                    stopped = Some(Stop::Misuse("more turns of its invocations than are tried"));
+                    break;
+                }
                 let number = room_of[&actor.unit];
                 enter(&mut here, Some(number), &mut rooms, &mut memory, &mut detector);
                 let room = &mut rooms[number];
@@ -523,7 +564,9 @@ impl Program {
                 if let Some(detector) = &mut detector {
                     detector.goes_on(base);
                 }
+                idle += 1;
                 if actor.store > 0 {
+                    idle = 0;
                     let done = machine.settle(actor.store, &mut memory);
                     order.add(code, room.first + base, done.into_iter());
                     room.stores -= 1;
@@ -551,8 +594,18 @@ impl Program {
                     }
                     match paused {
                         Ok(Pause::Atomic) => {
-                            if std::mem::take(&mut machine.waits) {
-                                turns.waits();
+                            match std::mem::take(&mut machine.waits) {
+                                true => turns.waits(),
+                                false => idle = 0,
+                            }
+                            if idle > for_ever {
+                                let (span, lane) = machine.place();
+                                let stop = Stop::Waits { span, case: room.first + base + lane };
+                                if detector.is_none() {
+                                    return Err(stop);
+                                }
+                                stopped = Some(stop);
+                                break;
                             }
                             if machine.relaxes && machine.is_blocked(&memory) {
                                 room.blocked.push(own);
@@ -564,7 +617,7 @@ impl Program {
                             room.held.push((own, site));
                         }
                         Ok(Pause::Barrier(site)) => room.draining.push((own, site)),
-                        Ok(Pause::End) => room.open -= 1,
+                        Ok(Pause::End) => (room.open, idle) = (room.open - 1, 0),
                         Err(spent) => {
                             let own = base + spent.lane;
                             let stop = spent.stop(room.first + own, options);
@@ -583,6 +636,7 @@ impl Program {
                         detector.release(code, &here.collect::<Vec<_>>(), lanes);
                     }
                     turns.joined(room.unit..room.unit + units as u32);
+                    idle = 0;
                     for (own, _) in held {
                         let unit = room.unit + own as u32;
                         turns.ready(Actor { unit, store: 0 }, Step::default());
@@ -596,7 +650,8 @@ impl Program {
             if let Some(detector) = detector {
                 let rounds = options.work - work;
                 let order = order.taken.into_iter().flatten().map(|(turn, _)| turn).collect();
-                observed = Observed { stopped, rounds, order, ..detector.end(code) };
+                let turns = count as u64;
+                observed = Observed { stopped, rounds, turns, order, ..detector.end(code) };
                 if entry.drawn {
                     // Of the last tiles some are helpers.
                     let pixels = pixels.iter().map(|count| *count as usize).product();

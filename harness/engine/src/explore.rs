@@ -139,6 +139,7 @@ pub struct Explorer {
     last: Actor,
     last_waits: bool,
     cut: bool,
+    has_waited: bool,
     too_long: bool,
     has_begun: bool,
 }
@@ -184,6 +185,12 @@ impl Explorer {
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut
+    }
+
+    /// True if an invocation waited in a loop for others: it may have gone on, in orders that weren't tried.
+    #[must_use]
+    pub fn has_waited(&self) -> bool {
+        self.has_waited
     }
 
     /// True if a run had too many turns to explore its orders.
@@ -328,7 +335,7 @@ impl Turns for Explorer {
     }
 
     fn waits(&mut self) {
-        self.last_waits = true;
+        (self.last_waits, self.has_waited) = (true, true);
     }
 
     fn joined(&mut self, units: Range<u32>) {

@@ -72,6 +72,8 @@ pub struct Options {
     pub outside_at: Option<(u32, Elsewhere)>,
     /// The order in which workgroups and invocations of a dispatch run.
     pub schedule: Schedule,
+    /// Turns that a dispatch may have: all that there are by default.
+    pub most_turns: usize,
     /// True if a dispatch returns the order of its atomics.
     pub shows_order: bool,
 }
@@ -96,6 +98,7 @@ impl Default for Options {
             outside: Choice::default(),
             outside_at: None,
             schedule: Schedule::default(),
+            most_turns: usize::MAX,
             shows_order: false,
         }
     }

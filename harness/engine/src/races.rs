@@ -193,6 +193,8 @@ pub struct Observed {
     pub invocations: usize,
     /// Rounds of loops, of all of them together.
     pub rounds: u64,
+    /// Turns that its invocations had.
+    pub turns: u64,
     /// Its atomics.
     pub atomics: Atomics,
     /// The order of the atomics, if it was asked for.
@@ -737,6 +739,7 @@ impl Detector {
             written,
             stopped: None,
             rounds: 0,
+            turns: 0,
             atomics: self.atomics,
             order: Vec::new(),
             invocations: self.starts.len() * self.width as usize,

@@ -43,6 +43,14 @@ pub enum Stop {
         /// A case that was in it.
         case: usize,
     },
+    /// Each invocation that runs reads the same words in loops, and none changes any more.
+    #[error("case {case} waits in a loop for a word that nothing changes any more")]
+    Waits {
+        /// A read in such a loop.
+        span: Span,
+        /// A case that was in it.
+        case: usize,
+    },
     /// The loops of all cases together ran for more rounds than the options allow.
     #[error("its loops go round more than {rounds} times together")]
     Work {

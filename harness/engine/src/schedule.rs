@@ -23,6 +23,8 @@ pub enum Priorities {
     ByNumber,
     /// The last by number.
     Backwards,
+    /// The one that waits longest: each has its turn after all others.
+    InTurn,
     /// One by a seed.
     Shuffled(u64),
 }
@@ -49,6 +51,8 @@ pub enum Stores {
 pub struct Schedule {
     /// Which of them goes on.
     pub priorities: Priorities,
+    /// Turns of invocations that wait in loops, before they have the lowest priority: a loop may end by itself.
+    pub patience: u32,
     /// Invocations that stall before their n-th atomic, counted from 1.
     pub stalls: Vec<(usize, u32)>,
     /// The turns before priorities decide: those of an order that was explored.
@@ -77,6 +81,7 @@ impl Default for Schedule {
     fn default() -> Self {
         Self {
             priorities: Priorities::ByNumber,
+            patience: 0,
             stalls: Vec::new(),
             turns: Vec::new(),
             stores: Stores::AtOnce,
@@ -121,6 +126,8 @@ pub(crate) struct ByPriority<'s> {
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
+    /// Turns that are left to those that wait.
+    patience: u32,
     last: Actor,
     /// The turns that it has had in a row.
     row: u32,
@@ -145,6 +152,7 @@ impl<'s> ByPriority<'s> {
             atomics: HashMap::new(),
             // Below each number of a unit.
             lowest: -(1 << 62),
+            patience: schedule.patience,
             last: Actor::default(),
             row: 0,
             turns: schedule.turns.iter(),
@@ -164,6 +172,7 @@ impl<'s> ByPriority<'s> {
         match self.schedule.priorities {
             Priorities::ByNumber => -i64::from(actor.unit),
             Priorities::Backwards => i64::from(actor.unit),
+            Priorities::InTurn => self.below_all(),
             Priorities::Shuffled(seed) => (chance(seed, actor) >> 2) as i64,
         }
     }
@@ -221,7 +230,10 @@ impl Turns for ByPriority<'_> {
     }
 
     fn waits(&mut self) {
-        self.lower(self.last.unit);
+        match self.patience.checked_sub(1) {
+            Some(left) => self.patience = left,
+            None => self.lower(self.last.unit),
+        }
     }
 
     fn joined(&mut self, _: std::ops::Range<u32>) {}

@@ -188,8 +188,11 @@ impl After<'_> {
             return Ok(());
         };
         if tried == Tried::default() {
-            "no other order of invocations was tried: 0 are asked for"
-                .clone_into(&mut watched.reason);
+            let why = match crate::settings::schedules() {
+                Some(0) => "0 are asked for",
+                _ => "each takes too many turns",
+            };
+            watched.reason = format!("no other order of invocations was tried: {why}");
         } else if tried.orders > 0 && judged.is_undecided() {
             "in Karat's engine the assertion holds in no order, so none shows whether it depends on one"
                 .clone_into(&mut watched.reason);

@@ -16,6 +16,9 @@ pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
+/// Turns in which invocations wait, in some orders, before others go on: loops of a thousand rounds end in them.
+const PATIENCE: u32 = 1 << 13;
+
 /// An order of the invocations of passes.
 #[derive(Clone, Debug)]
 pub(crate) struct OrderOf {
@@ -34,8 +37,8 @@ impl OrderOf {
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The order of a number: by numbers one by one, backwards, shuffled; and then with one or two invocations of
-    /// each pass that stall at one of their atomics, in each second of which stores may be late.
+    /// The order of a number: by numbers one by one, backwards, in turn, and shuffled; and then with one or two
+    /// invocations of each pass that stall at one of their atomics, in each second of which stores may be late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -44,6 +47,7 @@ impl OrderOf {
             let priorities = match number % 3 {
                 0 => Priorities::ByNumber,
                 1 => Priorities::Backwards,
+                _ if number == 2 => Priorities::InTurn,
                 _ => Priorities::Shuffled(seed),
             };
             let count = match number {
@@ -59,8 +63,18 @@ impl OrderOf {
             let stalls = (0..count).filter_map(stall).collect();
             let late = number >= 3 && number % 2 == 1;
             let stores = if late { Stores::Late(seed) } else { Stores::AtOnce };
+            // Backwards, a loop that may end by itself does.
+            let patience = if number % 3 == 1 { PATIENCE } else { 0 };
             let subgroup = [SUBGROUP, 4, 64, 8, 16, 128][number as usize % 6];
-            Schedule { priorities, stalls, stores, together, subgroup, ..Schedule::default() }
+            Schedule {
+                priorities,
+                patience,
+                stalls,
+                stores,
+                together,
+                subgroup,
+                ..Schedule::default()
+            }
         });
         Self { of_pass: of_pass.collect() }
     }
@@ -154,6 +168,9 @@ impl OrderOf {
                 (Priorities::Backwards, _) => all.push(format!(
                     "the invocations{of} run one after the other, the last one first"
                 )),
+                (Priorities::InTurn, _) => {
+                    all.push(format!("the invocations{of} take turns, each to its next atomic"));
+                }
                 (Priorities::Shuffled(_), _) => all.push(format!(
                     "the invocations{of} run one after the other, in a shuffled order"
                 )),

@@ -6,7 +6,7 @@ use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
 use super::dispatch::{Prepared, options};
 use super::order::{OrderOf, SUBGROUPS, Tried};
 use super::sanitizer::{Known, Ways};
-use crate::dispatch::{Afterwards, DispatchError, Examined, Pass, Passes};
+use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
 use crate::settings;
 
 /// Orders that are drawn where there are too many to try all.
@@ -21,6 +21,10 @@ const MOST_WORK: u64 = 1 << 20;
 
 /// All orders are tried where a bound of their number isn't above this power of two: it counts far more than there are.
 const MOST_LIKELY: f64 = 24.0;
+
+/// Turns of invocations behind which no further order is drawn, and that one order may have: a million take a second.
+const MOST_TURNS: u64 = 1 << 20;
+const TURNS_OF_ONE: usize = 1 << 22;
 
 /// Orders that are drawn before all are tried: what they find is told in fewer words.
 const SIMPLE: u64 = 3;
@@ -98,18 +102,15 @@ impl<'p> Runner<'p> {
         if matches!(next, Next::Usual) && !examined.watched.reason.is_empty() {
             return Next::End;
         }
-        let sizes = self.passes.passes.iter().map(Pass::workgroup_size);
-        let sizes = sizes.map(|size| size.iter().product::<u32>());
-        let size = sizes.max().unwrap_or(1);
-        let of_size = |from: usize| {
-            let differs = |at: &usize| SUBGROUPS[*at] < 2 * size;
-            let has_sizes = prepared.has_subgroups() && self.wanted > 0;
-            (from..SUBGROUPS.len()).find(differs).filter(|_| has_sizes).map(Next::Size)
+        let of_size = |at: usize| {
+            let has_sizes = prepared.has_subgroups() && self.wanted > 0 && at < SUBGROUPS.len();
+            has_sizes.then_some(Next::Size(at))
         };
         let most_orders: f64 = self.atomics.iter().map(Atomics::most_orders).sum();
         // Neither atomics nor races: each order leaves the same.
         let has_one = most_orders <= 0.0 && !self.known.races;
-        let drawn = |from: u64| match !has_one && from < self.wanted {
+        let spent = self.known.turns >= MOST_TURNS;
+        let drawn = |from: u64| match !has_one && from < self.wanted && !spent {
             true => Next::Drawn(from),
             false => Next::End,
         };
@@ -134,18 +135,21 @@ impl<'p> Runner<'p> {
                 explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
                 // All that there are, but late stores.
-                self.next = match self.explores && stores == Stores::AtOnce {
+                self.next = match self.explores && !self.tried.all {
                     true => Next::Drawn(SIMPLE),
                     false => Next::End,
                 };
                 return self.next();
             }
             if !explorer.begin() {
-                self.tried.all = true;
+                // A loop that waits for others may go on in further orders.
+                let has_waited = explorer.has_waited();
+                self.tried.all |= !has_waited && stores == Stores::AtOnce;
                 self.runs = 0;
                 self.next = match stores {
                     Stores::AtOnce => Next::All(Box::default(), Stores::Late(0)),
-                    Stores::Late(_) => Next::End,
+                    Stores::Late(_) if self.tried.all => Next::End,
+                    Stores::Late(_) => Next::Drawn(SIMPLE),
                 };
                 return self.next();
             }
@@ -195,10 +199,17 @@ impl Iterator for Runner<'_> {
                 Some(OrderOf::drawn(self.passes, &self.atomics, *number))
             }
         };
-        let ways = Ways::Ordered(order.as_ref(), &options());
+        let most_turns = if order.is_some() { TURNS_OF_ONE } else { usize::MAX };
+        let base = Options { most_turns, ..options() };
+        let ways = Ways::Ordered(order.as_ref(), &base);
         let (examined, left) = super::sanitizer::observe(prepared, ways, &mut self.known);
         if order.is_none() {
             self.atomics = std::mem::take(&mut self.known.atomics);
+            self.known.turns = 0;
+        }
+        // What didn't come to an end for no fault of its own says nothing.
+        if left.is_none() && examined.endless.is_none() && matches!(self.next, Next::Drawn(_)) {
+            self.tried.orders -= 1;
         }
         self.next = self.after(&examined);
         Some(Run { order, left, examined })

@@ -81,6 +81,8 @@ pub(super) struct Known {
     outside: BTreeSet<(usize, u32)>,
     /// True if there was a race, of whichever kind.
     pub(super) races: bool,
+    /// Turns of invocations.
+    pub(super) turns: u64,
     /// The atomics of each pass of the last run.
     pub(super) atomics: Vec<Atomics>,
 }
@@ -206,6 +208,7 @@ fn run(
         }
         let goes_on = is_whole && observed.stopped.is_none();
         known.races |= !observed.races.is_empty();
+        known.turns += observed.turns;
         violations.extend(violations_of(&Examining { pass, size, together: is_usual }, &observed));
         known.atomics.push(observed.atomics);
         let of_blank = observed.unwritten.iter().filter(|one| !one.own);

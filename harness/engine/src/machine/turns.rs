@@ -139,6 +139,13 @@ impl<A: Rules> Machine<'_, A> {
         places.iter().any(|place| self.waiting_at(walk.buffer, *place).is_some_and(blocks))
     }
 
+    /// Where it stands, and the first lane that does.
+    pub(crate) fn place(&self) -> (naga::Span, usize) {
+        let site = self.code.instructions[self.at].site;
+        let lane = (0..self.width).find(|lane| self.acts(*lane)).unwrap_or_default();
+        (self.code.sites[site as usize].span, lane)
+    }
+
     /// What it does in its next turn, at an atomic.
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
@@ -174,7 +181,9 @@ impl<A: Rules> Machine<'_, A> {
         for (lane, at) in self.places(op, registers, memory) {
             self.numbered += 1;
             let word = A::int_word(self.ints.get(value)[lane]);
-            let (number, site, turn, slot) = (self.numbered, self.site, self.turn, walk.buffer);
+            let (number, site, slot) = (self.numbered, self.site, walk.buffer);
+            // Behind the atomics of this turn.
+            let turn = self.turn + self.done.len();
             self.stores.push(Late { number, lane, slot, at, function, signed, word, site, turn });
             self.issued.push(number);
         }
