@@ -234,7 +234,7 @@ pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
-/// Orders of invocations in which compute passes run; `None`: as many as their size suggests.
+/// Orders of invocations that are drawn for compute passes; `None`: the usual number.
 #[doc(hidden)]
 pub fn schedules() -> Option<u64> {
     current().ok()?.schedules

@@ -487,7 +487,7 @@ impl Program {
                 watch_is_on.then(|| Box::new(Detector::new(code, invocations, blank)));
             let mut order = Order { taken: options.shows_order.then(Vec::new) };
             let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
-            // Turns in a row in which nobody did more than wait, and as many as say that nobody ever will.
+            // Turns in a row of units that only wait, and the number after which they are taken to wait for ever.
             let mut idle = 0;
             let for_ever = if lanes > 1 { WAITS_TOGETHER } else { WAITS };
             let for_ever = for_ever.max(2 * rooms.len() * units);

@@ -105,7 +105,7 @@ impl Taken {
     }
 }
 
-/// A place at which somebody's turn was chosen.
+/// A place at which an actor's turn was chosen.
 #[derive(Debug)]
 struct Node {
     ready: BTreeMap<Actor, Step>,
@@ -243,7 +243,7 @@ impl Explorer {
         Some(actor)
     }
 
-    /// Where a turn races with one before, has somebody go first there who leads to the other outcome.
+    /// Where a turn races with one before, wants an actor to go first there that leads to the other outcome.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();

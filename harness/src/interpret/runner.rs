@@ -95,7 +95,7 @@ impl<'p> Runner<'p> {
         self.explores = false;
     }
 
-    /// What comes behind a run.
+    /// The run that comes next.
     fn after(&mut self, examined: &Examined) -> Next {
         let next = std::mem::replace(&mut self.next, Next::End);
         let Ok(prepared) = &self.prepared else { return Next::End };

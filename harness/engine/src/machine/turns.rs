@@ -44,7 +44,7 @@ pub(crate) struct Done {
 }
 
 impl Walk {
-    /// What an atomic does to the word that it finds; of a load and a store whether it writes.
+    /// The access of an atomic to the word that it finds; a load and a store say by `writes` which they are.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -69,7 +69,7 @@ impl Code {
         }
     }
 
-    /// What an operation does to a word where nothing uses what it returns, so that its invocation needn't wait for it.
+    /// The change of a word by an operation whose result nothing uses: its invocation needn't wait for it.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
@@ -146,7 +146,7 @@ impl<A: Rules> Machine<'_, A> {
         (self.code.sites[site as usize].span, lane)
     }
 
-    /// What it does in its next turn, at an atomic.
+    /// The step of its next turn, at an atomic.
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };
