@@ -62,8 +62,10 @@ pub(crate) mod wgsl_test;
 pub use crate::interpret::hazards::Kind as HazardKind;
 #[doc(inline)]
 pub use crate::value::Reference;
-use demand::Demand;
 #[cfg(feature = "engine")]
+#[cfg(feature = "engine")]
+pub(crate) use cause::cause_of;
+use demand::Demand;
 pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,

@@ -2,8 +2,13 @@
 //! digits that are lost, indices that leave their array, and operations that WGSL doesn't bound.
 //!
 //! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments
-//! that declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A hazard is reported
+//! that declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A finding stands
 //! where it is born: at the operation whose operands were still good.
+//!
+//! Running decides what a finding is. Hold the declared inputs of a failing case, and draw the free ones again: if the
+//! operation goes wrong in every draw that comes to it, the finding is a *fault*; if some draw averts it, it is a
+//! *requirement*. Declared is what `[inputs]` of `karat.toml` says; in functions that nothing calls, also the range that a
+//! name means. A function that others call is judged at its callers.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -13,11 +18,13 @@
 //! // #[test]
 //! fn no_hazards() {
 //!     let hazards = SHADERS.hazards().run().unwrap();
-//!     assert!(hazards.found.is_empty() && hazards.lowered.is_empty(), "{hazards}");
+//!     assert_eq!(hazards.faults().count(), 0, "{hazards}");
 //! }
 //! ```
 
-mod lowered;
+mod callers;
+mod function;
+mod limits;
 mod passes;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -27,29 +34,21 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::check::arguments;
-use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::diagnostic::{Span, nearest};
 use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
-use crate::fixture::Fixtures;
 pub use crate::interpret::hazards::Kind;
-use crate::interpret::hazards::{Fine, Found, Hazards as FoundInCases, Missing};
-use crate::interpret::{Interpreted, evaluations};
-use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
+use crate::interpret::hazards::{Found, Missing};
+use crate::made_up::{Drawn, Ranges};
 use crate::output::counted;
 use crate::package::stage::Stage;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::panics;
-use crate::probe::{ProbeError, Probed};
-use crate::reflect::{Idiom, Program, ReflectError};
+use crate::probe::Probed;
+use crate::reflect::{Program, ReflectError};
 use crate::value::format_f32;
-use lowered::Callers;
-pub use lowered::Lowered;
-
-/// Inputs of each function. With three arguments of six edges each, that leaves 800 draws.
-const CASES: usize = 1024;
-
-/// One input in so many is rare.
-const RARE: usize = 100;
+use callers::Callers;
+use function::Trial;
+use limits::{CASES, MET};
 
 /// What hazards are looked for, and over what.
 ///
@@ -69,52 +68,73 @@ pub struct Request {
     with_accepted: bool,
 }
 
+/// Whether a finding is the shader's fault, or something that it needs of its inputs.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Class {
+    /// It goes wrong in every draw of the free inputs that comes to the operation.
+    Fault,
+    /// Some draw averts it, or too few came to it.
+    Requirement,
+    /// Functions that lead here ran the operation in 256 calls at least, and it was fine in each.
+    Met,
+    /// They ran it less often.
+    NotReached,
+    /// A `select`, a branch or a bound of an infinity drops the value in every case.
+    Dropped,
+}
+
+impl Class {
+    /// What it is called.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fault => "fault",
+            Self::Requirement => "requirement",
+            Self::Met => "met",
+            Self::NotReached => "not reached",
+            Self::Dropped => "dropped",
+        }
+    }
+}
+
 /// An operation at which something goes wrong.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hazard {
-    /// What goes wrong.
+    /// Whether it is a fault.
+    pub class: Class,
+    /// What goes wrong, the worst of it.
     pub kind: Kind,
+    /// What else goes wrong with the same number.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<Kind>,
     /// The operation in the author's file.
     pub location: String,
     /// Its text.
     pub text: String,
     /// The function that was called.
     pub function: String,
-    /// Its arguments in the first case: edges come first.
+    /// Its arguments in the simplest case.
     pub arguments: Vec<(String, String)>,
-    /// How many cases, of how many.
+    /// Cases in which it goes wrong, of those that came to it; of a pass, contents of its resources.
     pub cases: (usize, usize),
-    /// True if the result is finite all the same in each case: a `select` or a branch drops the value, or a
-    /// later operation bounds an infinity.
-    pub hidden: bool,
+    /// Of a requirement, the inputs whose change alone averts it in that case.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub needs: Vec<String>,
+    /// Where it goes wrong, if a simple property of the inputs tells: `where k is 0, and nowhere else`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fails: Option<String>,
     /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
     pub values: Option<(String, String)>,
     /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
     /// than a line holds.
     pub operands: Vec<String>,
-    /// True if neither name nor type say what some argument, or some member of a buffer, is: a caller may never give these
-    /// numbers.
-    pub guessed: bool,
-    /// True if each case has a float beyond 10,000 among the arguments of which nothing is known, or one within
-    /// 1e-10 of 0.
-    pub extreme: bool,
-    #[serde(skip)]
-    idiom: Option<Idiom>,
-    /// The functions in which the contents of buffers decide it alone, and it is fine over others.
-    #[serde(skip)]
-    by_contents: BTreeSet<String>,
-    /// True of an index beyond a texture, or beyond an array as long as its buffer, that a function is given.
-    #[serde(skip)]
-    of_made_up_size: bool,
-    /// True of an index in a pass that leaves its array only where the elements are no multiple of the workgroup.
-    #[serde(skip)]
-    at_tail: bool,
     /// Why `karat.toml` accepts it, where those are asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
-    /// Why it is less than others, if it is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lowered: Option<Lowered>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
     /// The sanitizer's finding in a compute pass, or the pixel that doesn't come to a derivative.
@@ -127,7 +147,7 @@ pub struct Hazard {
 pub struct Progress<'p> {
     /// Its name.
     pub function: &'p str,
-    /// Hazards in it, of which the functions that call it may lower some.
+    /// Findings in it, which the functions that call it may meet.
     pub found: usize,
     /// Functions that are done.
     pub done: usize,
@@ -146,14 +166,10 @@ pub struct Hazards {
     pub skipped: Vec<(String, String)>,
     /// Modules that can't be read, whose functions are unknown.
     pub unread: usize,
-    /// The worst first; one a line and kind.
+    /// Faults and requirements, faults first and the worst kind first; one a line and kind.
     pub found: Vec<Hazard>,
-    /// Hazards that are less than others, each with its reason: a later operation drops them, say, or no caller's arguments
-    /// cause them. They may be there all the same.
-    pub lowered: Vec<Hazard>,
-    /// Hazards of fewer than one case in a hundred, whose arguments were drawn by their types alone and are
-    /// neither 0, 1, -1 nor an end of their range.
-    pub rare: Vec<Hazard>,
+    /// Findings that callers meet or don't reach, and those that are dropped.
+    pub others: Vec<Hazard>,
     /// How many were left out, as `karat.toml` accepts them with a reason.
     pub accepted: usize,
     /// The ranges that arguments and members were drawn from.
@@ -215,7 +231,7 @@ impl Package {
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// let hazards = SHADERS.hazards().run()?;
-    /// assert!(hazards.found.is_empty() && hazards.lowered.is_empty(), "{hazards}");
+    /// assert_eq!(hazards.faults().count(), 0, "{hazards}");
     /// # Ok::<(), karat::unstable::hazards::HazardError>(())
     /// ```
     #[must_use]
@@ -293,14 +309,17 @@ impl Request {
             let why = format!("no function of package `{package}` has {only} in its name");
             return Err(HazardError::Declaration(why));
         }
+        let callers = Callers::of(&self.package);
         let done = Mutex::new(0);
         let all = names.len();
         let each: Vec<(String, Result<Seen, String>)> = names
             .par_iter()
             .map(|item| {
+                let own =
+                    if callers.calls(&item.name) { inputs.clone() } else { inputs.with_names() };
                 let look = || match item.entry_point {
-                    Some(Stage::Compute) => passes::look(&self.package, &item.name, &inputs),
-                    _ => self.look(&item.name, &inputs),
+                    Some(Stage::Compute) => passes::look(&self.package, &item.name, &own),
+                    _ => self.look(&item.name, own.clone()),
                 };
                 let seen = panics::caught(look)
                     .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
@@ -312,12 +331,9 @@ impl Request {
                 (item.name.clone(), seen)
             })
             .collect();
-        let mut functions = 0;
-        let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
-        let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut drawn = Drawn::default();
         let mut unseen = Unseen::default();
-        let (mut whole, mut fine) = (BTreeSet::new(), BTreeMap::new());
+        let mut looked: BTreeMap<String, Seen> = BTreeMap::new();
         for (name, seen) in each {
             match seen {
                 Err(why) => {
@@ -329,104 +345,64 @@ impl Request {
                         _ => skipped.push((name, why)),
                     }
                 }
-                Ok(Seen { hazards, rare: own, drawn: from, cut, in_part, fine: own_fine }) => {
-                    functions += 1;
-                    unseen.inputs += cut;
-                    unseen.functions += usize::from(cut > 0);
-                    unseen.in_part += usize::from(in_part);
-                    fine.insert(name.clone(), own_fine);
-                    if cut == 0 && !in_part {
-                        whole.insert(name);
-                    }
-                    for hazard in own {
-                        add(&mut rare, hazard);
-                    }
-                    drawn.merge(from);
-                    for hazard in hazards {
-                        add(&mut found, hazard);
-                    }
+                Ok(mut seen) => {
+                    unseen.inputs += seen.cut;
+                    unseen.functions += usize::from(seen.cut > 0);
+                    unseen.in_part += usize::from(seen.in_part);
+                    drawn.merge(std::mem::take(&mut seen.drawn));
+                    looked.insert(name, seen);
                 }
             }
         }
         unread += invalid.len();
-        let package = self.package.name();
+        let (package, functions) = (self.package.name(), looked.len());
         if functions == 0 {
             return Err(HazardError::Nothing { package, skipped });
         }
         if self.only.is_empty() {
             expect_names(&inputs, &drawn)?;
         }
-        let callers = Callers::of(&self.package, whole, fine);
-        let mut of_kind: BTreeSet<(String, Kind)> = BTreeSet::new();
-        for hazard in found.values().chain(rare.values()) {
-            of_kind.extend(hazard.functions().map(|function| (function.to_owned(), hazard.kind)));
-        }
-        for (place, hazard) in &mut found {
-            let now_and_then = rare.get(place);
-            let now_and_then = now_and_then.into_iter().flat_map(Hazard::functions).collect();
-            hazard.lowered = callers.lower(hazard, &of_kind, &now_and_then);
-        }
-        let infinite = |one: &Hazard| found.get(&(one.location.clone(), Kind::Infinite));
-        let is_by_zero = |one: &&Hazard| {
-            let of_nan = one.kind == Kind::Nan && one.lowered.is_none();
-            of_nan && infinite(one).is_some_and(|infinite| lowered::is_by_zero(one, infinite))
-        };
-        let by_zero: Vec<_> =
-            found.values().filter(is_by_zero).map(|one| one.location.clone()).collect();
-        for location in by_zero {
-            let nan = found.get_mut(&(location, Kind::Nan)).expect("it is one of them");
-            nan.lowered = Some(Lowered::Arithmetic);
-        }
-        let is_told = |one: &Hazard| one.kind == Kind::Nan && one.lowered.is_none();
-        let told: BTreeSet<String> =
-            found.values().filter(|one| is_told(one)).map(|one| one.location.clone()).collect();
-        for hazard in found.values_mut().filter(|one| one.kind == Kind::Infinite) {
-            let is_less = matches!(hazard.lowered, None | Some(Lowered::Arithmetic));
-            if is_less && told.contains(&hazard.location) {
-                hazard.lowered = Some(Lowered::Nan);
+        let names: BTreeSet<&str> = looked.keys().map(String::as_str).collect();
+        let roots: BTreeMap<String, BTreeSet<String>> = names
+            .iter()
+            .map(|name| {
+                let roots = callers.roots(name, &names).into_iter().map(str::to_owned);
+                ((*name).to_owned(), roots.collect())
+            })
+            .collect();
+        looked.par_iter_mut().for_each(|(name, seen)| {
+            if roots[name].contains(name) {
+                seen.judge();
             }
-        }
-        let mut found: Vec<Hazard> = found.into_values().collect();
-        let mut rare: Vec<Hazard> = rare.into_values().collect();
-        rare.retain(|one| !found.iter().any(|h| h.location == one.location && h.kind == one.kind));
+        });
+        let mut all = judged(&roots, &looked);
         for accepted in &declared.accepted {
-            let covered = found.iter().chain(&rare).filter(|hazard| accepted.covers(hazard));
             if self.only.is_empty() {
-                accepted.expect_current(&covered.collect::<Vec<_>>(), &found)?;
+                accepted.expect_current(&all)?;
             }
-            for hazard in found.iter_mut().filter(|hazard| accepted.covers(hazard)) {
+            for hazard in all.iter_mut().filter(|hazard| accepted.covers(hazard)) {
                 hazard.accepted.get_or_insert_with(|| accepted.reason.clone());
             }
-            rare.retain(|hazard| !accepted.covers(hazard));
         }
-        let accepted = found.iter().filter(|hazard| hazard.accepted.is_some()).count();
+        let is_told = |one: &Hazard| matches!(one.class, Class::Fault | Class::Requirement);
+        let accepted = all.iter().filter(|one| is_told(one) && one.accepted.is_some()).count();
         if !self.with_accepted {
-            found.retain(|hazard| hazard.accepted.is_none());
+            all.retain(|hazard| hazard.accepted.is_none());
         }
-        found.sort_by(|a, b| {
-            let rank = |hazard: &Hazard| (hazard.guessed, hazard.kind, hazard.hidden);
-            let order = rank(a).cmp(&rank(b)).then(b.cases.0.cmp(&a.cases.0));
+        all.sort_by(|a, b| {
+            let order = (a.class, a.kind).cmp(&(b.class, b.kind));
             order.then_with(|| a.location.cmp(&b.location))
         });
-        let lowered =
-            found.extract_if(.., |hazard| hazard.lowered.is_some() && hazard.accepted.is_none());
-        let lowered = lowered.collect();
-        rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
-        Ok(Hazards {
-            package,
-            functions,
-            skipped,
-            unread,
-            found,
-            lowered,
-            rare,
-            accepted,
-            drawn,
-            unseen,
-        })
+        let (mut found, others): (Vec<Hazard>, Vec<Hazard>) = all.into_iter().partition(is_told);
+        // What averts a finding costs runs, and is asked of those alone that are told.
+        found.par_iter_mut().filter(|one| one.class == Class::Requirement).for_each(|hazard| {
+            if let Some(needs) = looked.get(&hazard.function).and_then(|seen| seen.needs(hazard)) {
+                hazard.needs = needs;
+            }
+        });
+        Ok(Hazards { package, functions, skipped, unread, found, others, accepted, drawn, unseen })
     }
 
-    /// Looks for hazards in a function.
     /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
     fn invalid(&self, module: &str, name: &str) -> Option<String> {
         let own = name.rsplit("::").next().unwrap_or(name);
@@ -440,310 +416,129 @@ impl Request {
         }
     }
 
-    fn look(&self, name: &str, ranges: &Ranges) -> Result<Seen, String> {
+    fn look(&self, name: &str, ranges: Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
         let probed = probed.with_varying();
         let form = &probed.function.form;
         if form.alone && form.stage == Some(Stage::Fragment) {
-            return passes::look_at_pixels(&self.package, name, ranges);
+            return passes::look_at_pixels(&self.package, name, &ranges);
         }
         if form.alone {
             return Err("it writes what others would see: hazards are looked for in functions \
                         that only return"
                 .to_owned());
         }
-        let arguments = Arguments::of(probed.function(), ranges)?;
-        let (count, rows) = arguments.rows(SEED, self.cases);
-        let seen = Seen { drawn: arguments.drawn(), ..Seen::default() };
-        let mut look = Look { name, probed: &probed, arguments: &arguments, seen };
-        let mut found = BTreeMap::new();
-        let (mut cases, mut first) = (0, None);
-        // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
-        let share = probed.program.most_rounds().map_or(1, share_of);
-        let Resources { fixtures, varies, .. } = Resources::of(&probed, ranges, 0)?;
-        let share = share.max(share_of_work(&probed, &fixtures, &arguments, (count, &rows)));
-        let variants = if varies { VARIANTS } else { 1 };
-        // One function with long loops would keep one core busy while the others idle.
-        let looked = (0..variants).into_par_iter().map(|variant| {
-            let resources = Resources::of(&probed, ranges, variant)?;
-            let (count, rows) = match share {
-                1 => arguments.part(&rows, count, variant),
-                share => arguments.share(&rows, count, (variant, share)),
-            };
-            let engine = Interpreted::new(&probed, &resources.fixtures);
-            let seen = engine.and_then(|engine| engine.hazards(count, &rows));
-            Ok::<_, String>((resources, (count, rows), seen))
-        });
-        let mut guessed = arguments.are_guessed();
-        for one in looked.collect::<Vec<_>>() {
-            let (resources, rows, seen) = one?;
-            guessed |= resources.guessed;
-            first.get_or_insert(rows.0);
-            cases +=
-                look.variant(resources, rows, seen, &mut found).map_err(|error| text(&error))?;
-        }
-        let Look { mut seen, .. } = look;
-        seen.cut += count - first.unwrap_or(count);
-        let of_index =
-            |kind: Kind| matches!(kind, Kind::OutOfRange | Kind::Wrapped | Kind::Endless);
-        // Buffers of zeros, over the very same inputs, tell an index that inputs make from one that contents make.
-        let zeros = found.keys().any(|(_, kind)| varies && of_index(*kind));
-        let zeros = zeros.then(|| {
-            let fixtures = Resources::of(&probed, ranges, 0).ok()?.of_zeros(&probed)?;
-            let (count, rows) = arguments.select(&rows, count, |at| at % share < variants);
-            let seen = Interpreted::new(&probed, &fixtures).ok()?.hazards(count, &rows).ok()?;
-            let all = seen.cases.into_iter().flatten();
-            Some(all.map(|one| (one.span.to_string(), one.kind)).collect::<BTreeSet<_>>())
-        });
-        let zeros = zeros.flatten();
-        for (key, Gathered { hazard, plain, mixed }) in found {
-            let of_contents = |zeros: &BTreeSet<_>| of_index(hazard.kind) && !zeros.contains(&key);
-            let fine = seen.fine.get(&hazard.location).map_or(0, |ran| ran.fine);
-            let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
-            // Over most contents it is fine.
-            let by_contents = is_float && !mixed && fine >= hazard.cases.0
-                || zeros.as_ref().is_some_and(of_contents);
-            let by_contents = by_contents.then(|| name.to_owned()).into_iter().collect();
-            let cases = (hazard.cases.0, cases);
-            let hazard = Hazard { cases, guessed, by_contents, ..hazard };
-            // Numbers that are drawn by type alone may break anything once: then it has to happen more often,
-            // or for an input that a caller may well give.
-            match !guessed || plain || hazard.cases.0 * RARE >= hazard.cases.1 {
-                true => seen.hazards.push(hazard),
-                false => seen.rare.push(hazard),
-            }
-        }
-        match cases {
-            0 if seen.hazards.is_empty() => Err("no arguments can be made up for it".to_owned()),
-            _ => Ok(seen),
-        }
+        Ok(Trial::of(name, probed, ranges, self.cases)?.seen())
     }
 }
-
-/// One input of so many is looked at in a function with so many rounds of loops: some hundred thousand rounds are. The
-/// longest of the shader library has 4,300, and took 18 s of one core with four times as many.
-fn share_of(rounds: u64) -> usize {
-    const ROUNDS: u64 = 256;
-    let share = (rounds / ROUNDS).clamp(1, 16).next_power_of_two();
-    usize::try_from(share).expect("it is small")
-}
-
-/// One input of so many is looked at in a function of so many operations, by what a few inputs come to.
-fn share_of_work(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    arguments: &Arguments,
-    (count, rows): (usize, &[u32]),
-) -> usize {
-    /// Operations of all inputs together: four of each arithmetic run, and all are compared.
-    const WORK: u64 = 1 << 22;
-    const SAMPLE: usize = 16;
-    let each = count.div_ceil(SAMPLE).max(1);
-    let (some, few) = arguments.select(rows, count, |at| at % each == 0);
-    // Loops that don't end are found by their rounds.
-    let Ok(Some(operations)) = evaluations(probed, fixtures, (some, &few)) else { return 1 };
-    let share = operations.saturating_mul(count as u64).div_ceil(WORK).max(1);
-    usize::try_from(share).unwrap_or(each).min(each).next_power_of_two()
-}
-
-/// The same rows for each function of one signature, on every machine.
-const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
 /// The findings in a function.
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// Hazards that made-up arguments cause now and then.
-    rare: Vec<Hazard>,
+    /// By place, the cases that came to it with good operands.
+    reached: BTreeMap<String, usize>,
     drawn: Drawn,
     /// Inputs whose loops were too long to be looked at.
     cut: usize,
     /// True if it has more operations than are kept.
     in_part: bool,
-    /// Of its own operations, and those of what it calls.
-    fine: Fine,
+    /// The trial of a function, with the key of each finding.
+    trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }
 
-/// A function that is looked at.
-struct Look<'l> {
-    name: &'l str,
-    probed: &'l Probed,
-    arguments: &'l Arguments,
-    seen: Seen,
-}
-
-/// Hazards by place and kind.
-type ByPlace = BTreeMap<(String, Kind), Gathered>;
-
-/// A hazard of all cases.
-struct Gathered {
-    hazard: Hazard,
-    /// True if a plain input causes it.
-    plain: bool,
-    /// True if its operation is fine in some cases over a content over which it goes wrong in others.
-    mixed: bool,
-}
-
-impl Look<'_> {
-    /// Takes what was found in some rows over one content of the buffers. Returns how many were looked at.
-    fn variant(
-        &mut self,
-        resources: Resources,
-        (all, mut rows): (usize, Vec<u32>),
-        seen: Result<FoundInCases, ProbeError>,
-        found: &mut ByPlace,
-    ) -> Result<usize, ProbeError> {
-        let function = self.probed.function();
-        let width = self.arguments.width();
-        let Resources { fixtures, members, drawn, .. } = resources;
-        self.seen.drawn.merge(drawn);
-        let bounded = self.probed.program.most_rounds().is_some();
-        let mut count = all;
-        let seen = match seen {
-            Err(ProbeError::Rounds { .. }) if !bounded => {
-                // A loop that counts to a large number ends, but not here.
-                rows = self.arguments.few(&rows);
-                let engine = Interpreted::new(self.probed, &fixtures)?;
-                let mut tries = LONG_CASES;
-                loop {
-                    count = rows.len().checked_div(width).unwrap_or(1);
-                    let (case, diagnostic) = match engine.hazards(count, &rows) {
-                        Err(ProbeError::Rounds { case, diagnostic }) => (case, diagnostic),
-                        other => break other?,
-                    };
-                    let row = case * width..(case + 1) * width;
-                    let is_endless = engine.may_not_end(&rows[row.clone()]);
-                    if is_endless {
-                        let hazard = endless(self.probed, &diagnostic, &rows[row.clone()], count);
-                        let key = (hazard.location.clone(), hazard.kind);
-                        found.insert(key, Gathered { hazard, plain: true, mixed: true });
-                    }
-                    tries -= 1;
-                    if is_endless || row.is_empty() || tries == 0 {
-                        // The loop ends the search for all of them.
-                        self.seen.cut += all;
-                        return Ok(count);
-                    }
-                    drop(rows.drain(row));
-                }
-            }
-            other => other?,
-        };
-        self.seen.in_part |= seen.cut;
-        for (place, ran) in &seen.fine {
-            self.seen.fine.entry(place.clone()).or_default().add(*ran);
+impl Seen {
+    /// Tells faults from requirements, in a function.
+    fn judge(&mut self) {
+        if let Some((trial, keys)) = &self.trial {
+            trial.judge(&mut self.hazards, keys);
         }
-        self.seen.cut += all - count;
-        let described = |case: usize| {
-            let mut named = arguments(function, &rows[case * width..][..width]);
-            named.extend(members.iter().take(MEMBERS).cloned());
-            named
-        };
-        for (case, hazards) in seen.cases.iter().enumerate() {
-            let row = &rows[case * width..][..width];
-            let (plain, moderate) = (self.arguments.is_plain(row), self.arguments.is_moderate(row));
-            for one in hazards {
-                let location = one.span.to_string();
-                let Gathered { hazard, plain: is_plain, mixed } =
-                    found.entry((location.clone(), one.kind)).or_insert_with(|| {
-                        let hazard = Hazard {
-                            kind: one.kind,
-                            location,
-                            text: one_line(&one.text),
-                            function: self.name.to_owned(),
-                            arguments: described(case),
-                            cases: (0, 0),
-                            hidden: one.hidden,
-                            values: shown(one),
-                            operands: operands(one),
-                            guessed: false,
-                            extreme: true,
-                            idiom: one.idiom,
-                            by_contents: BTreeSet::new(),
-                            of_made_up_size: one.of_given_size,
-                            at_tail: false,
-                            accepted: None,
-                            lowered: None,
-                            also: Vec::new(),
-                            violation: parted(self.name, one),
-                        };
-                        Gathered { hazard, plain: false, mixed: false }
-                    });
-                hazard.cases.0 += 1;
-                *mixed |= seen.fine.get(&hazard.location).is_some_and(|ran| ran.fine > 0);
-                // Arguments that a caller may give say more.
-                if hazard.extreme && moderate {
-                    hazard.arguments = described(case);
-                    hazard.operands = operands(one);
-                    hazard.values = shown(one);
-                    hazard.extreme = false;
-                }
-                *is_plain |= plain;
-                // That it shows in one case is worse than that it is hidden in others.
-                if hazard.hidden && !one.hidden {
-                    hazard.arguments = described(case);
-                    hazard.operands = operands(one);
-                    hazard.hidden = false;
-                }
-            }
-        }
-        Ok(count)
+    }
+
+    /// The inputs that avert a finding, of a function.
+    fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
+        let (trial, keys) = self.trial.as_ref()?;
+        let is_it = |one: &Hazard| one.location == hazard.location && one.kind == hazard.kind;
+        Some(trial.needs(*keys.get(self.hazards.iter().position(is_it)?)?))
     }
 }
 
-/// Inputs whose loops are long, and end, that are left out one by one: each costs another run of those that are left.
-const LONG_CASES: usize = 3;
-
-/// Members of buffers that are shown with the arguments.
-const MEMBERS: usize = 6;
-
-/// A function with a loop that was stopped.
-fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) -> Hazard {
-    let function = probed.function();
-    let at = diagnostic.location().unwrap_or(&function.span);
-    let text = at.file.text.get(at.range.clone()).unwrap_or_default();
-    Hazard {
-        kind: Kind::Endless,
-        location: at.to_string(),
-        text: one_line(text),
-        function: function.name.clone(),
-        arguments: if row.is_empty() { Vec::new() } else { arguments(function, row) },
-        cases: (1, cases),
-        hidden: false,
-        values: None,
-        operands: Vec::new(),
-        guessed: true,
-        extreme: false,
-        idiom: None,
-        by_contents: BTreeSet::new(),
-        of_made_up_size: false,
-        at_tail: false,
-        accepted: None,
-        lowered: None,
-        also: Vec::new(),
-        violation: None,
+/// Findings, judged at the functions that lead to them and that nothing calls: `roots` has these of each function.
+fn judged(
+    roots: &BTreeMap<String, BTreeSet<String>>,
+    looked: &BTreeMap<String, Seen>,
+) -> Vec<Hazard> {
+    let mut found = ByPlace::new();
+    let mut called = Vec::new();
+    for (name, seen) in looked {
+        let roots = &roots[name];
+        for hazard in &seen.hazards {
+            match roots.contains(name) {
+                true => add(&mut found, hazard.clone()),
+                false => called.push((hazard, roots)),
+            }
+        }
     }
+    let mut others = ByPlace::new();
+    for (hazard, roots) in called {
+        if let Some(known) = found.get_mut(&key_of(hazard)) {
+            if !known.also.contains(&hazard.function) {
+                known.also.push(hazard.function.clone());
+            }
+            continue;
+        }
+        let reached = |root: &String| looked.get(root)?.reached.get(&hazard.location).copied();
+        let calls: usize = roots.iter().filter_map(reached).sum();
+        let class = match hazard.class {
+            Class::Dropped => Class::Dropped,
+            _ if calls >= MET => Class::Met,
+            _ => Class::NotReached,
+        };
+        add(&mut others, Hazard { class, ..hazard.clone() });
+    }
+    found.into_values().chain(others.into_values()).collect()
 }
 
-/// Adds a hazard to those of other functions. The function that has the operation is preferred.
-fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
-    match found.entry((hazard.location.clone(), hazard.kind)) {
+/// Findings by the place of their operation, and what goes wrong there.
+type ByPlace = BTreeMap<(String, Kind), Hazard>;
+
+/// The place of a finding. A number that is NaN for some inputs, and infinite or without a bound for others, is one.
+fn key_of(hazard: &Hazard) -> (String, Kind) {
+    let kind = match hazard.kind {
+        Kind::Infinite | Kind::LostDigits | Kind::Unbounded => Kind::Nan,
+        kind => kind,
+    };
+    (hazard.location.clone(), kind)
+}
+
+/// Adds a finding to those of other functions: a fault says more, and one with fewer arguments is closer to it.
+fn add(found: &mut ByPlace, hazard: Hazard) {
+    match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {
             place.insert(hazard);
         }
         std::collections::btree_map::Entry::Occupied(mut place) => {
             let known = place.get_mut();
-            // That it shows says more than that it is hidden, and known arguments more than guessed ones. A function
-            // with fewer of them is closer to it.
-            let rank = |one: &Hazard| (one.hidden, one.extreme, one.guessed, one.arguments.len());
+            let rank = |one: &Hazard| (one.class, one.kind, one.arguments.len());
             let (better, other) = match rank(known) <= rank(&hazard) {
                 true => (known.clone(), hazard),
                 false => (hazard, known.clone()),
             };
-            let also = [better.also.clone(), other.also.clone(), vec![other.function]].concat();
-            let by_contents = &better.by_contents | &other.by_contents;
-            *known = Hazard { also, by_contents, ..better };
+            let (mut kinds, mut also) = (better.kinds.clone(), better.also.clone());
+            let more = other.kinds.into_iter().chain([other.kind]);
+            more.filter(|kind| *kind != better.kind).for_each(|kind| {
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
+            });
+            for function in other.also.into_iter().chain([other.function]) {
+                if function != better.function && !also.contains(&function) {
+                    also.push(function);
+                }
+            }
+            kinds.sort();
+            *known = Hazard { kinds, also, ..better };
         }
     }
 }
@@ -807,11 +602,11 @@ impl AcceptedHazard {
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 
-    /// Wants each function that is named to have such a hazard.
-    fn expect_current(&self, covered: &[&Hazard], all: &[Hazard]) -> Result<(), HazardError> {
+    /// Wants each function that is named to have such a finding, of whichever class.
+    fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError> {
         let has = |name: &&String| {
             let alone = Self { functions: vec![(*name).clone()], ..self.clone() };
-            covered.iter().any(|hazard| alone.covers(hazard))
+            all.iter().any(|hazard| alone.covers(hazard))
         };
         let Some(idle) = self.functions.iter().find(|name| !has(name)) else { return Ok(()) };
         let of = self.text.as_ref().map_or_else(String::new, |text| format!(" at `{text}`"));
@@ -838,19 +633,6 @@ impl Hazard {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
 
-    /// The form of the operation, which others share: its text without names and numbers.
-    ///
-    /// ```
-    /// # use karat::prelude::*;
-    /// let package = Package::from_source("m", "fn gamma(c: f32) -> f32 { return pow(c, 2.2); }");
-    /// assert_eq!(package.hazards().run()?.found[0].idiom(), "pow(_, #)");
-    /// # Ok::<(), karat::unstable::hazards::HazardError>(())
-    /// ```
-    #[must_use]
-    pub fn idiom(&self) -> String {
-        lowered::idiom(&self.text)
-    }
-
     /// The lines below the first: where it came from, what it means and what else shows it.
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
@@ -862,18 +644,8 @@ impl Hazard {
         let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
         let (cases, of) = self.cases;
         let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
-        let counted = match (is_pass, &self.violation) {
-            // Elements, of which an invocation has several, or several have one.
-            (true, Some(_)) if self.at_tail => {
-                format!("in {of} invocations, where the elements are no multiple of the workgroup")
-            }
-            (true, Some(one)) if self.kind == Kind::OutOfRange && !one.of_fixed_length => {
-                format!("in {of} invocations, over sizes that are made up")
-            }
-            (true, Some(_)) => format!("in {of} invocations"),
-            (true, None) => format!("{cases} of {of} invocations"),
-            (false, _) => format!("{cases} of {of} inputs"),
-        };
+        let what = if is_pass { "contents" } else { "inputs that come to it" };
+        let counted = format!("{cases} of {of} {what}");
         writeln!(f, "    {} with {with}  ({counted})", self.function)?;
         if let Some(violation) = &self.violation {
             for access in &violation.accesses {
@@ -889,8 +661,30 @@ impl Hazard {
         if let Some((single, double)) = &self.values {
             write!(f, ": {single} in f32, {double} in f64")?;
         }
-        if let Some(lowered) = self.lowered {
-            write!(f, "; {}", lowered.about())?;
+        if !self.kinds.is_empty() {
+            let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
+            write!(f, "; for other inputs {}", kinds.join(", "))?;
+        }
+        // A number of workgroups has no name of the author's.
+        let named = |name: &String| match name.contains(' ') {
+            true => name.clone(),
+            false => format!("`{name}`"),
+        };
+        let needs: Vec<String> = self.needs.iter().map(named).collect();
+        let fails = self.fails.as_ref().map(|fails| format!("it fails {fails}"));
+        let needs = match (self.class, &*needs) {
+            (Class::Requirement, []) => {
+                Some("needs other inputs, more than one of them".to_owned())
+            }
+            (Class::Requirement, needs) => {
+                Some(format!("needs another value of {}", needs.join(" or ")))
+            }
+            _ => None,
+        };
+        match (needs, fails) {
+            (Some(needs), Some(fails)) => write!(f, "\n    {needs}: {fails}")?,
+            (Some(text), None) | (None, Some(text)) => write!(f, "\n    {text}")?,
+            (None, None) => {}
         }
         if let Some(reason) = &self.accepted {
             write!(f, "\n    accepted: {reason}")?;
@@ -913,8 +707,45 @@ impl Hazard {
 
 impl fmt::Display for Hazard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}: {}  at {}", self.kind.name(), self.text, self.location)?;
+        let (class, kind) = (self.class.name(), self.kind.name());
+        writeln!(f, "{class}: {kind}: {}  at {}", self.text, self.location)?;
         self.write_details(f)
+    }
+}
+
+impl Hazards {
+    /// The findings that are faults and that nothing accepts: these fail a run.
+    pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
+        self.of(Class::Fault)
+    }
+
+    /// What functions need of their inputs.
+    pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
+        self.of(Class::Requirement)
+    }
+
+    /// The findings of a class that nothing accepts.
+    pub fn of(&self, class: Class) -> impl Iterator<Item = &Hazard> {
+        let all = self.found.iter().chain(&self.others);
+        all.filter(move |one| one.class == class && one.accepted.is_none())
+    }
+
+    /// The counts of the last line: `1 fault and 2 requirements in 7 functions, 3 met`.
+    #[must_use]
+    pub fn counts(&self) -> String {
+        let mut text = format!(
+            "{} and {} in {}",
+            counted(self.faults().count(), "fault"),
+            counted(self.requirements().count(), "requirement"),
+            counted(self.functions, "function")
+        );
+        for class in [Class::Met, Class::NotReached, Class::Dropped] {
+            match self.of(class).count() {
+                0 => {}
+                count => text += &format!(", {count} {}", class.name()),
+            }
+        }
+        text
     }
 }
 
@@ -923,13 +754,6 @@ impl fmt::Display for Hazards {
         for hazard in &self.found {
             writeln!(f, "{hazard}\n")?;
         }
-        let Self { package, functions, found, lowered, accepted, .. } = self;
-        write!(
-            f,
-            "{package}: {} in {}, {} lowered, {accepted} accepted",
-            counted(found.len(), "hazard"),
-            counted(*functions, "function"),
-            lowered.len()
-        )
+        write!(f, "{}: {}, {} accepted", self.package, self.counts(), self.accepted)
     }
 }

@@ -26,7 +26,7 @@ use std::time::Instant;
 pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
     Choice, F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered,
-    Range, Refusal, Resources, Results, Runs, Settings, Stop, Truth,
+    Range, Refusal, Resources, Results, Runs, Settings, Site, Stop, Truth,
 };
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -36,7 +36,7 @@ use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{self, Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{ADAPTER, Idiom, Program};
+use crate::reflect::{ADAPTER, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
@@ -359,7 +359,7 @@ fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)>
 }
 
 /// An operation in the author's file, and its text there. naga's place of `-x` is that of `x`.
-fn author_of(program: &Program, site: &karat_engine::Site) -> Option<(Span, String)> {
+fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     let range = site.span.to_range()?;
     let (mut span, text) = author(program, range)?;
     if !site.expression.is_some_and(|at| program.negates(&site.function, at.index())) {
@@ -377,7 +377,7 @@ fn author_of(program: &Program, site: &karat_engine::Site) -> Option<(Span, Stri
 }
 
 /// The first line of a statement, a condition or an access.
-fn statement_of(program: &Program, site: &karat_engine::Site) -> Option<Span> {
+fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     let mut span = program.resolve(site.span.to_range()?)?;
     // Of the condition of a `for` naga keeps the space before it.
     let text = span.file.text.get(span.range.clone())?;
@@ -389,9 +389,20 @@ fn statement_of(program: &Program, site: &karat_engine::Site) -> Option<Span> {
     Some(span.first_line())
 }
 
-/// The idiom that an operation is, if it is one.
-fn idiom_of(program: &Program, site: &karat_engine::Site) -> Option<Idiom> {
-    program.idiom(&site.function, site.expression?.index())
+/// Numbers the sites of a program, which stand one behind the other.
+#[derive(Clone, Copy)]
+struct Sites {
+    first: usize,
+}
+
+impl Sites {
+    fn of(lowered: &Lowered) -> Self {
+        Self { first: lowered.sites().as_ptr().addr() }
+    }
+
+    fn number(self, site: &Site) -> usize {
+        (std::ptr::from_ref(site).addr() - self.first) / size_of::<Site>()
+    }
 }
 
 /// What WGSL allows a lane to be.

@@ -24,7 +24,7 @@ pub(crate) use resources::fitted;
 #[cfg(feature = "routes")]
 pub(crate) use resources::{INVOCATIONS, beyond, data, fixtures, rows};
 #[cfg(feature = "engine")]
-pub(crate) use resources::{Resources, VARIANTS};
+pub(crate) use resources::{Input, Mix, Resources, VARIANTS};
 
 /// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
 /// `karat hazards --input` does.
@@ -38,6 +38,8 @@ pub struct Ranges {
     builtins: Vec<(String, String)>,
     /// The dispatch of a compute pass.
     extents: Option<Extents>,
+    /// True if the range that a name means counts as declared.
+    named: bool,
 }
 
 impl Ranges {
@@ -63,6 +65,13 @@ impl Ranges {
 
     pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
         self.declared.keys()
+    }
+
+    /// The same, with the ranges that names mean as declarations: of a function that nothing calls.
+    #[cfg(feature = "engine")]
+    #[must_use]
+    pub(crate) fn with_names(&self) -> Self {
+        Self { named: true, ..self.clone() }
     }
 
     /// The same over the arguments of a function, which may be an entry point with builtin values.
@@ -105,6 +114,8 @@ struct Described {
     /// Neither a declaration nor the name says what it is.
     guessed: bool,
     declared: bool,
+    /// It is declared, or its name means a range and names count as declarations.
+    known: bool,
     /// It is a size that follows from what is dispatched.
     sized: bool,
     scalars: Vec<Scalar>,
@@ -159,6 +170,7 @@ fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) ->
             part,
             guessed: false,
             declared: false,
+            known: is_pixel,
             sized: false,
             scalars: vec![*scalar],
         }
@@ -174,11 +186,16 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         None => Meaning::of(own, shape),
     };
     let builtin = ranges.builtin(path);
+    let is_whole = matches!(shape.lanes().first(), Some(Scalar::U32 | Scalar::I32));
     let one = |part, scalars| Described {
         path: path.to_owned(),
         part,
         guessed: meaning == Meaning::Any && builtin.is_none(),
         declared: declared.is_some(),
+        known: declared.is_some()
+            // Of a whole number a name says no end.
+            || ranges.named && meaning != Meaning::Any && builtin.is_none() && !is_whole
+            || builtin.is_some_and(meaning::has_range),
         sized: false,
         scalars,
     };
@@ -192,7 +209,11 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         && meaning::is_transform(own)
         && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
     {
-        return Ok(vec![Described { guessed: false, ..one(part, shape.lanes()) }]);
+        return Ok(vec![Described {
+            guessed: false,
+            known: ranges.named,
+            ..one(part, shape.lanes())
+        }]);
     }
     let part = |(lane, scalar): (usize, Scalar)| {
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
@@ -221,7 +242,8 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             (None, None) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
         let sized = declared.is_none() && of_size().is_some();
-        Ok(Described { sized, ..one(part, vec![scalar]) })
+        let one = one(part, vec![scalar]);
+        Ok(Described { sized, known: one.known && !sized, ..one })
     };
     shape.lanes().into_iter().enumerate().map(part).collect()
 }
@@ -230,28 +252,18 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
 pub(crate) struct Arguments {
     pub(crate) domain: Dynamic,
     described: Vec<Described>,
-    /// Square matrices of which nothing is known: the first lane of each, and its columns.
-    matrices: Vec<(usize, usize)>,
 }
 
 impl Arguments {
     pub(crate) fn of(function: &Function, ranges: &Ranges) -> Result<Self, String> {
         let mut parts = Vec::new();
         let mut all = Vec::new();
-        let (mut matrices, mut lane) = (Vec::new(), 0);
         let ranges = ranges.of_function(function);
         for (name, shape) in &function.parameters {
-            if let Shape::Matrix { columns, rows, .. } = shape
-                && columns == rows
-                && ranges.get(name).is_none()
-            {
-                matrices.push((lane, usize::from(*columns)));
-            }
-            lane += shape.lanes().len();
             parts.push(suggested(name, shape, &ranges)?);
             all.extend(described(name, shape, &ranges)?);
         }
-        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all, matrices })
+        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
     }
 
     /// The inputs of a fragment function, whose sizes follow from the pixels.
@@ -310,46 +322,79 @@ impl Arguments {
         self.domain.width()
     }
 
-    /// True if some number is drawn by its type alone.
-    pub(crate) fn are_guessed(&self) -> bool {
-        self.described.iter().any(|one| one.guessed)
+    /// The lanes of a row, each with what is known of it.
+    #[cfg(feature = "engine")]
+    fn lanes(&self) -> impl Iterator<Item = (&Described, Scalar)> {
+        self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
     }
 
-    /// True if each number of a row that is drawn by its type alone is 0, 1, -1 or an end of its range: an
-    /// input that a caller may well give.
-    pub(crate) fn is_plain(&self, row: &[u32]) -> bool {
-        let mut rest = row;
-        self.described.iter().all(|one| {
-            let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
-            rest = others;
-            let plain = |(scalar, word): (&Scalar, &u32)| Part::is_plain(*scalar, *word);
-            !one.guessed || one.scalars.iter().zip(own).all(plain)
-        })
+    /// True if each argument is declared.
+    #[cfg(feature = "engine")]
+    pub(crate) fn are_declared(&self) -> bool {
+        self.described.iter().all(|one| one.declared || one.path.is_empty())
     }
 
-    /// True if no float of a row that is drawn by its type alone is beyond what shaders compute with: positions,
-    /// times and sizes are thousands at most. Each square matrix has an inverse. And none but those that are declared is nearer to 0 than what is
-    /// computed: no distance, weight or density of a scene is so small.
-    pub(crate) fn is_moderate(&self, row: &[u32]) -> bool {
+    /// True if no argument is free.
+    #[cfg(feature = "engine")]
+    pub(crate) fn are_known(&self) -> bool {
+        self.described.iter().all(|one| one.known)
+    }
+
+    /// Of each lane whether it is free: not known, or not even declared.
+    #[cfg(feature = "engine")]
+    pub(crate) fn free(&self, not_declared: bool) -> Vec<bool> {
+        self.lanes().map(|(one, _)| if not_declared { !one.declared } else { !one.known }).collect()
+    }
+
+    /// The words of a row that are known.
+    #[cfg(feature = "engine")]
+    pub(crate) fn known_of(&self, row: &[u32]) -> Vec<u32> {
+        let all = self.lanes().zip(row);
+        all.filter(|((one, _), _)| one.known).map(|(_, word)| *word).collect()
+    }
+
+    /// Rows that hold what is known of one row, and are free as others are: so many, from the first of the others again where
+    /// they are fewer.
+    #[cfg(feature = "engine")]
+    pub(crate) fn held(&self, row: &[u32], others: &[u32], count: usize) -> Vec<u32> {
+        let known: Vec<bool> = self.lanes().map(|(one, _)| one.known).collect();
+        self.replaced(row, others, count, &|lane| !known[lane])
+    }
+
+    /// Rows of which some lanes are those of others.
+    #[cfg(feature = "engine")]
+    pub(crate) fn replaced(
+        &self,
+        row: &[u32],
+        others: &[u32],
+        count: usize,
+        takes: &dyn Fn(usize) -> bool,
+    ) -> Vec<u32> {
+        let width = self.width();
+        let all = others.len() / width.max(1);
+        // Evenly spread, so that edges and draws both come.
+        let number = |at: usize| if all > count { at * all / count } else { at % all.max(1) };
+        let other = |at: usize| &others[number(at) * width..][..width];
+        let lane = |at, lane| if takes(lane) { other(at)[lane] } else { row[lane] };
+        (0..count).flat_map(|at| (0..width).map(move |own| lane(at, own))).collect()
+    }
+
+    /// How far a row is from what people would try first: its extreme numbers, then those that are neither 0, 1, -1 nor an
+    /// end of their range.
+    #[cfg(feature = "engine")]
+    pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
+        /// Positions, times and sizes are thousands at most.
         const MOST: f32 = 1e4;
+        /// No distance, weight or density of a scene is so small.
         const LEAST: f32 = 1e-10;
-        let singular = |(first, columns): &(usize, usize)| {
-            row.get(*first..first + columns * columns).is_some_and(|own| is_singular(own, *columns))
+        let is_extreme = |scalar: Scalar, word: u32| {
+            let size = f32::from_bits(word).abs();
+            scalar == Scalar::F32 && (size > MOST || size > 0.0 && size < LEAST)
         };
-        if self.matrices.iter().any(singular) {
-            return false;
-        }
-        let mut rest = row;
-        self.described.iter().all(|one| {
-            let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
-            rest = others;
-            let is_moderate = |(scalar, word): (&Scalar, &u32)| {
-                let size = f32::from_bits(*word).abs();
-                let (is_small, is_tiny) = (size <= MOST, size > 0.0 && size < LEAST);
-                !scalar.is_float() || (is_small || !one.guessed) && (!is_tiny || one.declared)
-            };
-            one.scalars.iter().zip(own).all(is_moderate)
-        })
+        let all = || self.lanes().zip(row);
+        let extreme = all().filter(|((_, scalar), word)| is_extreme(*scalar, **word)).count();
+        let odd = all().filter(|((_, scalar), word)| !Part::is_plain(*scalar, **word)).count();
+        [extreme, odd]
     }
 
     /// A row for each pixel of a draw. A position is the pixel's own, the first two numbers of a vector go from 0 to 1 across
@@ -430,21 +475,6 @@ impl Arguments {
     }
 }
 
-/// True if a square matrix, column by column, has no inverse in `f32`: the volume of its columns is rounding.
-#[cfg(feature = "engine")]
-fn is_singular(words: &[u32], columns: usize) -> bool {
-    /// Of the product of their lengths: some roundings of `f32`.
-    const NONE: f64 = 1e-6;
-    let all: Vec<f64> = words.iter().map(|word| f64::from(f32::from_bits(*word))).collect();
-    let length = |column: &[f64]| column.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let volume = match columns {
-        2 => glam::DMat2::from_cols_slice(&all).determinant(),
-        3 => glam::DMat3::from_cols_slice(&all).determinant(),
-        _ => glam::DMat4::from_cols_slice(&all).determinant(),
-    };
-    !(volume.abs() > NONE * all.chunks_exact(columns).map(length).product::<f64>())
-}
-
 /// One call of a function, of which nothing is given.
 #[cfg(feature = "engine")]
 #[derive(Clone, Debug)]
@@ -494,7 +524,7 @@ impl MadeUp {
         let case = case % Extents::VARIANTS;
         let extents = Extents::of(size, workgroups, case);
         extents.expect_few()?;
-        let made = Resources::of_pass((&program, &bindings), ranges, extents, case)?;
+        let made = Resources::of_pass((&program, &bindings), ranges, extents, (case, None))?;
         let Resources { fixtures, members, drawn, .. } = made;
         Ok(Self { lanes: Vec::new(), fixtures, members, drawn })
     }
@@ -620,30 +650,37 @@ mod tests {
         assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
     }
 
-    /// Rows that a caller may well give, and those whose loops end soon.
+    /// The rows whose loops end soon.
     #[cfg(feature = "engine")]
     #[test]
-    fn rows_are_moderate_or_few() {
-        let text = "fn f(k: i32, n: u32, x: f32, roughness: f32, m: mat2x2f) -> f32 { return x; }";
+    fn rows_are_few() {
+        let text = "fn f(k: i32, n: u32, x: f32) -> f32 { return x; }";
         let (probed, mut ranges) = function(text);
         ranges.declare("n", 0.0, 1e6).expect("it is a range");
         let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
-        let row = |k: i32, n: u32, floats: [f32; 6]| {
-            let floats = floats.into_iter().map(f32::to_bits);
-            [k.cast_unsigned(), n].into_iter().chain(floats).collect::<Vec<u32>>()
-        };
-        let whole = |k, n| row(k, n, [1.0, 0.5, 1.0, 0.0, 0.0, 1.0]);
-        let few = [whole(8, 0), whole(-8, 1_000_000)];
-        let all = [whole(9, 0), few[0].clone(), whole(-9, 0), few[1].clone()].concat();
+        let row = |k: i32, n: u32| vec![k.cast_unsigned(), n, 1.0_f32.to_bits()];
+        let few = [row(8, 0), row(-8, 1_000_000)];
+        let all = [row(9, 0), few[0].clone(), row(-9, 0), few[1].clone()].concat();
         assert_eq!(arguments.few(&all), few.concat(), "`n` is declared");
-        let is = |x, roughness, [a, b, c, d]: [f32; 4]| {
-            arguments.is_moderate(&row(1, 1, [x, roughness, a, b, c, d]))
-        };
-        const ONE: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
-        assert!(is(1e4, 0.5, ONE) && is(0.0, 2e4, ONE), "a name says what a number is");
-        assert!(!is(-2e4, 0.5, ONE) && !is(1e-12, 0.5, ONE) && !is(1.0, 1e-12, ONE));
-        assert!(is(1.0, 0.5, [0.0, 1.0, 1.0, 0.0]), "a mirror has an inverse");
-        assert!(!is(1.0, 0.5, [1.0, 2.0, 2.0, 4.0]) && !is(1.0, 0.5, [0.0; 4]));
+    }
+
+    /// What is declared is held, a name counts where nothing calls the function, and plain numbers come first.
+    #[cfg(feature = "engine")]
+    #[test]
+    fn known_lanes_are_held() {
+        let (probed, mut ranges) =
+            function("fn f(x: f32, roughness: f32, k: u32) -> f32 { return x; }");
+        ranges.declare("k", 0.0, 9.0).expect("it is a range");
+        let of = |ranges: &Ranges| Arguments::of(probed.function(), ranges).expect("made up");
+        let (called, root) = (of(&ranges), of(&ranges.with_names()));
+        let others: Vec<u32> = (10..22).collect();
+        assert_eq!(called.known_of(&[1, 2, 3]), [3]);
+        assert_eq!(root.known_of(&[1, 2, 3]), [2, 3]);
+        assert_eq!(called.held(&[1, 2, 3], &others, 2), [10, 11, 3, 16, 17, 3]);
+        assert_eq!(root.held(&[1, 2, 3], &others[..3], 2), [10, 2, 3, 10, 2, 3]);
+        let oddity = |x: f32| root.oddity(&[x.to_bits(), 0, 1]);
+        assert_eq!([oddity(1.0), oddity(3.5), oddity(1e6)], [[0, 0], [0, 1], [1, 1]]);
+        assert!(!root.are_declared() && !root.are_known());
     }
 
     /// Texture coordinates are the first two numbers of a vector.

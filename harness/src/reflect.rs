@@ -15,7 +15,6 @@ mod dependence;
 mod element;
 mod handles;
 #[cfg(feature = "engine")]
-mod idiom;
 mod inputs;
 mod kept;
 mod layout;
@@ -50,7 +49,6 @@ pub use binding::Binding;
 pub(crate) use covering::COVERING;
 pub use dependence::Dependence;
 #[cfg(feature = "engine")]
-pub(crate) use idiom::Idiom;
 pub use inputs::Input;
 use kept::Wanted;
 pub use layout::LayoutError;

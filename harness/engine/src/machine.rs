@@ -19,7 +19,7 @@ use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Fault, Faulty, Lanes, Missing, Observer};
+use crate::observer::{Fault, Faulty, Here, Lanes, Missing, Observer};
 use crate::options::{Elsewhere, Options};
 use crate::races::{Beyond, Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
@@ -320,7 +320,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                 before = Some(self.words_at(instruction.op, registers, memory));
             }
             if SEEN && !instruction.op.is_an_end() {
-                observer.reached(self.site(instruction));
+                let site = self.site(instruction);
+                observer.reached(&Here { site, case, lanes: &|| self.acting() });
             }
             match instruction.op {
                 Op::Float(rule) => {

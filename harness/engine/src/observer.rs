@@ -1,5 +1,8 @@
 //! What watches a run.
 
+use std::borrow::Cow;
+use std::sync::{Mutex, PoisonError};
+
 use crate::arithmetic::Arithmetic;
 use crate::code::Site;
 use crate::races::Bounds;
@@ -72,6 +75,72 @@ pub struct Missing<'a> {
     pub parted: Option<&'a Site>,
 }
 
+/// The lanes that come to an operation.
+pub struct Here<'a, A: Arithmetic> {
+    /// The place of the operation, as the author wrote it.
+    pub site: &'a Site,
+    /// The case that the first lane is.
+    pub case: usize,
+    /// Gives the lanes; few observers ask.
+    pub(crate) lanes: &'a dyn Fn() -> Cow<'a, [A::Bool]>,
+}
+
+impl<A: Arithmetic> Here<'_, A> {
+    /// True for each lane that comes.
+    #[must_use]
+    pub fn lanes(&self) -> Cow<'_, [A::Bool]> {
+        (self.lanes)()
+    }
+}
+
+impl<A: Arithmetic> std::fmt::Debug for Here<'_, A> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Here").field("site", self.site).field("case", &self.case).finish()
+    }
+}
+
+/// The lanes that come to each operation of a program. It stands here so that it is compiled with this crate's
+/// optimisation: each operation of a run is added.
+#[derive(Debug, Default)]
+pub struct Reach {
+    /// By the number of the site, a bit for each case.
+    by_site: Mutex<Vec<Vec<u64>>>,
+}
+
+impl Reach {
+    /// Adds the lanes that come to an operation, whose site has this number.
+    pub fn add<A: Arithmetic<Bool = bool>>(&self, site: usize, here: &Here<'_, A>) {
+        let lanes = here.lanes();
+        let mut all = self.by_site.lock().unwrap_or_else(PoisonError::into_inner);
+        if all.len() <= site {
+            all.resize_with(site + 1, Vec::new);
+        }
+        let own = &mut all[site];
+        let words = (here.case + lanes.len()).div_ceil(64);
+        if own.len() < words {
+            own.resize(words, 0);
+        }
+        for (lane, active) in lanes.iter().enumerate() {
+            let case = here.case + lane;
+            own[case / 64] |= u64::from(*active) << (case % 64);
+        }
+    }
+
+    /// The cases that came to each operation, by the number of its site, where some did.
+    #[must_use]
+    pub fn cases(self) -> Vec<(usize, Vec<usize>)> {
+        let all = self.by_site.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let cases = |words: Vec<u64>| -> Vec<usize> {
+            let bits = words.iter().enumerate().flat_map(|(at, word)| {
+                (0..64).filter(move |bit| word >> bit & 1 == 1).map(move |bit| 64 * at + bit)
+            });
+            bits.collect()
+        };
+        let all = all.into_iter().map(cases).enumerate();
+        all.filter(|(_, cases)| !cases.is_empty()).collect()
+    }
+}
+
 /// Sees what a run computes. All methods do nothing by default, and `()` observes nothing at no
 /// cost. Chunks run on several threads at once.
 ///
@@ -101,8 +170,8 @@ pub trait Observer<A: Arithmetic>: Sync {
     }
 
     /// Some lane comes to an operation.
-    fn reached(&self, site: &Site) {
-        let _ = site;
+    fn reached(&self, here: &Here<'_, A>) {
+        let _ = here;
     }
 
     /// An operation has operands that are a fault: called for each case of each such operation.

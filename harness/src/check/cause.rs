@@ -22,9 +22,12 @@ const TELLING: f64 = 0.95;
 /// By how much a property of two arguments has to tell more than one of a single argument.
 const SIMPLER: f64 = 0.02;
 
-/// Cases of a batch that failed, and the others.
+/// Gives the arguments of a case.
+type Of<'b> = &'b dyn Fn(usize) -> &'b [u32];
+
+/// Cases that failed, and the others.
 struct Cases<'b> {
-    batch: &'b Batch,
+    arguments: Of<'b>,
     failing: Vec<usize>,
     passing: Vec<usize>,
     /// How many there are of each before they were thinned.
@@ -67,20 +70,33 @@ pub(super) fn cause(
     tally: &Tally,
 ) -> Option<String> {
     let count = usize::try_from(tally.census.failures).ok()?;
-    if failing.len() != count || count < FEWEST || batch.cases - count < FEWEST {
+    let is_whole = failing.len() == count;
+    is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
+}
+
+/// [`cause`] of cases whose arguments are given by their numbers.
+pub(crate) fn cause_of<'b>(
+    function: &Function,
+    cases: usize,
+    arguments: Of<'b>,
+    failing: &[usize],
+) -> Option<String> {
+    let parameters = &function.parameters;
+    let count = failing.len();
+    if count < FEWEST || cases - count < FEWEST {
         return None;
     }
-    let mut failed = vec![false; batch.cases];
+    let mut failed = vec![false; cases];
     failing.iter().for_each(|case| failed[*case] = true);
-    let passing: Vec<usize> = (0..batch.cases).filter(|case| !failed[*case]).collect();
+    let passing: Vec<usize> = (0..cases).filter(|case| !failed[*case]).collect();
     let all = (count, passing.len());
-    let cases = Cases { batch, failing: thinned(failing), passing: thinned(&passing), all };
-    if cases.passes_at_zeros_alone(&function.parameters) {
+    let cases = Cases { arguments, failing: thinned(failing), passing: thinned(&passing), all };
+    if cases.passes_at_zeros_alone(parameters) {
         return Some("everywhere but where a number among the arguments is 0".to_owned());
     }
     let mut best: Option<(Property, Interval)> = None;
-    for property in properties(&function.parameters) {
-        let Some(interval) = cases.split(&function.parameters, &property) else { continue };
+    for property in properties(parameters) {
+        let Some(interval) = cases.split(parameters, &property) else { continue };
         let more = if property.mixed { SIMPLER } else { 0.0 };
         let is_best = best.as_ref().is_none_or(|(_, best)| interval.gain() > best.gain() + more);
         if interval.gain() >= TELLING && is_best {
@@ -90,7 +106,7 @@ pub(super) fn cause(
     let (property, interval) = best?;
     // A few of many cases find the property; where it begins and ends, all of them say.
     let whole = Cases { failing: failing.to_vec(), passing, ..cases };
-    let interval = whole.split(&function.parameters, &property).unwrap_or(interval);
+    let interval = whole.split(parameters, &property).unwrap_or(interval);
     Some(said(&property.name, &interval))
 }
 
@@ -133,7 +149,7 @@ impl Cases<'_> {
         // Drivers may take what is subnormal for 0, and so may a product of the least normal number.
         let zero = f64::from(f32::MIN_POSITIVE);
         let has_zero = |case: &&usize| {
-            let mut lanes = scalars.iter().zip(self.batch.arguments(**case));
+            let mut lanes = scalars.iter().zip((self.arguments)(**case));
             lanes.any(|(scalar, word)| scalar.is_float() && scalar.decode(*word).abs() <= zero)
         };
         let zeros = self.passing.iter().filter(has_zero).count();
@@ -149,7 +165,7 @@ impl Cases<'_> {
             (&self.passing, -1.0 / self.passing.len() as f64),
         ] {
             for case in cases {
-                let row = self.batch.arguments(*case);
+                let row = (self.arguments)(*case);
                 let lanes: Vec<f64> =
                     scalars.iter().zip(row).map(|(scalar, word)| scalar.decode(*word)).collect();
                 let value = (property.of)(&lanes);

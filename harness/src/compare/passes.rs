@@ -60,7 +60,7 @@ impl Request {
                 break;
             }
             let made = |package: &Package, given: &Fixtures| {
-                Passes::arbitrary(package, name, Some(invocations), &ranges, (variant, given))
+                Passes::arbitrary(package, name, Some(invocations), &ranges, (variant, None, given))
             };
             let (new, made_new) = made(&self.after, &Vec::new()).map_err(of_new)?;
             let of_new_name = |path: &str| made_new.fixtures.iter().find(|(name, _)| name == path);
@@ -151,7 +151,7 @@ impl Request {
         let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
         let mut brought = Brought { renamed, ..Brought::default() };
         for variant in 0..Extents::VARIANTS {
-            let of = |package| Passes::of_pixels(package, name, false, &ranges, variant);
+            let of = |package| Passes::of_pixels(package, name, false, &ranges, (variant, None));
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
             brought.add(variant, &examine_made_up(&old), &examine_made_up(&new));
             if !made.varies {

@@ -168,13 +168,18 @@ pub fn trace(
 pub fn hazards(
     compute: &Compute<'_>,
 ) -> Result<Vec<(crate::interpret::hazards::Kind, String, String)>, ComputeError> {
+    use crate::interpret::hazards::Kind;
     let all = crate::interpret::passes::hazards(&compute.passes()?)?;
     let one = |hazard: crate::interpret::passes::FoundInPass| {
         let found = hazard.found;
+        // The sanitizer judges indices, with the words that they change.
+        if matches!(found.kind, Kind::OutOfRange | Kind::Wrapped) {
+            return None;
+        }
         let what = format!("{} at `{}` of {}", found.kind.name(), found.text, hazard.invocation);
-        (found.kind, found.span.to_string(), what)
+        Some((found.kind, found.span.to_string(), what))
     };
-    Ok(all.into_iter().map(one).collect())
+    Ok(all.into_iter().filter_map(one).collect())
 }
 
 /// The type of an element of what is asserted of.

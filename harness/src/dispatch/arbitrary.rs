@@ -2,7 +2,7 @@
 
 use super::{Passes, Wanted};
 use crate::fixture::Fixtures;
-use crate::made_up::{Extents, Ranges, Resources};
+use crate::made_up::{Extents, Mix, Ranges, Resources};
 use crate::package::Package;
 use crate::reflect::{Overrides, Program};
 
@@ -55,11 +55,15 @@ impl Usual {
     /// # Errors
     /// If the entry point isn't valid, or is none of compute passes.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
-        let (program, _, size) = Program::of_pass(package, name, &Overrides::new())?;
+        let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
         let has = |list: &[&str]| attributes.iter().any(|(_, one)| list.contains(&one.as_str()));
-        let (apart, by_index) = (has(&APART), has(&INDICES));
+        let is_filled = program.fixed_elements(&bindings).is_some_and(|most| {
+            most <= size.iter().fold(1, |all: usize, count| all.saturating_mul(*count as usize))
+        });
+        // A host dispatches one workgroup where one fills the arrays.
+        let (apart, by_index) = (has(&APART) && !is_filled, has(&INDICES));
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Ok(Self { size, workgroups: usual_workgroups(size, apart, asks) })
@@ -92,7 +96,8 @@ impl Usual {
 
 impl Passes {
     /// One pass over made-up resources, whose sizes follow from what is dispatched: so many invocations in each
-    /// direction, if that is said. What is `given` stands for what would be made up.
+    /// direction, if that is said. What is `given` stands for what would be made up, and some inputs may be those of
+    /// another content.
     ///
     /// # Errors
     /// If the pass isn't valid, or a resource can't be made up.
@@ -101,22 +106,32 @@ impl Passes {
         name: &str,
         invocations: Option<[u32; 3]>,
         ranges: &Ranges,
-        (variant, given): (usize, &Fixtures),
+        (variant, mix, given): (usize, Option<&Mix<'_>>, &Fixtures),
     ) -> Result<(Self, Resources), String> {
         let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => Usual::of(package, name)?.workgroups,
         };
-        let mut extents = Extents::of(size, workgroups, variant);
-        if invocations.is_none() && workgroups == [1; 3] {
-            // A pass for one workgroup has as many elements as that has invocations.
-            extents.elements = Extents::of(size, workgroups, 0).elements;
-        }
+        let extents_of = |variant: usize| {
+            let mut extents = Extents::of(size, workgroups, variant);
+            if invocations.is_none() && workgroups == [1; 3] {
+                // A pass for one workgroup has as many elements as that has invocations.
+                extents.elements = Extents::of(size, workgroups, 0).elements;
+            }
+            extents
+        };
+        let extents = extents_of(variant);
         extents.expect_few()?;
         // The same draws beside arrays of zeros.
-        let draws = variant % Extents::ZEROS;
-        let mut made = Resources::of_pass((&program, &bindings), ranges, extents, draws)?;
+        let draws = |variant: usize| variant % Extents::ZEROS;
+        let mix = mix.map(|mix| Mix {
+            variant: draws(mix.variant),
+            extents: Some(extents_of(mix.variant)),
+            ..*mix
+        });
+        let of = (draws(variant), mix.as_ref());
+        let mut made = Resources::of_pass((&program, &bindings), ranges, extents, of)?;
         for (name, fixture) in &mut made.fixtures {
             if let Some((_, own)) = given.iter().find(|(known, _)| known == name) {
                 fixture.clone_from(own);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Passes;
 use crate::fixture::{self, Fixture, Storage, Uniform};
-use crate::made_up::{Arguments, Extents, Ranges, Resources};
+use crate::made_up::{Arguments, Extents, Mix, Ranges, Resources};
 use crate::package::Package;
 use crate::probe::Probed;
 
@@ -26,7 +26,7 @@ impl Passes {
         name: &str,
         single: bool,
         ranges: &Ranges,
-        variant: usize,
+        (variant, mix): (usize, Option<&Mix<'_>>),
     ) -> Result<(Self, Resources), String> {
         let probed = Probed::new(package, name).map_err(|error| error.to_string())?;
         let (program, function) = (&probed.program, probed.function());
@@ -35,7 +35,13 @@ impl Passes {
         let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
         let extents = Extents::of([1; 3], [whole[0], whole[1], 1], variant);
         let draws = variant % Extents::ZEROS;
-        let made = Resources::of_pass((program, &function.bindings), ranges, extents, draws)?;
+        let mix = mix.map(|mix| Mix {
+            variant: mix.variant % Extents::ZEROS,
+            extents: Some(Extents::of([1; 3], [whole[0], whole[1], 1], mix.variant)),
+            ..*mix
+        });
+        let of = (draws, mix.as_ref());
+        let made = Resources::of_pass((program, &function.bindings), ranges, extents, of)?;
         let arguments = Arguments::of_draw(function, ranges, extents)?;
         let (count, rows) = arguments.rows(SEED, Extents::VARIANTS);
         let width = arguments.width();

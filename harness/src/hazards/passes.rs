@@ -1,265 +1,427 @@
-//! Hazards of compute passes, and of the pixels of a draw that write storage, which the engine dispatches over made-up resources.
+//! Findings in compute passes, and in the pixels of a draw that write storage, which the engine dispatches over made-up resources.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Hazard, MEMBERS, Seen, first_line, one_line, operands, parted};
+use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
+use super::{Class, Hazard, Seen, first_line, one_line, operands, parted};
 use crate::diagnostic::Diagnostic;
 use crate::dispatch::{Passes, Violation, ViolationKind};
 use crate::interpret::examine_made_up;
 use crate::interpret::hazards::Kind;
-use crate::interpret::passes::{FoundInPass, hazards_made_up};
-use crate::made_up::{Extents, Ranges, Resources};
+use crate::interpret::passes::{Operations, operations};
+use crate::made_up::{Extents, Input, Mix, Ranges, Resources};
 use crate::package::Package;
 
-/// The first argument of a hazard in a pass.
+/// The first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
-/// Contents in which a race is about one element and the same, so that no content makes its index.
-const SEVERAL: usize = 3;
-
-/// Looks for hazards in a compute pass. Findings over draws alone are guessed: indices in buffers and sizes have
-/// meanings that no name tells.
+/// Looks into a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
-    look_at(name, &|invocations, variant| {
-        Passes::arbitrary(package, name, invocations, ranges, (variant, &Vec::new()))
-    })
+    let make = |content: Content, mix: Option<&Mix<'_>>| {
+        let invocations = content.one_workgroup.then_some([1; 3]);
+        let of = (content.variant, mix, &Vec::new());
+        Passes::arbitrary(package, name, invocations, ranges, of)
+    };
+    Looked { name, make: &make }.seen()
 }
 
-/// Looks for hazards in a fragment function that writes what other pixels see.
+/// Looks into a fragment function that writes what other pixels see.
 pub(super) fn look_at_pixels(
     package: &Package,
     name: &str,
     ranges: &Ranges,
 ) -> Result<Seen, String> {
-    look_at(name, &|invocations, variant| {
-        Passes::of_pixels(package, name, invocations.is_some(), ranges, variant)
-    })
+    let make = |content: Content, mix: Option<&Mix<'_>>| {
+        Passes::of_pixels(package, name, content.one_workgroup, ranges, (content.variant, mix))
+    };
+    Looked { name, make: &make }.seen()
 }
 
-/// Makes passes over a variant of what is made up: so many invocations in each direction, or as many as are usual.
-type Make<'m> = &'m dyn Fn(Option<[u32; 3]>, usize) -> Result<(Passes, Resources), String>;
+/// What a pass is dispatched over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Content {
+    variant: usize,
+    one_workgroup: bool,
+}
 
-fn look_at(name: &str, make: Make<'_>) -> Result<Seen, String> {
-    let mut seen = Seen::default();
-    let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
-    let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
-    // Of a race the only element that it is about, and in how many contents; `None` if that follows from them.
-    let mut alone: BTreeMap<(String, Kind), Option<(String, usize)>> = BTreeMap::new();
-    // A loop that ends over zeros may wait for what a host writes first, as for a lock that is free.
-    let mut surely_endless = false;
-    // Contents that were tried, and those in which a float isn't finite, by its place.
-    let (mut contents, mut wrong_in) = (0, BTreeMap::<(String, Kind), BTreeSet<usize>>::new());
-    for variant in 0..Extents::VARIANTS {
-        let (passes, made) = make(None, variant).map_err(|error| first_line(&error))?;
-        seen.drawn.merge(made.drawn);
-        let examined = examine_made_up(&passes);
-        let watched = examined.watched;
-        let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
-        let reason = Some(watched.reason).filter(|reason| !reason.is_empty());
-        let inside = match &reason {
-            None => hazards_made_up(&passes).map_err(|error| first_line(&error.to_string())),
-            Some(reason) => Err(reason.clone()),
-        };
-        // A violation that zeros have, too, comes from no content that is made up. A race between two workgroups says nothing
-        // of one within a workgroup: buffers that are too small for a look-back make the one, and contents the other.
-        let mut surely = BTreeSet::new();
-        if (!examined.violations.is_empty() || examined.endless.is_some())
-            && let Ok((passes, _)) = make(None, variant + Extents::ZEROS)
-        {
-            let zeros = examine_made_up(&passes);
-            surely_endless |= zeros.endless.is_some();
-            for (one, at) in zeros.violations {
-                let (place, kind) = (place_of(&one, &at).0, kind_of(one.kind));
-                // Of zeros two writes are of the same value, and no less a race of others.
-                if kind == Kind::EqualWrites {
-                    surely.insert((place.clone(), Kind::Race, one.one_workgroup));
+impl Content {
+    const fn of(variant: usize) -> Self {
+        Self { variant, one_workgroup: false }
+    }
+
+    /// The contents that are tried first: some sizes, numbers in order and not.
+    fn first() -> impl Iterator<Item = Self> {
+        (0..Extents::VARIANTS).map(Self::of)
+    }
+
+    /// Arrays of zeros, of ones, and of numbers far from each other.
+    const PLAIN: [Self; 3] =
+        [Self::of(Extents::ZEROS), Self::of(Extents::ONES), Self::of(Extents::APART)];
+
+    /// Those in which a finding of the first ones may be averted: plain ones, and a single workgroup.
+    fn others() -> impl Iterator<Item = Self> {
+        let one = [0, Extents::APART].map(|variant| Self { variant, one_workgroup: true });
+        Self::PLAIN.into_iter().chain(one)
+    }
+
+    /// Those in which what is known is held as it is in another one: fewer, and each of another kind.
+    fn held() -> impl Iterator<Item = Self> {
+        [0, 2, 3, 8].map(Self::of).into_iter().chain(Self::PLAIN)
+    }
+
+    /// True if its elements are no multiple of the workgroup.
+    fn is_tail(self) -> bool {
+        [Extents::TAIL, Extents::NEGATIVE].contains(&self.variant)
+    }
+
+    /// True if some array has fewer elements than there are invocations.
+    fn is_short(self) -> bool {
+        self.is_tail() || Extents::SHORTER.contains(&self.variant)
+    }
+}
+
+/// Makes passes over a content.
+type Make<'m> = &'m dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String>;
+
+/// The places of what goes wrong, a race's both, and its kind.
+type Key = (BTreeSet<String>, Kind);
+
+/// The findings over one content.
+#[derive(Debug, Default)]
+struct InContent {
+    /// The invocations in which an operation goes wrong; none of a race.
+    wrong: BTreeMap<Key, BTreeSet<usize>>,
+    reached: BTreeMap<String, BTreeSet<usize>>,
+}
+
+impl InContent {
+    /// True if some invocations come to all places of a finding.
+    fn is_reached(&self, (places, kind): &Key) -> bool {
+        let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
+        match kind {
+            // A loop is no operation.
+            Kind::Endless => true,
+            // It takes two.
+            Kind::Race | Kind::EqualWrites => {
+                let all: Option<Vec<_>> = places.iter().map(reached).collect();
+                let all = all.unwrap_or_default().into_iter().flatten();
+                all.collect::<BTreeSet<_>>().len() > 1
+            }
+            _ => places.iter().all(|place| reached(place).is_some()),
+        }
+    }
+
+    /// True if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
+    fn is_wrong(&self, key: &Key) -> bool {
+        let equal = || (key.0.clone(), Kind::EqualWrites);
+        self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
+    }
+}
+
+/// True if a finding is there in each content in which its operation is reached, in the same invocation, and there are
+/// enough.
+fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
+    let reaching = || contents.clone().filter(|content| content.is_reached(key));
+    let is_enough = reaching().count() >= CONTENTS;
+    if !is_enough || !reaching().all(|content| content.is_wrong(key)) {
+        return false;
+    }
+    let invocations = |content: &InContent| content.wrong.get(key).cloned().unwrap_or_default();
+    let Some(mut always) = reaching().map(invocations).next() else { return false };
+    if always.is_empty() {
+        return true;
+    }
+    for content in reaching() {
+        let own = invocations(content);
+        let place = key.0.first().and_then(|place| content.reached.get(place));
+        always.retain(|one| own.contains(one) || place.is_none_or(|all| !all.contains(one)));
+    }
+    !always.is_empty()
+}
+
+/// A pass that is looked into.
+struct Looked<'l> {
+    name: &'l str,
+    make: Make<'l>,
+}
+
+impl Looked<'_> {
+    fn seen(&self) -> Result<Seen, String> {
+        let mut seen = Seen::default();
+        let mut found: BTreeMap<Key, (Content, Hazard)> = BTreeMap::new();
+        let mut contents: BTreeMap<Content, InContent> = BTreeMap::new();
+        let mut inputs = Vec::new();
+        let mut too_long = false;
+        for content in Content::first() {
+            let (passes, made) = (self.make)(content, None).map_err(|error| first_line(&error))?;
+            seen.drawn.merge(made.drawn.clone());
+            let one = self.run(&passes, &made);
+            if let Some(reason) = &one.reason {
+                // With its findings it was looked at, but not to its end.
+                if contents.is_empty() && one.hazards.is_empty() {
+                    return Err(reason.clone());
                 }
-                surely.insert((place, kind, one.one_workgroup));
+                seen.cut += one.of;
+            }
+            too_long |= one.too_long;
+            for (key, hazard) in one.hazards {
+                let kind = hazard.kind;
+                let (_, known) = found.entry(key).or_insert((content, hazard));
+                if known.kind != kind && !known.kinds.contains(&kind) {
+                    known.kinds.push(kind);
+                }
+            }
+            contents.insert(content, one.content);
+            // A draw has other texture coordinates in each.
+            let varies = made.varies;
+            inputs = made.inputs;
+            // Other contents take as long.
+            if !varies || too_long {
+                break;
             }
         }
-        // Two workgroups that write where buffers say meet by chance, unless they meet in numbers that are far from each other.
-        let mut apart = None;
-        let are_writes = |one: &Violation| {
-            !one.one_workgroup
-                && matches!(one.kind, ViolationKind::WriteWrite | ViolationKind::EqualWrites)
+        let all = |contents: &BTreeMap<Content, InContent>| -> usize {
+            contents.values().flat_map(|one| one.reached.values()).map(BTreeSet::len).sum()
         };
-        if examined.violations.iter().any(|(one, _)| are_writes(one))
-            && let Ok((passes, _)) = make(None, variant + Extents::APART)
-        {
-            let all = examine_made_up(&passes).violations.into_iter();
-            let writes = all.filter(|(one, _)| are_writes(one));
-            apart = Some(writes.map(|(one, at)| place_of(&one, &at).0).collect::<BTreeSet<_>>());
+        if all(&contents) > 0 {
+            for content in contents.values() {
+                for (place, invocations) in &content.reached {
+                    *seen.reached.entry(place.clone()).or_default() += invocations.len();
+                }
+            }
         }
-        // Of an array with a length a host dispatches as many invocations as fit, and maybe a single workgroup.
-        let mut of_one_workgroup = BTreeSet::new();
-        let beyond = examined.violations.iter().filter(|(one, _)| one.of_fixed_length);
-        let beyond: BTreeSet<String> =
-            beyond.map(|(one, at)| variable_of(&place_of(one, at).1).to_owned()).collect();
-        if !beyond.is_empty()
-            && let Ok((passes, _)) = make(Some([1; 3]), variant)
-        {
-            let all = examine_made_up(&passes).violations.into_iter();
-            of_one_workgroup.extend(all.map(|(one, at)| place_of(&one, &at).0));
+        // The race of unequal writes says it.
+        let races: BTreeSet<_> = found
+            .keys()
+            .filter(|(_, kind)| *kind == Kind::Race)
+            .map(|(at, _)| at.clone())
+            .collect();
+        found.retain(|(at, kind), _| *kind != Kind::EqualWrites || !races.contains(at));
+        if !found.is_empty() && !too_long && !inputs.is_empty() {
+            self.add(&mut contents, Content::others(), None);
         }
-        let members = made.members.iter().take(MEMBERS).cloned();
+        let only_one = contents.len() == 1;
+        let is_known = inputs.iter().any(|input| input.known);
+        let nothing_free = inputs.iter().all(|input| input.known);
+        let mut held: BTreeMap<Content, BTreeMap<Content, InContent>> = BTreeMap::new();
+        let mut varied: BTreeMap<Content, Vec<(String, Vec<InContent>)>> = BTreeMap::new();
+        for (key, (content, mut hazard)) in found {
+            let takes = |input: &Input| input.known;
+            let mix = Mix { variant: content.variant, extents: None, takes: &takes };
+            let is_fault = match key.1 {
+                // WGSL wants uniformity whatever the data are (15.2).
+                Kind::Barrier => true,
+                Kind::LostDigits | Kind::Unbounded => false,
+                _ if only_one && !too_long || nothing_free && !content.is_short() => true,
+                _ if is_always(&key, contents.values()) => true,
+                _ if !is_known || too_long => false,
+                _ => {
+                    let held = held.entry(content).or_insert_with(|| {
+                        let mut held = BTreeMap::new();
+                        self.add(&mut held, Content::held(), Some(&mix));
+                        held
+                    });
+                    is_always(&key, held.values())
+                }
+            };
+            let wrong_in: Vec<Content> = contents
+                .iter()
+                .filter(|(_, one)| one.is_wrong(&key))
+                .map(|(content, _)| *content)
+                .collect();
+            if hazard.class != Class::Dropped {
+                hazard.class = if is_fault { Class::Fault } else { Class::Requirement };
+            }
+            if hazard.class == Class::Requirement && !too_long {
+                if wrong_in.iter().all(|one| one.is_short()) {
+                    let is_tail = wrong_in.iter().any(|one| one.is_tail());
+                    if is_tail && hazard.kind == Kind::OutOfRange {
+                        let tail = "where the elements are no multiple of the workgroup";
+                        hazard.fails = Some(tail.to_owned());
+                    }
+                    hazard.needs = vec![format!("length({})", variable_of(&hazard.text))];
+                } else {
+                    let varied =
+                        varied.entry(content).or_insert_with(|| self.varied(content, &inputs));
+                    let averts = |runs: &Vec<InContent>| {
+                        runs.iter().any(|one| one.is_reached(&key) && !one.is_wrong(&key))
+                    };
+                    let named = varied.iter().filter(|(_, runs)| averts(runs));
+                    hazard.needs = named.map(|(path, _)| path.clone()).collect();
+                    let one = contents.iter().filter(|(content, _)| content.one_workgroup);
+                    let mut one = one.map(|(_, one)| one);
+                    if one.any(|one| one.is_reached(&key) && !one.is_wrong(&key)) {
+                        hazard.needs.push(WORKGROUPS.to_owned());
+                    }
+                    let short = contents.iter().filter(|(content, _)| content.is_short());
+                    let mut short = short.map(|(_, one)| one);
+                    if hazard.needs.is_empty()
+                        && short.any(|one| one.is_reached(&key) && !one.is_wrong(&key))
+                    {
+                        hazard.needs.push(SIZES.to_owned());
+                    }
+                }
+            }
+            let reaching = contents.values().filter(|one| one.is_reached(&key)).count();
+            hazard.cases = (wrong_in.len(), reaching.max(wrong_in.len()));
+            seen.hazards.push(hazard);
+        }
+        Ok(seen)
+    }
+
+    /// Runs over more contents.
+    fn add(
+        &self,
+        contents: &mut BTreeMap<Content, InContent>,
+        more: impl Iterator<Item = Content>,
+        mix: Option<&Mix<'_>>,
+    ) {
+        for content in more {
+            if let Ok((passes, made)) = (self.make)(content, mix) {
+                contents.insert(content, self.run(&passes, &made).content);
+            }
+        }
+    }
+
+    /// What happens where one input alone has another content.
+    fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
+        let paths: BTreeSet<&str> =
+            inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
+        let of = |path: &str| {
+            let takes = |input: &Input| input.path == path;
+            let others = Content::PLAIN.map(|one| one.variant).into_iter().chain([0, 2, 8]);
+            let run = |variant: usize| {
+                let mix = Mix { variant, extents: None, takes: &takes };
+                let (passes, made) = (self.make)(content, Some(&mix)).ok()?;
+                Some(self.run(&passes, &made).content)
+            };
+            others.filter_map(run).collect()
+        };
+        paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect()
+    }
+
+    /// Runs passes once, and takes what goes wrong.
+    fn run(&self, passes: &Passes, made: &Resources) -> Ran {
+        let examined = examine_made_up(passes);
+        let watched = examined.watched;
+        let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
+        let inside = operations(passes).map_err(|error| first_line(&error.to_string()));
+        let mut ran = Ran { of, too_long: examined.too_long, ..Ran::default() };
+        ran.reason = Some(watched.reason).filter(|reason| !reason.is_empty());
         let described = |invocation: String| {
             let invocation = (INVOCATION.to_owned(), invocation);
-            [invocation].into_iter().chain(members.clone()).collect::<Vec<_>>()
+            let members = made.members.iter().take(MEMBERS).cloned();
+            std::iter::once(invocation).chain(members).collect::<Vec<_>>()
         };
-        let of_pass = |kind, location, text| Hazard {
+        let hazard = |kind, location, text, invocation: String| Hazard {
+            class: Class::Requirement,
             kind,
+            kinds: Vec::new(),
             location,
             text,
-            function: name.to_owned(),
-            arguments: Vec::new(),
-            cases: (0, of),
-            hidden: false,
+            function: self.name.to_owned(),
+            arguments: described(invocation),
+            cases: (0, 0),
+            needs: Vec::new(),
+            fails: None,
             values: None,
             operands: Vec::new(),
-            guessed: variant > 0,
-            extreme: false,
-            idiom: None,
-            by_contents: BTreeSet::new(),
-            of_made_up_size: false,
-            at_tail: false,
             accepted: None,
-            lowered: None,
             also: Vec::new(),
             violation: None,
         };
-        let violations = examined.violations.into_iter().map(|(violation, diagnostic)| {
+        let Operations { wrong, reached } = match inside {
+            Ok(inside) => inside,
+            Err(reason) => {
+                ran.reason.get_or_insert(reason);
+                Operations::default()
+            }
+        };
+        ran.content.reached = reached;
+        for one in wrong {
+            let location = one.found.span.to_string();
+            let kind = one.found.kind;
+            // The sanitizer tells those that matter.
+            if matches!(kind, Kind::OutOfRange | Kind::Wrapped) {
+                for place in one.statement.into_iter().chain([location]) {
+                    let key = (BTreeSet::from([place]), kind);
+                    ran.content.wrong.entry(key).or_default().extend(&one.invocations);
+                }
+                continue;
+            }
+            let text = one_line(&one.found.text);
+            // NaN or infinite, it is the same number.
+            let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
+            let own = Hazard {
+                class: if one.found.hidden { Class::Dropped } else { Class::Requirement },
+                operands: operands(&one.found),
+                violation: parted(self.name, &one.found),
+                ..hazard(kind, location.clone(), text, one.invocation)
+            };
+            let key = (BTreeSet::from([location]), family);
+            ran.content.wrong.entry(key.clone()).or_default().extend(one.invocations);
+            ran.hazards.push((key, own));
+        }
+        for (violation, diagnostic) in examined.violations {
+            let Some(kind) = kind_of(violation.kind) else { continue };
             let (location, text) = place_of(&violation, &diagnostic);
             let first = violation.accesses.first().map(|access| access.invocation.clone());
-            let count = usize::try_from(violation.count).unwrap_or(usize::MAX).min(of);
-            Hazard {
-                arguments: described(first.unwrap_or_default()),
-                cases: (count, of),
-                violation: Some(violation.clone()),
-                ..of_pass(kind_of(violation.kind), location, text)
-            }
-        });
-        let inside_found =
-            inside.iter().flatten().map(|FoundInPass { found, invocation, count }| Hazard {
-                arguments: described(invocation.clone()),
-                cases: ((*count).min(of), of),
-                hidden: found.hidden,
-                idiom: found.idiom,
-                operands: operands(found),
-                violation: parted(name, found),
-                ..of_pass(found.kind, found.span.to_string(), one_line(&found.text))
-            });
-        let endless = examined.endless.iter().map(|diagnostic| {
+            let places = match kind {
+                Kind::Race | Kind::EqualWrites => {
+                    violation.accesses.iter().map(|access| access.place.clone()).collect()
+                }
+                _ => BTreeSet::from([location.clone()]),
+            };
+            let own = hazard(kind, location, text, first.unwrap_or_default());
+            let key = (places, kind);
+            ran.content.wrong.entry(key.clone()).or_default();
+            ran.hazards.push((key, Hazard { violation: Some(violation), ..own }));
+        }
+        if let Some(diagnostic) = examined.endless {
             let place = diagnostic.location();
             let text = place.and_then(|at| at.file.text.get(at.range.clone())).unwrap_or_default();
             let location = place.map_or_else(String::new, ToString::to_string);
-            Hazard {
-                arguments: described("unknown".to_owned()),
-                cases: (1, of),
-                ..of_pass(Kind::Endless, location, one_line(text))
-            }
-        });
-        contents += 1;
-        for found in inside.iter().flatten().map(|one| &one.found) {
-            wrong_in.entry((found.span.to_string(), found.kind)).or_default().insert(variant);
+            let key = (BTreeSet::from([location.clone()]), Kind::Endless);
+            ran.content.reached.entry(location.clone()).or_default().insert(0);
+            ran.content.wrong.insert(key.clone(), BTreeSet::new());
+            ran.hazards
+                .push((key, hazard(Kind::Endless, location, one_line(text), "unknown".to_owned())));
         }
-        for hazard in violations.chain(inside_found).chain(endless) {
-            // No name tells how large a texture is beside another one, or how many words an element has.
-            let by_size = hazard.violation.as_ref().is_some_and(|one| one.by_size);
-            let in_workgroup = hazard.violation.as_ref().is_some_and(|one| one.in_workgroup);
-            let one_workgroup = hazard.violation.as_ref().is_some_and(|one| one.one_workgroup);
-            // Invocations that part by what they read may always part.
-            let by_index = matches!(
-                hazard.kind,
-                Kind::Race | Kind::EqualWrites | Kind::OutOfRange | Kind::Wrapped
-            );
-            let key = (hazard.location.clone(), hazard.kind);
-            let meets = !hazard.violation.as_ref().is_some_and(are_writes)
-                || apart.as_ref().is_none_or(|places| places.contains(&hazard.location));
-            let surely = surely.contains(&(key.0.clone(), key.1, one_workgroup));
-            // Where numbers are all different no content makes two accesses of a workgroup's memory meet: it says which come.
-            // Of a buffer the places may be a sum of such numbers.
-            let in_order = hazard.kind == Kind::Race && in_workgroup && variant < Extents::SIZED;
-            let of_content = by_index && !(meets && surely) && !in_order;
-            if let Some(race) = hazard.violation.as_ref().filter(|one| !one.element.is_empty()) {
-                let known = alone.entry(key).or_insert_with(|| Some((race.element.clone(), 0)));
-                let same =
-                    known.take().filter(|(element, _)| race.count == 1 && *element == race.element);
-                *known = same.map(|(element, count)| (element, count + 1));
-            }
-            let likely = match hazard.kind {
-                Kind::OutOfRange | Kind::Wrapped | Kind::Endless => variant < Extents::SIZED,
-                // Of numbers that repeat two are the same, and so are the elements that they index.
-                Kind::Race | Kind::EqualWrites => {
-                    in_workgroup || variant < Extents::LIKELY && variant != Extents::REPEATED
-                }
-                _ => variant < Extents::LIKELY,
-            };
-            // A second workgroup's own elements lie beyond the array, and aren't written either.
-            let is_unwritten =
-                hazard.kind == Kind::Unwritten && beyond.contains(variable_of(&hazard.text));
-            let is_beyond = hazard.violation.as_ref().is_some_and(|one| one.of_fixed_length);
-            let by_dispatch =
-                (is_beyond || is_unwritten) && !of_one_workgroup.contains(&hazard.location);
-            let likely = likely && !by_size && !by_dispatch && !of_content;
-            let to = if likely { &mut found } else { &mut rare };
-            let hidden = hazard.hidden;
-            let of_runtime_length = hazard.kind == Kind::OutOfRange && !is_beyond;
-            let at_tail = of_runtime_length && likely && variant == Extents::TAIL;
-            let hazard = Hazard { at_tail, ..hazard };
-            let known = to.entry((hazard.location.clone(), hazard.kind)).or_insert(hazard);
-            known.hidden &= hidden;
-        }
-        if let Err(reason) = inside {
-            // With its findings it was looked at, but not to its end.
-            if variant == 0 && found.is_empty() && rare.is_empty() {
-                return Err(reason);
-            }
-            seen.cut += of;
-        }
-        // Other contents take as long.
-        if !made.varies || examined.too_long && variant + 1 >= Extents::SIZED {
-            break;
-        }
+        ran
     }
-    // Contents that make an index make another one each time. Here they decide only which invocations come.
-    let is_fixed = |key: &(String, Kind), _: &mut Hazard| {
-        alone.get(key).is_some_and(|one| one.as_ref().is_some_and(|(_, count)| *count >= SEVERAL))
-    };
-    found.extend(rare.extract_if(.., is_fixed));
-    rare.retain(|key, _| !found.contains_key(key));
-    for (key, hazard) in &mut found {
-        let is_float = matches!(hazard.kind, Kind::Nan | Kind::Infinite);
-        let wrong_in = wrong_in.get(key).filter(|_| is_float);
-        // Over half of the contents it is fine; or over numbers that were drawn, and no invocation is over one number for
-        // all members.
-        let by_contents = |wrong: &BTreeSet<usize>| {
-            2 * wrong.len() <= contents
-                || !wrong.contains(&0) && wrong.len() < contents && hazard.cases.0 == hazard.cases.1
-        };
-        let waits = key.1 == Kind::Endless && !surely_endless;
-        if waits || wrong_in.is_some_and(by_contents) {
-            hazard.by_contents.insert(hazard.function.clone());
-        }
-    }
-    seen.hazards = found.into_values().collect();
-    seen.rare = rare.into_values().collect();
-    Ok(seen)
 }
+
+/// The names of the number of workgroups, and of lengths, among what a pass needs.
+const WORKGROUPS: &str = "the number of workgroups";
+const SIZES: &str = "sizes of arrays and textures";
 
 /// The name that an access begins with: `tile` of `tile[i].sum = 1.0`.
 fn variable_of(text: &str) -> &str {
     text.split(|c: char| c != '_' && !c.is_alphanumeric()).next().unwrap_or_default()
 }
 
-fn kind_of(kind: ViolationKind) -> Kind {
-    match kind {
+/// One run of passes.
+#[derive(Default)]
+struct Ran {
+    hazards: Vec<(Key, Hazard)>,
+    content: InContent,
+    /// Why it wasn't run to its end.
+    reason: Option<String>,
+    /// Invocations.
+    of: usize,
+    too_long: bool,
+}
+
+/// `None` of what is no finding: workgroup memory is zero where nothing wrote it, by WGSL (7.3).
+fn kind_of(kind: ViolationKind) -> Option<Kind> {
+    Some(match kind {
         ViolationKind::ReadWrite | ViolationKind::WriteWrite => Kind::Race,
         ViolationKind::EqualWrites => Kind::EqualWrites,
         ViolationKind::Barrier => Kind::Barrier,
-        ViolationKind::Unwritten => Kind::Unwritten,
+        ViolationKind::Unwritten => return None,
         ViolationKind::Outside => Kind::OutOfRange,
         ViolationKind::Wrapped => Kind::Wrapped,
-    }
+    })
 }
 
 /// The place of a violation, and the text there.

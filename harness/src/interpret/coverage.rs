@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use karat_engine::{F32, Fault, Faulty, Lanes, Observer, Options, Program as Lowered, Site, Stop};
+use karat_engine::{
+    F32, Fault, Faulty, Here, Lanes, Observer, Options, Program as Lowered, Site, Stop,
+};
 
 use super::dispatch::in_order;
 use super::sanitizer::made_up_options;
 use super::trace::Traced as _;
-use super::{Alone, Interpreted, statement_of};
+use super::{Alone, Interpreted, Sites, statement_of};
 use crate::diagnostic::Span;
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::Fixtures;
@@ -74,13 +76,12 @@ struct Taken {
 /// The same of all sites, in their order.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The address of the first site, which stand one behind the other.
-    first: usize,
+    sites: Sites,
 }
 
 impl Observer<F32> for AllTaken {
-    fn reached(&self, site: &Site) {
-        self.of(site).reached.store(true, Ordering::Relaxed);
+    fn reached(&self, here: &Here<'_, F32>) {
+        self.of(here.site).reached.store(true, Ordering::Relaxed);
     }
 
     fn others(&self, lanes: &Lanes<'_, F32>) {
@@ -103,11 +104,11 @@ impl Observer<F32> for AllTaken {
 impl AllTaken {
     fn none(lowered: &Lowered) -> Self {
         let all = lowered.sites().iter().map(|_| Taken::default()).collect();
-        Self { all, first: lowered.sites().as_ptr().addr() }
+        Self { all, sites: Sites::of(lowered) }
     }
 
     fn of(&self, site: &Site) -> &Taken {
-        &self.all[(std::ptr::from_ref(site).addr() - self.first) / size_of::<Site>()]
+        &self.all[self.sites.number(site)]
     }
 }
 
@@ -215,7 +216,7 @@ impl Coverage {
 struct Evaluations(AtomicU64);
 
 impl Observer<F32> for Evaluations {
-    fn reached(&self, _: &Site) {
+    fn reached(&self, _: &Here<'_, F32>) {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 }

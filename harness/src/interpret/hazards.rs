@@ -9,15 +9,14 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    Bounds, F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Stop,
-    Truth,
+    F32, F64, Fault, Faulty, Here, Interval, Intervals, Lane, LaneOf, Lanes, Observer,
+    Program as Lowered, Reach, Site, Stop, Truth,
 };
 use rayon::prelude::*;
 
-use super::{Interpreted, Options, quads};
+use super::{Interpreted, Options, Sites, quads};
 use crate::diagnostic::Span;
 use crate::probe::ProbeError;
-use crate::reflect::Idiom;
 
 /// What kind of thing goes wrong, the worst first.
 #[derive(
@@ -121,6 +120,8 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Found {
     pub(crate) kind: Kind,
+    /// The number of its site in the program.
+    pub(crate) site: usize,
     pub(crate) span: Span,
     /// The operation, as the author wrote it.
     pub(crate) text: String,
@@ -130,9 +131,6 @@ pub(crate) struct Found {
     pub(crate) values: Option<(f32, f64)>,
     /// What the operation was computed from, in `f32`.
     pub(crate) operands: Vec<f32>,
-    pub(crate) idiom: Option<Idiom>,
-    /// True of an index beyond a texture, or an array as long as its buffer: the host says the size.
-    pub(crate) of_given_size: bool,
     /// Of a derivative the pixel that isn't there.
     pub(crate) missing: Option<Missing>,
 }
@@ -164,33 +162,8 @@ pub(crate) struct Hazards {
     pub(crate) cases: Vec<Vec<Found>>,
     /// True if there were more operations than are kept.
     pub(crate) cut: bool,
-    pub(crate) fine: Fine,
-}
-
-/// Operations that gave finite numbers of finite ones, by their places.
-pub(crate) type Fine = BTreeMap<String, Ran>;
-
-/// The cases of operations at a place.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Ran {
-    /// Cases in which each of them ran and was fine; `None` if one wasn't in any.
-    pub(crate) all: Option<usize>,
-    /// Cases in which one of them ran and was fine, at least.
-    pub(crate) fine: usize,
-}
-
-impl Default for Ran {
-    fn default() -> Self {
-        Self { all: Some(0), fine: 0 }
-    }
-}
-
-impl Ran {
-    /// Takes other cases as well.
-    pub(crate) fn add(&mut self, more: Self) {
-        self.all = self.all.zip(more.all).map(|(all, more)| all + more);
-        self.fine += more.fine;
-    }
+    /// By the number of a site the cases that came to it with good operands.
+    pub(crate) reached: BTreeMap<usize, usize>,
 }
 
 /// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
@@ -241,7 +214,7 @@ impl Precision {
 const PATIENCE: u64 = 4096;
 
 /// Rounds after which a loop that made-up arguments lead into is said not to end: a case takes tenths of a second.
-const LONG: u64 = 1 << 18;
+pub(crate) const LONG: u64 = 1 << 18;
 
 /// Rounds of loops that have a bound.
 const MOST_ROUNDS: u64 = 65_536;
@@ -258,7 +231,7 @@ const NARROW: f64 = 1.0 / 1024.0;
 
 /// An operation over the lanes of a chunk.
 struct Event<F> {
-    /// Which operation it is: the address of its site, in one program.
+    /// The number of its site among the program's.
     site: usize,
     /// True if it is of half precision.
     half: bool,
@@ -282,16 +255,19 @@ type OfCase = BTreeMap<(Fault, usize), Option<Parted>>;
 
 /// Keeps what operations give.
 struct Recorder<F> {
+    sites: Sites,
     events: Mutex<Vec<Event<F>>>,
+    reach: Reach,
     /// Of each case the operations whose operands are a fault.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or becomes an integer.
     decided: Mutex<BTreeSet<usize>>,
 }
 
-impl<F> Default for Recorder<F> {
-    fn default() -> Self {
-        Self { events: Mutex::default(), wrong: Mutex::default(), decided: Mutex::default() }
+impl<F> Recorder<F> {
+    fn of(lowered: &Lowered) -> Self {
+        let (events, reach, wrong, decided) = Default::default();
+        Self { sites: Sites::of(lowered), events, reach, wrong, decided }
     }
 }
 
@@ -308,12 +284,12 @@ pub(super) fn kind_of(fault: Fault) -> Kind {
 }
 
 macro_rules! recorder {
-    ($arithmetic:ty, $float:ty) => {
+    ($arithmetic:ty, $float:ty, $reaches:expr) => {
         impl Observer<$arithmetic> for Recorder<$float> {
             fn floats(&self, lanes: &Lanes<'_, $arithmetic>) {
                 let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
                 if events.len() < MOST_EVENTS {
-                    let site = std::ptr::from_ref(lanes.site).addr();
+                    let site = self.sites.number(lanes.site);
                     let operands = lanes.operands.iter().map(|lane| lane.to_vec());
                     let operands: Vec<Vec<$float>> = operands.collect();
                     events.extend(lanes.floats.iter().map(|values| Event {
@@ -342,19 +318,26 @@ macro_rules! recorder {
                 let own = wrong.entry(one.case).or_default();
                 let missing = one.missing.map(|missing| Parted {
                     pixels: [one.case, missing.case],
-                    by: missing.parted.map(|site| std::ptr::from_ref(site).addr()),
+                    by: missing.parted.map(|site| self.sites.number(site)),
                 });
-                own.entry((one.fault, std::ptr::from_ref(one.site).addr())).or_insert(missing);
+                own.entry((one.fault, self.sites.number(one.site))).or_insert(missing);
+            }
+
+            fn reached(&self, here: &Here<'_, $arithmetic>) {
+                // Both come to the same operations, but where rounding decides.
+                if $reaches {
+                    self.reach.add(self.sites.number(here.site), here);
+                }
             }
         }
     };
 }
-recorder!(F32, f32);
-recorder!(F64, f64);
+recorder!(F32, f32, true);
+recorder!(F64, f64, false);
 
 /// What intervals know of operations, lane by lane.
-#[derive(Default)]
 struct Known {
+    sites: Sites,
     /// Those that may give anything, in order, and of each whether its operands are to blame for that: they are known
     /// closely, and are where it has no bound.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
@@ -445,7 +428,7 @@ impl Observer<Intervals> for Known {
                 matches!(operands, [x, y] if x == y || x.lo() == -y.hi() && x.hi() == -y.lo());
             !alike && !operands.iter().all(is_exact)
         };
-        let site = std::ptr::from_ref(lanes.site).addr();
+        let site = self.sites.number(lanes.site);
         let mut first = self.anything.lock().unwrap_or_else(PoisonError::into_inner);
         let mut wide = self.wide.lock().unwrap_or_else(PoisonError::into_inner);
         for values in lanes.floats {
@@ -477,8 +460,8 @@ impl<F> Recorder<F> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).len() >= MOST_EVENTS
     }
 
-    fn events(self) -> Vec<Event<F>> {
-        self.events.into_inner().unwrap_or_else(PoisonError::into_inner)
+    fn events(self) -> (Vec<Event<F>>, Reach) {
+        (self.events.into_inner().unwrap_or_else(PoisonError::into_inner), self.reach)
     }
 }
 
@@ -503,12 +486,7 @@ impl<'e> Twins<'e> {
 }
 
 impl Interpreted {
-    /// What goes wrong in each of some cases: of each kind the first.
-    pub(crate) fn hazards(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
-        self.hazards_but(cases, rows, &|_| false)
-    }
-
-    /// The same, with those that are left out up to the first of each kind that isn't.
+    /// The findings in each of some cases: of each kind those that are left out, up to the first that isn't.
     pub(crate) fn hazards_but(
         &self,
         cases: usize,
@@ -518,7 +496,7 @@ impl Interpreted {
         let width = rows.len().checked_div(cases).unwrap_or_default();
         let together = TOGETHER / self.lanes();
         let cases_of = Vec::with_capacity(cases);
-        let mut found = Hazards { cases: cases_of, cut: false, fine: BTreeMap::new() };
+        let mut found = Hazards { cases: cases_of, cut: false, reached: BTreeMap::new() };
         let of_part = |first: usize| {
             let count = together.min(cases - first);
             let part = &rows[first * width..][..count * width];
@@ -535,8 +513,8 @@ impl Interpreted {
         // Parts end in any order, and the error is that of the first one.
         for part in parts {
             let part = part?;
-            for (place, ran) in part.fine {
-                found.fine.entry(place).or_default().add(ran);
+            for (site, count) in part.reached {
+                *found.reached.entry(site).or_default() += count;
             }
             found.cases.extend(part.cases);
             found.cut |= part.cut;
@@ -544,9 +522,9 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// Whether a case whose loops were too long to be looked at may be in one that never ends.
-    pub(crate) fn may_not_end(&self, row: &[u32]) -> bool {
-        let options = Options { fuel: LONG, ..self.options() };
+    /// Whether a case whose loops were too long to be looked at may be in one that never ends: it goes on for so many rounds.
+    pub(crate) fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
+        let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
             Ok(_) => false,
             Err(Stop::Fuel { rounds, own, .. }) => !super::is_of_several(rounds, own),
@@ -560,7 +538,8 @@ impl Interpreted {
         rows: &[u32],
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
-        let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
+        let (single, double) =
+            (Recorder::<f32>::of(&self.lowered), Recorder::<f64>::of(&self.lowered));
         // What has a bound ends: it may be as long as is still quick to run.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
@@ -572,8 +551,11 @@ impl Interpreted {
         let cut = single.is_full();
         let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let decided = single.decided.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let (single, double) = (single.events(), double.events());
-        let known = Known { blind: blind(&double), ..Known::default() };
+        let (single, reach) = single.events();
+        let (double, _) = double.events();
+        let (anything, wide) = Default::default();
+        let sites = Sites::of(&self.lowered);
+        let known = Known { sites, anything, blind: blind(&double), wide };
         let lanes = u64::try_from(cases * self.lanes()).expect("it fits");
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
@@ -609,10 +591,8 @@ impl Interpreted {
             let mut told = BTreeSet::new();
             for ((fault, site), parted) in of_quad.filter(|(own, _)| told.insert(*own)) {
                 let one = self.found(kind_of(*fault), *site, dropped);
-                let of_given_size =
-                    matches!(fault, Fault::Index(Bounds::Texture | Bounds::Runtime));
                 let missing = parted.map(|parted| self.missing(lane, parted));
-                found.extend(one.map(|one| Found { of_given_size, missing, ..one }));
+                found.extend(one.map(|one| Found { missing, ..one }));
             }
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             let kept = anything.get(&lane).into_iter().flatten();
@@ -620,54 +600,44 @@ impl Interpreted {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                found.extend(self.found(Kind::Unbounded, *site, dropped));
+                // Whatever it is, the result is the same.
+                let is_sure = bounds.as_ref().is_some_and(|bounds| {
+                    let row = bounds.row(lane);
+                    let are_floats = row.iter().all(|lane| matches!(lane, Lane::Float(_)));
+                    are_floats && !shows_wide(&row, &halves)
+                });
+                let one = self.found(Kind::Unbounded, *site, false);
+                found.extend(one.map(|one| Found { hidden: dropped && is_sure, ..one }));
             }
             found
         });
         let each = each.collect();
-        Ok(Hazards { cases: each, cut, fine: self.fine(&single, cases) })
+        Ok(Hazards { cases: each, cut, reached: self.good(reach, &single) })
     }
 
-    /// The cases in which each operation gave finite numbers alone.
-    fn fine(&self, events: &[Event<f32>], cases: usize) -> Fine {
-        let lanes = self.lanes();
-        // Of a case whether the operation ran, and whether each of its numbers was finite.
-        let mut ran: BTreeMap<usize, Vec<(bool, bool)>> = BTreeMap::new();
-        let mut faulty: BTreeSet<usize> = BTreeSet::new();
+    /// Of each site how many cases came to it with good operands.
+    fn good(&self, reach: Reach, events: &[Event<f32>]) -> BTreeMap<usize, usize> {
+        // Lanes in which no operation at a site had good operands.
+        let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            let of_site = ran.entry(event.site).or_insert_with(|| vec![(false, true); cases]);
-            for (case, (ran, finite)) in of_site.iter_mut().enumerate() {
-                let lane = case * lanes;
-                if event.active[lane] {
-                    let mut all = event.operands.iter().map(|operand| operand[lane]);
-                    let (of_finite, gives) =
-                        (all.all(f32::is_finite), event.values[lane].is_finite());
-                    *ran = true;
-                    *finite &= of_finite && gives;
-                    // Also where another operation of the case stands in the report.
-                    if of_finite && !gives {
-                        faulty.insert(event.site);
-                    }
-                }
+            // What is not finite is rare.
+            let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
+            if event.operands.iter().all(is_finite) {
+                continue;
+            }
+            for lane in (0..event.active.len()).step_by(self.lanes()).filter(|at| event.active[*at])
+            {
+                let is_good = event.operands.iter().all(|operand| operand[lane].is_finite());
+                let known = bad.entry((event.site, lane)).or_insert(true);
+                *known &= !is_good;
             }
         }
-        let sites = self.lowered.sites().iter();
-        let of_site = sites.filter_map(|site| {
-            let at = std::ptr::from_ref(site).addr();
-            let cases = ran.get(&at)?;
-            let (span, _) = super::author_of(&self.program, site)?;
-            let fine = cases.iter().filter(|(ran, finite)| *ran && *finite).count();
-            let all = Some(fine).filter(|_| !faulty.contains(&at));
-            Some((span.to_string(), Ran { all, fine }))
-        });
-        // Several operations may stand at one place, such as those of a call that is written there.
-        let mut all = Fine::new();
-        for (place, ran) in of_site {
-            let own = all.entry(place).or_insert(ran);
-            own.all = own.all.zip(ran.all).map(|(a, b)| a.min(b));
-            own.fine = own.fine.max(ran.fine);
-        }
-        all
+        let of_site = |(site, lanes): (usize, Vec<usize>)| {
+            let is_bad = |lane| bad.get(&(site, lane)).is_some_and(|bad| *bad);
+            let own = lanes.into_iter().filter(|lane| lane.is_multiple_of(self.lanes()));
+            (site, own.filter(|lane| !is_bad(*lane)).count())
+        };
+        reach.cases().into_iter().map(of_site).collect()
     }
 
     /// Of each kind the first operation of a lane that is at fault.
@@ -722,7 +692,8 @@ impl Interpreted {
             } else {
                 continue;
             };
-            if found.iter().any(|other| other.kind == kind && !left_out(other)) {
+            let is_told = |other: &Found| other.site == event.site || !left_out(other);
+            if found.iter().any(|other| other.kind == kind && is_told(other)) {
                 continue;
             }
             if let Some(mut one) = self.found(kind, event.site, dropped) {
@@ -736,18 +707,21 @@ impl Interpreted {
     }
 
     /// A hazard at an operation, in the author's file.
-    fn found(&self, kind: Kind, site: usize, dropped: bool) -> Option<Found> {
-        let site = self.site(site)?;
+    fn found(&self, kind: Kind, number: usize, dropped: bool) -> Option<Found> {
+        let site = self.site(number)?;
         let (span, text) = super::author_of(&self.program, site)?;
         let hidden = dropped && matches!(kind, Kind::Nan | Kind::Infinite);
-        let idiom = super::idiom_of(&self.program, site);
-        let (values, operands, of_given_size, missing) = Default::default();
-        Some(Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing })
+        let (values, operands, missing) = Default::default();
+        Some(Found { kind, site: number, span, text, hidden, values, operands, missing })
     }
 
-    /// The site of this address.
-    fn site(&self, address: usize) -> Option<&karat_engine::Site> {
-        self.lowered.sites().iter().find(|one| std::ptr::from_ref(*one).addr() == address)
+    fn site(&self, number: usize) -> Option<&Site> {
+        self.lowered.sites().get(number)
+    }
+
+    /// The place of an operation, in the author's file.
+    pub(crate) fn place_of(&self, site: usize) -> Option<String> {
+        Some(super::author_of(&self.program, self.site(site)?)?.0.to_string())
     }
 
     /// The pixels of the quad that begins at a lane as a person calls them, and where they parted.

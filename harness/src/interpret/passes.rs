@@ -1,51 +1,55 @@
 //! Faults inside of compute passes: operations whose operands were good, and whose result isn't.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Faulty, Lanes, Observer, Options};
+use karat_engine::{F32, Faulty, Here, Lanes, Observer, Reach};
 
 use super::dispatch::{Prepared, options};
 use super::hazards::{Found, Kind, Missing, kind_of};
 use super::sanitizer::made_up_options;
-use super::{author_of, idiom_of, invocation};
+use super::{Options, Sites, author_of, invocation, statement_of};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
 /// An operation at fault.
 struct Fault {
-    /// The first invocation.
-    case: usize,
-    count: usize,
     operands: Vec<f32>,
-    /// Of a derivative the pixel that isn't there, and the address of the site at which it parted.
+    /// Of a derivative the pixel that isn't there, and the number of the site at which it parted.
     missing: Option<(usize, Option<usize>)>,
+    /// The invocations in which it goes wrong.
+    invocations: BTreeSet<usize>,
 }
 
-/// Faults by the address of their site, and their kind.
-#[derive(Default)]
-struct Faults(Mutex<BTreeMap<(usize, Kind), Fault>>);
+/// The operations of a pass, and those at fault by the number of their site and their kind.
+struct Faults {
+    sites: Sites,
+    all: Mutex<BTreeMap<(usize, Kind), Fault>>,
+    /// The invocations that come to each site; `None`: nothing asks.
+    reach: Option<Reach>,
+}
 
 impl Faults {
-    fn add(&self, site: usize, kind: Kind, fault: impl FnOnce() -> Fault) {
-        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        all.entry((site, kind)).or_insert_with(fault).count += 1;
+    fn add(&self, site: usize, kind: Kind, case: usize, fault: impl FnOnce() -> Fault) {
+        let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
+        all.entry((site, kind)).or_insert_with(fault).invocations.insert(case);
     }
 }
 
 impl Observer<F32> for Faults {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
-        let site = std::ptr::from_ref(lanes.site).addr();
+        let site = self.sites.number(lanes.site);
         for values in lanes.floats {
             for (lane, value) in values.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
                 let operands = || lanes.operands.iter().map(|operand| operand[lane]);
                 // An operation that gets an infinity passes on what was wrong before.
                 if lanes.active[lane] && operands().all(f32::is_finite) {
                     let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
-                    self.add(site, kind, || {
-                        let (case, operands) = (lanes.case_of(lane), operands().collect());
-                        Fault { case, count: 0, operands, missing: None }
+                    self.add(site, kind, lanes.case_of(lane), || Fault {
+                        operands: operands().collect(),
+                        missing: None,
+                        invocations: BTreeSet::new(),
                     });
                 }
             }
@@ -53,72 +57,95 @@ impl Observer<F32> for Faults {
     }
 
     fn fault(&self, one: &Faulty<'_>) {
-        let address = |site: &karat_engine::Site| std::ptr::from_ref(site).addr();
-        self.add(address(one.site), kind_of(one.fault), || {
-            let missing = one.missing.map(|other| (other.case, other.parted.map(address)));
-            Fault { case: one.case, count: 0, operands: Vec::new(), missing }
+        self.add(self.sites.number(one.site), kind_of(one.fault), one.case, || {
+            let parted = |other: karat_engine::Missing<'_>| {
+                (other.case, other.parted.map(|site| self.sites.number(site)))
+            };
+            let missing = one.missing.map(parted);
+            Fault { operands: Vec::new(), missing, invocations: BTreeSet::new() }
         });
+    }
+
+    fn reached(&self, here: &Here<'_, F32>) {
+        if let Some(reach) = &self.reach {
+            reach.add(self.sites.number(here.site), here);
+        }
     }
 }
 
-/// A hazard of a pass: the first invocation that has it, and how many operations of invocations do.
+/// An operation of a pass that goes wrong, and the invocations in which it does.
 pub(crate) struct FoundInPass {
     pub(crate) found: Found,
+    /// The first of them.
     pub(crate) invocation: String,
-    pub(crate) count: usize,
+    pub(crate) invocations: BTreeSet<usize>,
+    /// The place of its statement, by which the sanitizer names an access.
+    pub(crate) statement: Option<String>,
 }
 
-/// The faults inside of passes, in `f32`: values that aren't finite, integers that are divided by zero or don't fit.
-/// The sanitizer tells of indices that leave their arrays.
+/// The operations of passes: those that go wrong, and the invocations that come to each place, if these are asked for.
+#[derive(Default)]
+pub(crate) struct Operations {
+    pub(crate) wrong: Vec<FoundInPass>,
+    pub(crate) reached: BTreeMap<String, BTreeSet<usize>>,
+}
+
+/// The operations of a test's passes that go wrong, in `f32`.
 pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
-    hazards_with(passes, &options())
+    Ok(watched(passes, &options(), false)?.wrong)
 }
 
-/// [`hazards`] of passes over made-up resources.
-pub(crate) fn hazards_made_up(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
-    hazards_with(passes, &made_up_options())
+/// The operations of passes over made-up resources.
+pub(crate) fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
+    watched(passes, &made_up_options(), true)
 }
 
-fn hazards_with(passes: &Passes, options: &Options) -> Result<Vec<FoundInPass>, DispatchError> {
-    let mut all = Vec::new();
+fn watched(
+    passes: &Passes,
+    options: &Options,
+    are_places: bool,
+) -> Result<Operations, DispatchError> {
+    let mut all = Operations::default();
     let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
     let held = prepared.run(&mut |pass: &Pass, lowered, resources| {
-        let faults = Faults::default();
+        let sites = Sites::of(lowered);
+        let reach = are_places.then(Reach::default);
+        let faults = Faults { sites, all: Mutex::default(), reach };
         lowered.dispatch::<F32>(pass.workgroups, resources, options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
-        let faults = faults.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        for ((address, kind), fault) in faults {
-            let site_at = |address: usize| {
-                let mut sites = lowered.sites().iter();
-                sites.find(|one| std::ptr::from_ref(*one).addr() == address)
-            };
-            let site = site_at(address);
-            let author = site.and_then(|site| author_of(&pass.program, site));
-            let Some((span, text)) =
-                author.filter(|_| !matches!(kind, Kind::OutOfRange | Kind::Wrapped))
-            else {
-                continue;
-            };
-            let idiom = site.and_then(|site| idiom_of(&pass.program, site));
-            let (operands, values) = (fault.operands, None);
-            let (hidden, of_given_size) = (false, false);
+        let site = |number: usize| lowered.sites().get(number);
+        let author = |number: usize| author_of(&pass.program, site(number)?);
+        for (number, invocations) in faults.reach.unwrap_or_default().cases() {
+            let statement = site(number).and_then(|site| statement_of(&pass.program, site));
+            let own = author(number).map(|(span, _)| span);
+            // The sanitizer names an access by its statement.
+            let places: BTreeSet<String> =
+                own.iter().chain(&statement).map(ToString::to_string).collect();
+            for place in places {
+                all.reached.entry(place).or_default().extend(&invocations);
+            }
+        }
+        let faults = faults.all.into_inner().unwrap_or_else(PoisonError::into_inner);
+        for ((number, kind), fault) in faults {
+            let Some((span, text)) = author(number) else { continue };
+            let statement = |number| statement_of(&pass.program, site(number)?);
+            let first = fault.invocations.first().copied().unwrap_or_default();
             let missing = fault.missing.map(|(other, parted)| Missing {
-                reached: invocation(pass, size, fault.case),
+                reached: invocation(pass, size, first),
                 missing: invocation(pass, size, other),
-                parted: parted
-                    .and_then(site_at)
-                    .and_then(|site| super::statement_of(&pass.program, site)),
+                parted: parted.and_then(statement),
             });
-            let found =
-                Found { kind, span, text, hidden, values, operands, idiom, of_given_size, missing };
-            let invocation = invocation(pass, size, fault.case);
-            all.push(FoundInPass { found, invocation, count: fault.count });
+            let (hidden, values, operands) = (false, None, fault.operands);
+            let found = Found { kind, site: number, span, text, hidden, values, operands, missing };
+            let (invocation, invocations) = (invocation(pass, size, first), fault.invocations);
+            let statement = statement(number).map(|span| span.to_string());
+            all.wrong.push(FoundInPass { found, invocation, invocations, statement });
         }
         Ok(true)
     })?;
     // The operations behind a NaN aren't kept here, and one of them may depend on it.
     if are_finite(passes, prepared.left(&held))? {
-        let infinite = all.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
+        let infinite = all.wrong.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
         infinite.for_each(|one| one.found.hidden = true);
     }
     Ok(all)

@@ -36,6 +36,12 @@ pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
 
+/// Orders of invocations that are drawn over each made-up content: three simple ones, and five in which some stall.
+const ORDERS_MADE_UP: u64 = 8;
+
+/// Turns of one of these: 65,536 take some hundredths of a second, and there are eight over each of a dozen contents.
+const TURNS_MADE_UP: usize = 1 << 16;
+
 /// Runs passes in the usual order, in subgroups of the usual size and of the smallest, and returns the findings. The
 /// result says which passes the engine couldn't execute.
 pub(crate) fn examine(passes: &Passes) -> Examined {
@@ -60,6 +66,17 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
         }
         examined.endless = examined.endless.take().or(small.endless);
         examined.too_long |= small.too_long;
+    }
+    // Where invocations meet at no atomic, no order differs.
+    let atomics = known.atomics.clone();
+    let has_orders = atomics.iter().map(Atomics::most_orders).sum::<f64>() > 0.0;
+    if made_up && has_orders && examined.watched.reason.is_empty() {
+        let base = Options { most_turns: TURNS_MADE_UP, ..base.clone() };
+        for number in 0..ORDERS_MADE_UP {
+            let order = OrderOf::drawn(passes, &atomics, number);
+            let (other, _) = observe(&prepared, Ways::Ordered(Some(&order), &base), &mut known);
+            examined.violations.extend(other.violations);
+        }
     }
     examined
 }

@@ -1,6 +1,7 @@
 //! The sizes of what a compute pass is dispatched over.
 
 use super::meaning::words;
+use crate::value::Scalar;
 
 /// Words of names that mean a number of elements, of integers.
 const ELEMENTS: [&str; 10] =
@@ -24,15 +25,29 @@ pub(crate) enum Numbered {
     Bits,
     /// All of them 0, and floats, too: an index that is wrong all the same comes from no content.
     Zero,
+    /// All of them 1, and floats, too.
+    One,
     /// 0, 65536, 131072 ..: so far from each other that what is added to one as an index never meets what is added to another.
     Apart,
 }
 
 impl Numbered {
+    /// The one number of all elements, if there is one.
+    pub(super) fn constant(self, scalar: Scalar) -> Option<u32> {
+        match (self, scalar) {
+            (Self::Zero, _) => Some(0),
+            (Self::One, Scalar::F32) => Some(1.0_f32.to_bits()),
+            (Self::One, Scalar::F16) => Some(u32::from(half::f16::ONE.to_bits())),
+            (Self::One, _) => Some(1),
+            _ => None,
+        }
+    }
+
     /// The number of an element among so many.
     pub(super) fn of(self, element: u32, count: u32) -> u32 {
         match self {
             Self::Zero => 0,
+            Self::One => 1,
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
@@ -56,7 +71,7 @@ pub(crate) struct Extents {
     pub(super) noise: bool,
     /// True if floats of arrays are below 0, where nothing says what they are.
     pub(super) negative: bool,
-    /// The byte of names' hashes by which some arrays without a length are shorter; `None`: they aren't.
+    /// The content in which some arrays without a length, and some textures, are shorter; `None`: they aren't.
     shorter: Option<usize>,
 }
 
@@ -75,7 +90,7 @@ impl Extents {
 
     /// Another one: its floats are below 0, so that an element that isn't there is seen among them.
     #[cfg(feature = "engine")]
-    const NEGATIVE: usize = 4;
+    pub(crate) const NEGATIVE: usize = 4;
 
     /// In these a line of elements has several rows. No race of another variant comes of it.
     #[cfg(feature = "engine")]
@@ -86,12 +101,11 @@ impl Extents {
     const TWICE: usize = 7;
 
     /// In these some arrays are shorter than others.
-    #[cfg(feature = "engine")]
-    const SHORTER: [usize; 2] = [6, 8];
+    pub(crate) const SHORTER: [usize; 2] = [6, 8];
 
     /// The one of them in which numbers of elements repeat.
     #[cfg(feature = "engine")]
-    pub(crate) const REPEATED: usize = 3;
+    const REPEATED: usize = 3;
 
     /// Added to a variant, it stands for the same sizes with arrays of zeros.
     #[cfg(feature = "engine")]
@@ -104,6 +118,10 @@ impl Extents {
     /// In the first so many indices and counts are such as a host may well give.
     #[cfg(feature = "engine")]
     pub(crate) const LIKELY: usize = 5;
+
+    /// Added to a variant, it stands for the same sizes with arrays of ones.
+    #[cfg(feature = "engine")]
+    pub(crate) const ONES: usize = 3 * Self::ZEROS;
 
     /// A dispatch over all of its invocations. The second variant has a tail: its elements are no multiple of the
     /// workgroup. The others try the numbers that a parameter may be compared with, and then draws.
@@ -158,7 +176,8 @@ impl Extents {
         let numbered = match variant / Self::ZEROS {
             0 => numbered,
             1 => Some(Numbered::Zero),
-            _ => Some(Numbered::Apart),
+            2 => Some(Numbered::Apart),
+            _ => Some(Numbered::One),
         };
         let (noise, negative) = (own == Self::TWICE, own == Self::NEGATIVE);
         // A draw's buffers have an element for each pixel.
@@ -196,11 +215,19 @@ impl Extents {
 
     /// The elements of an array without a length.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
-        /// Eighths of all: what appends each other element goes beyond some.
-        const EIGHTHS: [u32; 4] = [8, 5, 3, 2];
-        let hash = blake3::hash(name.as_bytes());
-        let own = self.shorter.map_or(0, |byte| usize::from(hash.as_bytes()[byte]));
-        self.total().saturating_mul(EIGHTHS[own % EIGHTHS.len()]) / 8
+        self.part_of(name, self.total())
+    }
+
+    /// So much of a number of elements as a resource of this name has. Of two names the one that has less in one of the two
+    /// contents has more in the other.
+    pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
+        /// Sixteenths of all, at most and at least: more than half, as a host dispatches no workgroup that has nothing to do.
+        const MOST: u32 = 16;
+        const LEAST: u32 = 9;
+        let Some(content) = self.shorter else { return count };
+        let own = u32::from(blake3::hash(name.as_bytes()).as_bytes()[0]) % (MOST - LEAST + 1);
+        let part = if content == Self::SHORTER[0] { MOST - own } else { LEAST + own };
+        count.saturating_mul(part).div_ceil(MOST)
     }
 
     /// All elements.
@@ -333,10 +360,9 @@ mod tests {
         for one in of([8, 8, 1]) {
             let total = one.total();
             let lengths = names.map(|name| one.elements_of(name));
-            let parts = [8, 5, 3, 2].map(|eighths| total * eighths / 8);
             match one.shorter {
                 Some(_) => {
-                    assert!(lengths.iter().all(|length| parts.contains(length)), "{lengths:?}");
+                    assert!(lengths.iter().all(|length| 2 * length > total), "{lengths:?}");
                     assert!(lengths.iter().any(|length| *length != lengths[0]), "{lengths:?}");
                 }
                 None => assert_eq!(lengths, [total; 6]),

@@ -245,6 +245,19 @@ const LAST_INVOCATION: f64 = 63.0;
 /// The last invocation of the smallest workgroup that is usual, of 8 x 8.
 const LAST_LOCAL: f64 = 7.0;
 
+/// True of a builtin value that WGSL has a range for: a place in a workgroup or a subgroup, and a pixel on the screen.
+pub(super) fn has_range(builtin: &str) -> bool {
+    matches!(
+        builtin,
+        POSITION
+            | "local_invocation_id"
+            | "local_invocation_index"
+            | "subgroup_invocation_id"
+            | "subgroup_size"
+            | "sample_index"
+    )
+}
+
 impl Meaning {
     /// The meaning of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be anything of
     /// its type.

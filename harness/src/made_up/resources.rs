@@ -47,6 +47,28 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
 /// member, the second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each.
 pub(crate) const VARIANTS: usize = 6;
 
+/// A member of a buffer, the elements of an array together, or a texture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Input {
+    pub(crate) path: String,
+    /// True if a range is declared for it, as `[inputs]` does.
+    pub(crate) declared: bool,
+    /// True if that is so, or its name means a range and names count as declarations.
+    pub(crate) known: bool,
+    /// Its lanes in the buffer, one after the other.
+    lanes: usize,
+}
+
+/// Inputs that have their values of another content.
+#[derive(Clone, Copy)]
+pub(crate) struct Mix<'m> {
+    /// That content.
+    pub(crate) variant: usize,
+    /// The sizes of that content, of a pass.
+    pub(crate) extents: Option<Extents>,
+    pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
+}
+
 /// Something for each resource that a function reads.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
@@ -56,8 +78,8 @@ pub(crate) struct Resources {
     pub(crate) drawn: Drawn,
     /// True if there is any, so that another variant has other contents.
     pub(crate) varies: bool,
-    /// True if some number of a buffer is drawn by its type alone.
-    pub(crate) guessed: bool,
+    /// The inputs in them: members of buffers, arrays and textures.
+    pub(crate) inputs: Vec<Input>,
     /// The number of the element of an array that is filled.
     element: Option<u32>,
     /// Arrays around what is filled.
@@ -75,19 +97,16 @@ impl Resources {
         Self::made_of(probed, ranges, variant, Content::Own)
     }
 
-    /// The same with zeros in each buffer; `None` if one has no bytes.
+    /// The same, with some inputs as in another content.
     #[cfg(feature = "engine")]
-    pub(crate) fn of_zeros(self, probed: &Probed) -> Option<Fixtures> {
-        let bindings = &probed.function().bindings;
-        let zeros = |(name, fixture): (String, Fixture)| {
-            let binding = bindings.iter().find(|binding| binding.path == name)?;
-            let fixture = match fixture.bytes(&probed.program, binding) {
-                Some(bytes) => Buffer::zeros(bytes.ok()?.len()).into(),
-                None => fixture,
-            };
-            Some((name, fixture))
-        };
-        self.fixtures.into_iter().map(zeros).collect()
+    pub(crate) fn mixed(
+        probed: &Probed,
+        ranges: &Ranges,
+        variant: usize,
+        mix: &Mix<'_>,
+    ) -> Result<Self, String> {
+        let of = (&*probed.program, &*probed.function().bindings);
+        Self::of_bindings(of, ranges, (variant, Some(mix)), Content::Own)
     }
 
     fn made_of(
@@ -96,7 +115,8 @@ impl Resources {
         variant: usize,
         content: Content,
     ) -> Result<Self, String> {
-        Self::of_bindings((&probed.program, &probed.function().bindings), ranges, variant, content)
+        let of = (&*probed.program, &*probed.function().bindings);
+        Self::of_bindings(of, ranges, (variant, None), content)
     }
 
     /// The resources of a compute pass. Their sizes follow from what is dispatched.
@@ -105,16 +125,16 @@ impl Resources {
         of: (&Program, &[Binding]),
         ranges: &Ranges,
         extents: Extents,
-        variant: usize,
+        (variant, mix): (usize, Option<&Mix<'_>>),
     ) -> Result<Self, String> {
         let ranges = Ranges { extents: Some(extents), ..ranges.clone() };
-        Self::of_bindings(of, &ranges, variant, Content::Own)
+        Self::of_bindings(of, &ranges, (variant, mix), Content::Own)
     }
 
     fn of_bindings(
         (program, bindings): (&Program, &[Binding]),
         ranges: &Ranges,
-        variant: usize,
+        (variant, mix): (usize, Option<&Mix<'_>>),
         content: Content,
     ) -> Result<Self, String> {
         let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
@@ -128,16 +148,17 @@ impl Resources {
             };
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
-                    Some(
-                        Buffer::from_bytes(all.buffer(
-                            (program, binding, elements),
-                            ranges,
-                            variant,
-                        )?)
-                        .into(),
-                    )
+                    let of = (program, binding, elements);
+                    Some(Buffer::from_bytes(all.buffer(of, ranges, (variant, mix))?).into())
                 }
-                _ => texture_or_sampler(binding, content, variant, ranges.extents),
+                _ => {
+                    let (declared, known, lanes) = (false, false, 0);
+                    let path = binding.path.clone();
+                    let input = Input { path, declared, known, lanes };
+                    let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.variant);
+                    all.inputs.push(input);
+                    texture_or_sampler(binding, content, other.unwrap_or(variant), ranges.extents)
+                }
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
@@ -155,21 +176,52 @@ impl Resources {
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
         ranges: &Ranges,
-        variant: usize,
+        (variant, mix): (usize, Option<&Mix<'_>>),
     ) -> Result<Vec<u8>, String> {
         let shape = program.buffer_of(binding, elements);
         let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
-        let mut source = source_of(&binding.path, variant);
-        let mut lanes = Vec::new();
-        let name = binding.name();
-        self.counts = binding.kind.is_written() && ranges.numbered().is_some();
-        self.fill((name, &shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
+        let first = self.inputs.len();
+        let is_written = binding.kind.is_written();
+        let mut lanes =
+            self.lanes((&binding.path, binding.name(), &shape), ranges, variant, is_written)?;
+        if let Some(mix) = mix {
+            // Both contents have the same lanes, as they have the same shape.
+            let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
+            let of = (&*binding.path, binding.name(), &shape);
+            let other = Self::default().lanes(of, &ranges, mix.variant, is_written)?;
+            let mut at = 0;
+            for input in &self.inputs[first..] {
+                let own = at..at + input.lanes;
+                if (mix.takes)(input) {
+                    lanes[own.clone()].copy_from_slice(&other[own.clone()]);
+                }
+                at = own.end;
+            }
+        }
         program.bytes(binding, &lanes).map_err(|error| error.to_string())
     }
 
-    fn note(&mut self, one: &Described) {
-        self.drawn.note(one);
-        self.guessed |= one.guessed && !one.sized;
+    /// The lanes of a buffer.
+    fn lanes(
+        &mut self,
+        (path, name, shape): (&str, &str, &Shape),
+        ranges: &Ranges,
+        variant: usize,
+        is_written: bool,
+    ) -> Result<Vec<u32>, String> {
+        let mut lanes = Vec::new();
+        self.counts = is_written && ranges.numbered().is_some();
+        let mut source = source_of(path, variant);
+        self.fill((name, shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
+        Ok(lanes)
+    }
+
+    /// Notes the input that the lanes behind so many are.
+    fn input(&mut self, parts: &[Described], path: &str, from: usize, lanes: &[u32]) {
+        let declared = parts.iter().all(|one| one.declared);
+        let known = parts.iter().all(|one| one.known);
+        let lanes = lanes.len() - from;
+        self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
     }
 
     /// Draws the lanes of a value. Elements of an array take the numbers that are tried first in turn.
@@ -207,13 +259,17 @@ impl Resources {
                     _ => {
                         let parts = described(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
+                        let start = lanes.len();
                         if !in_order {
-                            parts.iter().for_each(|one| self.note(one));
+                            parts.iter().for_each(|one| self.drawn.note(one));
                         }
                         for (at, index) in (0..).zip(each) {
-                            if ranges.numbered() == Some(Numbered::Zero) {
-                                let zeros = parts.iter().flat_map(|one| one.scalars.iter());
-                                lanes.extend(zeros.map(|_| 0));
+                            if let Some(all) = parts
+                                .iter()
+                                .map(|one| ranges.constant(one))
+                                .collect::<Option<Vec<_>>>()
+                            {
+                                lanes.extend(all.concat());
                                 continue;
                             }
                             if let Some(how) = ranges.numbered().filter(|_| in_order) {
@@ -225,6 +281,7 @@ impl Resources {
                             lanes.extend(values.flatten().flatten());
                             ranges.negate(&parts, &mut lanes[first..]);
                         }
+                        self.input(&parts, path, start, lanes);
                     }
                 }
                 self.depth -= 1;
@@ -233,26 +290,28 @@ impl Resources {
             }
             other => {
                 let start = lanes.len();
-                for one in described(path, other, ranges)? {
-                    if self.depth > 0 && ranges.numbered() == Some(Numbered::Zero) {
-                        lanes.extend(one.scalars.iter().map(|_| 0));
+                let parts = described(path, other, ranges)?;
+                for one in &parts {
+                    if let Some(words) = ranges.constant(one).filter(|_| self.depth > 0) {
+                        lanes.extend(words);
                         continue;
                     }
-                    if let Some(at) = self.element.filter(|_| ranges.numbers_elements(&one)) {
+                    if let Some(at) = self.element.filter(|_| ranges.numbers_elements(one)) {
                         lanes.push(at);
                         continue;
                     }
-                    if self.counts && self.depth == 0 && ranges.numbers_elements(&one) {
+                    if self.counts && self.depth == 0 && ranges.numbers_elements(one) {
                         lanes.push(0);
                         continue;
                     }
-                    self.note(&one);
+                    self.drawn.note(one);
                     let first = lanes.len();
                     lanes.extend(one.part.value(index, source).unwrap_or_default());
                     if self.depth > 0 {
-                        ranges.negate(std::slice::from_ref(&one), &mut lanes[first..]);
+                        ranges.negate(std::slice::from_ref(one), &mut lanes[first..]);
                     }
                 }
+                self.input(&parts, path, start, lanes);
                 self.members.push((path.to_owned(), other.format(&lanes[start..])));
                 Ok(())
             }
@@ -265,6 +324,14 @@ impl Ranges {
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
+    }
+
+    /// The words of an element that is one number in all elements.
+    fn constant(&self, one: &Described) -> Option<Vec<u32>> {
+        // A range that a name means may not have the number.
+        let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
+        let numbered = self.numbered().filter(|_| !one.declared && (whole || one.guessed))?;
+        one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
     }
 
     /// Makes floats negative where that is wanted, and nothing says what they are.
@@ -340,7 +407,8 @@ pub(crate) fn data(
                 || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
-        let bytes = Resources::default().buffer((program, binding, elements), ranges, variant)?;
+        let bytes =
+            Resources::default().buffer((program, binding, elements), ranges, (variant, None))?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
                 "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
@@ -412,7 +480,8 @@ fn texture_or_sampler(
         // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
             let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
-            [across, down.max(rows.min(LAYERS))].map(|side| side.min(MOST_SIDE))
+            let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
+            [part(across), part(down).max(rows.min(LAYERS))].map(|side| side.min(MOST_SIDE))
         }
         None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
@@ -660,12 +729,45 @@ mod tests {
         ranges.declare("given", 7.0, 7.0).expect("it is a range");
         let of = |variant: usize| {
             let extents = Extents::of(size, [2, 1, 1], variant);
-            let made = Resources::of_pass((&program, &bindings), &ranges, extents, variant);
+            let of = (variant, None);
+            let made = Resources::of_pass((&program, &bindings), &ranges, extents, of);
             let made = made.expect("it is made up");
-            (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec(), made.guessed)
+            (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec())
         };
-        assert_eq!(of(0), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3], false));
-        assert_eq!(of(1), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3], false));
+        assert_eq!(of(0), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3]));
+        assert_eq!(of(1), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3]));
+        assert_eq!(of(Extents::ONES), (vec![1; 9], vec![7; 3]));
+    }
+
+    /// An input that is mixed in has the value of the other content, and all others keep theirs.
+    #[cfg(feature = "engine")]
+    #[test]
+    fn contents_are_mixed_by_inputs() {
+        let probed = probed(
+            "struct Item { id: u32, gain: f32 } struct S { a: f32, b: vec2f, items: array<Item, 3> }
+            @group(0) @binding(0) var<storage, read> s: S;
+            fn f(i: u32) -> f32 { return s.a * s.b.x * s.items[i].gain; }",
+        );
+        let ranges = Ranges::default();
+        let plain =
+            |variant| words(&Resources::of(&probed, &ranges, variant).expect("it is made up"), "s");
+        let [own, other] = [plain(0), plain(3)];
+        let mixed = |path: &'static str| {
+            let takes = move |input: &Input| input.path == path;
+            let mix = Mix { variant: 3, extents: None, takes: &takes };
+            words(&Resources::mixed(&probed, &ranges, 0, &mix).expect("it is made up"), "s")
+        };
+        let changed = |path| {
+            let mixed = mixed(path);
+            let all = (0..own.len()).filter(|at| mixed[*at] != own[*at]);
+            let all: Vec<usize> = all.collect();
+            assert!(all.iter().all(|at| mixed[*at] == other[*at]), "{path}");
+            all
+        };
+        assert_eq!(changed("s.a"), [0]);
+        assert!(changed("s.b").iter().all(|at| (2..4).contains(at)), "{:?}", changed("s.b"));
+        assert!(changed("s.items.gain").iter().all(|at| at % 2 == 1 && *at > 4));
+        assert_eq!(changed("s.none"), [0; 0]);
     }
 
     /// Values are those of names, wherever their members stand.
@@ -708,7 +810,7 @@ mod tests {
             let all = (0..Extents::VARIANTS).filter(|variant| {
                 let extents = Extents::of(size, [2, 1, 1], *variant);
                 let of = (&*program, &*bindings);
-                let made = Resources::of_pass(of, &Ranges::default(), extents, *variant);
+                let made = Resources::of_pass(of, &Ranges::default(), extents, (*variant, None));
                 let floats = words(&made.expect("it is made up"), name).into_iter();
                 floats.map(f32::from_bits).any(|x| x > 0.0)
             });

@@ -338,7 +338,7 @@ mod tests {
             }";
         let package = Package::from_source("append", text);
         let ranges = Ranges::of(&package).expect("it declares none");
-        let made = Passes::arbitrary(&package, "main", None, &ranges, (0, &Vec::new()));
+        let made = Passes::arbitrary(&package, "main", None, &ranges, (0, None, &Vec::new()));
         let (passes, _) = made.expect("its resources are made up");
         let expected = initial(&passes);
         let open = open(&passes, &expected, &vec![false; expected.len()]);

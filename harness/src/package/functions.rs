@@ -72,12 +72,6 @@ impl Package {
         all
     }
 
-    /// All words of a module but those of comments; `None` if it can't be parsed.
-    #[cfg(feature = "engine")]
-    pub(crate) fn words_of(&self, module: &str) -> Option<Vec<String>> {
-        Some(self.parsed(module).ok()?.words.iter().cloned().collect())
-    }
-
     /// How many functions with `@test` a module has; none if it can't be parsed.
     pub(crate) fn tests_of(&self, module: &str) -> usize {
         let tests = |module: Arc<Module>| module.declarations.iter().filter(|one| one.test).count();

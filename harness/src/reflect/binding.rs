@@ -47,6 +47,31 @@ pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 impl Program {
     /// Links and validates a compute entry point with all that it uses.
     ///
+    /// The elements of the longest array that buffers have, if each array has a length that the shader says; `None` if they
+    /// have none, or storage textures have what the host says.
+    pub(crate) fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
+        fn longest(shape: &Shape) -> usize {
+            match shape {
+                Shape::Array { element, length } => longest(element).max(*length as usize),
+                Shape::Struct { members, .. } => {
+                    members.iter().map(|(_, member)| longest(member)).max().unwrap_or(0)
+                }
+                _ => 0,
+            }
+        }
+        let of = |binding: &Binding| match binding.kind {
+            BindingKind::StorageTexture { .. } => None,
+            BindingKind::Storage { .. } => {
+                let [one, two] = [1, 2].map(|elements| self.buffer_of(binding, elements));
+                let (one, two) = (one?, two?);
+                (one == two).then(|| longest(&one))
+            }
+            _ => Some(0),
+        };
+        let all: Option<Vec<usize>> = bindings.iter().map(of).collect();
+        all?.into_iter().max().filter(|most| *most > 1)
+    }
+
     /// # Errors
     /// If it isn't valid, or is none, or an override has no value.
     #[cfg(feature = "engine")]

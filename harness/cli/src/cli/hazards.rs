@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::unstable::hazards::{Hazard, HazardError, Hazards, Kind, Lowered, Unseen};
+use karat::unstable::hazards::{Class, Hazard, HazardError, Hazards, Kind, Unseen};
 use karat::unstable::made_up::Drawn;
 use karat::unstable::output::{counted, tell};
 
@@ -19,7 +19,7 @@ use super::{Ending, Outcome, PlaceArgs, terminal, write_json};
 /// Reasons that are shown why functions weren't looked at.
 const REASONS: usize = 4;
 
-/// Lines of a screen that a hazard takes, on the average.
+/// Lines of a screen that a finding takes, on the average.
 const LINES: usize = 4;
 
 #[derive(clap::Args)]
@@ -38,7 +38,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
     cases: u32,
-    /// Show all, and the functions that weren't looked at
+    /// What fails the run beside faults: `requirements`
+    #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
+    deny: Vec<String>,
+    /// Show all, with what callers meet and what is dropped, and the functions that weren't looked at
     #[arg(long)]
     all: bool,
     /// Show those that karat.toml accepts, too
@@ -104,26 +107,30 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only leaves their callers out: hazards that no caller causes aren't lowered{DIM:#}"
+                    "{DIM}--only leaves callers out: findings that they would meet are judged here{DIM:#}"
                 )?;
             }
             all.iter()
                 .try_for_each(|(hazards, others)| write_text(hazards, *others, args.all, out))?;
         }
     }
-    // Lowered ones come last, and are hazards: what was drawn doesn't prove that they never show.
-    let mut found =
-        all.iter().flat_map(|(hazards, _)| hazards.found.iter().chain(&hazards.lowered));
     let is_read = all.iter().all(|(hazards, _)| hazards.unread == 0);
-    let good = is_read && found.all(|hazard| hazard.accepted.is_some());
+    let are_requirements_denied = !args.deny.is_empty();
+    let is_good = |hazards: &Hazards| {
+        let is_met = !are_requirements_denied || hazards.requirements().next().is_none();
+        hazards.faults().next().is_none() && is_met
+    };
+    let good = is_read && all.iter().all(|(hazards, _)| is_good(hazards));
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 /// Keeps hazards of some kinds, or all if none is named. Returns how many of others there were.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
-    let Hazards { found, lowered, rare, .. } = hazards;
+    let Hazards { found, others, .. } = hazards;
     let is_other = |hazard: &mut Hazard| !kinds.is_empty() && !kinds.contains(&hazard.kind);
-    [found, lowered, rare].into_iter().map(|list| list.extract_if(.., is_other).count()).sum()
+    let left = found.extract_if(.., is_other).count();
+    others.retain(|hazard| kinds.is_empty() || kinds.contains(&hazard.kind));
+    left
 }
 
 /// Looks for hazards in a package, with these inputs.
@@ -146,9 +153,9 @@ fn look(
         bar.set_length(at.of as u64);
         bar.set_position(at.done as u64);
         if at.found > 0 && began.elapsed() > PATIENCE {
-            let found = counted(at.found, "hazard");
+            let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions: {found} in {}, unless those that call it tell otherwise",
+                "{} of {} functions: {found} in {}, unless its callers meet them",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -164,68 +171,24 @@ fn write_text(
     all: bool,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let Hazards {
-        package,
-        functions,
-        skipped,
-        unread,
-        found,
-        lowered,
-        rare,
-        accepted,
-        drawn,
-        unseen,
-    } = hazards;
-    let mut hidden = 0;
+    let Hazards { package, skipped, unread, found, accepted, drawn, unseen, .. } = hazards;
     if all {
-        for hazard in found.iter().chain(lowered).chain(rare) {
+        for hazard in found.iter().chain(&hazards.others) {
             write_one(hazard, &[], out)?;
         }
         for (name, why) in skipped {
             writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
         }
     } else {
-        hidden = write_idioms(found, lowered, out)?;
+        write_groups(found, out)?;
         write_reasons(skipped, out)?;
     }
     write_drawn(drawn, all, out)?;
-    if !rare.is_empty() {
-        let shown = if all { "above" } else { "--all shows them" };
-        writeln!(
-            out,
-            "{DIM}{}, of few inputs whose arguments were drawn by their types alone, or over \
-             sizes and indices that a host may never give: {shown}; --input NAME=LEAST..MOST says what they are{DIM:#}",
-            counted(rare.len(), "rarer hazard")
-        )?;
-    }
-    if !lowered.is_empty() && !all {
-        let mut reasons: BTreeMap<Lowered, usize> = BTreeMap::new();
-        for why in lowered.iter().filter_map(|hazard| hazard.lowered) {
-            *reasons.entry(why).or_default() += 1;
-        }
-        let reasons = reasons.into_iter().map(|(why, count)| format!("{count}: {}", why.about()));
-        let (counted, reasons) =
-            (counted(lowered.len(), "lowered hazard"), reasons.collect::<Vec<_>>().join("; "));
-        let more = match hidden {
-            0 => String::new(),
-            _ if hidden == lowered.len() => ": --all shows them".to_owned(),
-            _ => format!(": --all shows {hidden} more"),
-        };
-        writeln!(out, "{DIM}{counted}{more} ({reasons}){DIM:#}")?;
-    }
-    let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
-    let style = if open == 0 && lowered.is_empty() { GOOD } else { BAD };
-    write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
-    if !rare.is_empty() {
-        write!(out, " and {}", counted(rare.len(), "rarer one"))?;
-    }
-    if !lowered.is_empty() {
-        write!(out, " and {} lowered", lowered.len())?;
-    }
+    let style = if hazards.faults().next().is_none() { GOOD } else { BAD };
+    write!(out, "{style}{package}: {}{style:#}", hazards.counts())?;
     if others > 0 {
-        write!(out, " and {others} of other kinds")?;
+        write!(out, ", {others} of other kinds")?;
     }
-    write!(out, " in {}", counted(*functions, "function"))?;
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
     }
@@ -283,70 +246,46 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Hazards of each idiom together, in the order of the first of each.
-fn idioms(hazards: &[Hazard]) -> Vec<Vec<&Hazard>> {
-    let mut idioms: Vec<Vec<&Hazard>> = Vec::new();
+/// The findings of each function that need the same inputs, together, in the order of the first of each.
+fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
+    let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
-    for hazard in hazards {
-        // Two races of one form are of one fault if they are of one variable.
-        let variable = hazard.violation.as_ref().map(|race| (&race.variable, &race.entry_point));
-        let form = (hazard.kind, hazard.idiom(), variable.filter(|(name, _)| !name.is_empty()));
-        let at = *known.entry(form).or_insert(idioms.len());
-        if at == idioms.len() {
-            idioms.push(Vec::new());
+    for (number, hazard) in found.iter().enumerate() {
+        // Each fault has a line of its own, and so has what no single input averts.
+        let is_alone = hazard.class == Class::Fault || hazard.needs.is_empty();
+        let own = is_alone.then_some(number);
+        let at = *known.entry((&hazard.function, &hazard.needs, own)).or_insert(groups.len());
+        if at == groups.len() {
+            groups.push(Vec::new());
         }
-        idioms[at].push(hazard);
+        groups[at].push(hazard);
     }
-    idioms
+    groups
 }
 
-/// Prints the first hazard of each idiom, with how many others are like it, as far as a screen goes, and those that are
-/// lowered where there is room. Returns how many lowered ones aren't shown.
-fn write_idioms(
-    found: &[Hazard],
-    lowered: &[Hazard],
-    out: &mut dyn Write,
-) -> anyhow::Result<usize> {
-    let (found, lowered) = (idioms(found), idioms(lowered));
-    let room = terminal::size().rows / LINES;
-    let shown = found.len().min(room);
-    let (lowered, hidden) = lowered.split_at(lowered.len().min(room - shown));
-    for alike in found[..shown].iter().chain(lowered) {
+/// Prints the first finding of each group, with how many others are like it, as far as a screen goes.
+fn write_groups(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
+    let groups = groups(found);
+    let shown = groups.len().min(terminal::size().rows / LINES);
+    for alike in &groups[..shown] {
         write_one(alike[0], &alike[1..], out)?;
     }
-    let left: usize = found[shown..].iter().map(Vec::len).sum();
+    let left: usize = groups[shown..].iter().map(Vec::len).sum();
     if left > 0 {
         writeln!(out, "{left} more: --all shows them\n")?;
     }
-    Ok(hidden.iter().map(Vec::len).sum())
+    Ok(())
 }
 
 fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
-    let style = match hazard.kind {
-        Kind::Nan
-        | Kind::OutOfRange
-        | Kind::Wrapped
-        | Kind::Race
-        | Kind::Barrier
-        | Kind::ByZero
-        | Kind::Infinite
-            if hazard.lowered.is_none() =>
-        {
-            BAD
-        }
-        _ => KNOWN,
-    };
-    let (kind, operation, place) = (hazard.kind.name(), &hazard.text, &hazard.location);
-    let lowered = if hazard.lowered.is_some() { ", lowered" } else { "" };
-    writeln!(out, "{style}{kind}{lowered}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
+    let style = if hazard.class == Class::Fault { BAD } else { KNOWN };
+    let (class, kind) = (hazard.class.name(), hazard.kind.name());
+    let (operation, place) = (&hazard.text, &hazard.location);
+    writeln!(out, "{style}{class}: {kind}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
     writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
     if let [next, ..] = alike {
-        let (count, like) = (alike.len(), hazard.idiom());
-        writeln!(
-            out,
-            "{DIM}    {count} more of the form {like}, the next at {}{DIM:#}",
-            next.location
-        )?;
+        let (count, place) = (alike.len(), &next.location);
+        writeln!(out, "{DIM}    {count} more that need the same, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;
     Ok(())

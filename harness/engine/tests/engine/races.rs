@@ -305,6 +305,9 @@ fn generated(random: &mut Random) -> Vec<Statement> {
         .collect()
 }
 
+/// The line of a kernel's first statement; each statement has a line.
+const FIRST_LINE: usize = 6;
+
 fn text(kernel: &[Statement]) -> String {
     let mut text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;\n\
                     var<workgroup> w: array<u32, 8>;\n\
@@ -338,6 +341,8 @@ fn text(kernel: &[Statement]) -> String {
 
 /// An access, as a naive detector sees it.
 struct Naive {
+    /// The number of its statement in the kernel.
+    statement: usize,
     group: u32,
     invocation: u32,
     epoch: u32,
@@ -345,14 +350,22 @@ struct Naive {
     write: Option<u32>,
 }
 
-/// All pairs of accesses that race, by whether they are of storage: element and invocations, and whether both
-/// write the same.
-fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>; 2] {
+/// What the naive detector finds on a variable.
+#[derive(Default)]
+struct Races {
+    /// Pairs of accesses: element and invocations, and whether both write the same.
+    pairs: BTreeSet<(u32, u32, u32, bool)>,
+    /// The pairs of lines of these accesses, the upper line first.
+    lines: BTreeSet<[usize; 2]>,
+}
+
+/// The races of memory of workgroups, and those of storage.
+fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     [false, true].map(|of_storage| {
         let mut all = Vec::new();
         for group in 0..groups {
             let mut epoch = 0;
-            for statement in kernel {
+            for (at, statement) in kernel.iter().enumerate() {
                 match *statement {
                     Statement::Barrier { storage } => epoch += u32::from(storage == of_storage),
                     Statement::Access { below, of, storage, shared, index, write } => {
@@ -363,6 +376,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
                             let own = if storage && !shared { WIDTH * group } else { 0 };
                             let value = |value| if value == 0 { WIDTH * group + i } else { value };
                             all.push(Naive {
+                                statement: at,
                                 group,
                                 invocation: WIDTH * group + i,
                                 epoch,
@@ -374,7 +388,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
                 }
             }
         }
-        let mut racing = BTreeSet::new();
+        let mut racing = Races::default();
         for (at, one) in all.iter().enumerate() {
             for other in &all[..at] {
                 let ordered = match one.group == other.group {
@@ -388,7 +402,9 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
                 }
                 if one.invocation != other.invocation {
                     let equal = one.write.is_some() && one.write == other.write;
-                    racing.insert((one.element, other.invocation, one.invocation, equal));
+                    racing.pairs.insert((one.element, other.invocation, one.invocation, equal));
+                    let lines = [one.statement, other.statement].map(|at| FIRST_LINE + at);
+                    racing.lines.insert([lines[0].min(lines[1]), lines[0].max(lines[1])]);
                 }
             }
         }
@@ -403,6 +419,8 @@ fn naive(kernel: &[Statement], groups: u32) -> [BTreeSet<(u32, u32, u32, bool)>;
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
     let mut counts = [0, 0];
+    // Pairs of lines that race, and those of them that are told.
+    let (mut racing, mut told_lines) = (0, 0);
     for at in 0..1000 {
         let kernel = generated(&mut random);
         let text = text(&kernel);
@@ -417,7 +435,7 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
         let is_usual = schedule == usual;
         let observed = observe_in(schedule, &text, 3, 24);
         let expected = naive(&kernel, 3);
-        for (expected, storage) in expected.iter().zip([false, true]) {
+        for (Races { pairs: expected, lines }, storage) in expected.iter().zip([false, true]) {
             let of = |race: &&karat_engine::Race| race.binding.is_some() == storage;
             let found: Vec<_> = observed.races.iter().filter(of).collect();
             counts[usize::from(!expected.is_empty())] += 1;
@@ -430,6 +448,16 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let turned = !is_usual && expected.contains(&known(second, first));
                 assert!(is || turned, "{race:?} of {expected:?}\n{text}");
             }
+            let line = |access: &karat_engine::Access| {
+                access.site.span.location(&text).line_number as usize
+            };
+            let both = |race: &&karat_engine::Race| {
+                let [one, other] = [&race.first, &race.second].map(line);
+                [one.min(other), one.max(other)]
+            };
+            let told: BTreeSet<[usize; 2]> = found.iter().map(both).collect();
+            assert!(told.is_subset(lines), "{told:?} of {lines:?}\n{text}");
+            (racing, told_lines) = (racing + lines.len(), told_lines + told.len());
             for race in &found {
                 let apart = |(_, one, other, _): &(u32, u32, u32, bool)| {
                     (one / WIDTH == other / WIDTH) == race.one_workgroup
@@ -445,6 +473,9 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
         }
     }
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
+    // Where three lines race a write and the two beside it are told, and the two beside each other may not be.
+    assert!(10 * told_lines > 4 * racing, "{told_lines} of {racing} pairs of lines");
+    eprintln!("{told_lines} of {racing} pairs of lines are told");
 }
 
 /// Two workgroups may act upon the same atomic load, where one of them stalls behind it.

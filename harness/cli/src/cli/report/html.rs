@@ -372,13 +372,12 @@ fn hazards(all: &[Hazards]) -> Markup {
                 "What can go wrong inside of functions, over arguments that names and types suggest, whether or not \
                  a test sees it: " code { "karat hazards" } "."
             }
-            @for Hazards { package, functions, found, lowered, accepted, .. } in all {
+            @for hazards in all {
                 p {
-                    (package) ": " (found.len()) " in " (counted(*functions, "function"))
-                    @if !lowered.is_empty() { ", " (lowered.len()) " lowered" }
-                    @if *accepted > 0 { ", " (accepted) " accepted" }
+                    (hazards.package) ": " (hazards.counts())
+                    @if hazards.accepted > 0 { ", " (hazards.accepted) " accepted" }
                 }
-                @for hazard in found { pre class="row" { (hazard) } }
+                @for hazard in &hazards.found { pre class="row" { (hazard) } }
             }
         }
     }
