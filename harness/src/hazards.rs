@@ -176,6 +176,8 @@ pub struct Hazards {
     pub drawn: Drawn,
     /// The parts of these functions that weren't looked at.
     pub unseen: Unseen,
+    /// Lines with operations that no input came to, as `file:line`.
+    pub unreached: Vec<String>,
 }
 
 /// Parts of functions that weren't looked at.
@@ -400,7 +402,19 @@ impl Request {
                 hazard.needs = needs;
             }
         });
-        Ok(Hazards { package, functions, skipped, unread, found, others, accepted, drawn, unseen })
+        let unreached = unreached(looked.values());
+        Ok(Hazards {
+            package,
+            functions,
+            skipped,
+            unread,
+            found,
+            others,
+            accepted,
+            drawn,
+            unseen,
+            unreached,
+        })
     }
 
     /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
@@ -437,7 +451,7 @@ impl Request {
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// By place, the cases that came to it with good operands.
+    /// By the place of an operation, the cases that came to it with good operands, which may be none.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
     /// Inputs whose loops were too long to be looked at.
@@ -462,6 +476,20 @@ impl Seen {
         let is_it = |one: &Hazard| one.location == hazard.location && one.kind == hazard.kind;
         Some(trial.needs(*keys.get(self.hazards.iter().position(is_it)?)?))
     }
+}
+
+/// Lines that no input of any function came to.
+fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
+    let mut lines: BTreeMap<(&str, usize), usize> = BTreeMap::new();
+    for (place, cases) in looked.flat_map(|seen| &seen.reached) {
+        let mut parts = place.rsplitn(3, ':').skip(1);
+        let line = parts.next().and_then(|line| line.parse().ok());
+        if let (Some(line), Some(file)) = (line, parts.next()) {
+            *lines.entry((file, line)).or_default() += cases;
+        }
+    }
+    let none = lines.into_iter().filter(|(_, cases)| *cases == 0);
+    none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
 /// Findings, judged at the functions that lead to them and that nothing calls: `roots` has these of each function.
@@ -506,7 +534,7 @@ type ByPlace = BTreeMap<(String, Kind), Hazard>;
 /// The place of a finding. A number that is NaN for some inputs, and infinite or without a bound for others, is one.
 fn key_of(hazard: &Hazard) -> (String, Kind) {
     let kind = match hazard.kind {
-        Kind::Infinite | Kind::LostDigits | Kind::Unbounded => Kind::Nan,
+        Kind::Infinite | Kind::Unbounded => Kind::Nan,
         kind => kind,
     };
     (hazard.location.clone(), kind)
@@ -668,7 +696,7 @@ impl Hazard {
         // A number of workgroups has no name of the author's.
         let named = |name: &String| match name.contains(' ') {
             true => name.clone(),
-            false => format!("`{name}`"),
+            false => format!("another `{name}`"),
         };
         let needs: Vec<String> = self.needs.iter().map(named).collect();
         let fails = self.fails.as_ref().map(|fails| format!("it fails {fails}"));

@@ -163,13 +163,7 @@ fn running_tells_faults_from_requirements() {
             Requirement,
             &["n_dot_v"],
         ),
-        (
-            float("x: f32", "exp(x * 1e-30) - 1.0"),
-            Kind::LostDigits,
-            "exp(x * 1e-30) - 1.0",
-            Requirement,
-            &["x"],
-        ),
+        (float("x: f32", "exp(x) - 1.0"), Kind::LostDigits, "exp(x) - 1.0", Requirement, &["x"]),
         // A `select` or a branch takes another value, or a bound takes an infinity away.
         (
             of("s: vec3f", "vec3f", "select(vec3f(0.0, 0.0, 1.0), normalize(s), dot(s, s) > 0.0)"),
@@ -193,11 +187,6 @@ fn running_tells_faults_from_requirements() {
             &[],
         ),
     ] {
-        if kind == Kind::LostDigits {
-            // What is lost is the result.
-            let _ = look(&text);
-            continue;
-        }
         let one = at(&text, kind, part);
         assert_eq!(
             (one.class, &*one.needs),

@@ -113,14 +113,7 @@ impl Passes {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => Usual::of(package, name)?.workgroups,
         };
-        let extents_of = |variant: usize| {
-            let mut extents = Extents::of(size, workgroups, variant);
-            if invocations.is_none() && workgroups == [1; 3] {
-                // A pass for one workgroup has as many elements as that has invocations.
-                extents.elements = Extents::of(size, workgroups, 0).elements;
-            }
-            extents
-        };
+        let extents_of = |variant: usize| Extents::of(size, workgroups, variant);
         let extents = extents_of(variant);
         extents.expect_few()?;
         // The same draws beside arrays of zeros.

@@ -161,6 +161,9 @@ impl Trial {
             self.add(&mut tally, (variant, &resources), &rows, &seen);
         }
         tally.cut += self.count - first.unwrap_or(self.count);
+        // The loops of these cases ended.
+        let ended = tally.cases;
+        tally.reached.entry(LOOP).and_modify(|[cases, _]| *cases += ended);
         Ok(tally)
     }
 
@@ -465,14 +468,22 @@ impl Trial {
         let engine = Resources::of(&self.probed, &self.ranges, 0)
             .ok()
             .and_then(|made| Interpreted::new(&self.probed, &made.fixtures).ok());
+        // Of each place the cases that came to it, which may be none.
         let mut reached: BTreeMap<String, usize> = BTreeMap::new();
-        for (site, [cases, _]) in &self.main.reached {
-            let place = engine.as_ref().and_then(|engine| engine.place_of(*site));
-            if let Some(place) = place {
-                *reached.entry(place).or_default() += cases;
-            }
+        for (site, place) in engine.iter().flat_map(Interpreted::places) {
+            *reached.entry(place).or_default() += self.main.reached((site, Kind::Nan))[0];
         }
         found.sort_by(|(_, a), (_, b)| (&a.location, a.kind).cmp(&(&b.location, b.kind)));
+        // A number that is NaN or infinite for some inputs, and without a bound for others, is one finding.
+        found.dedup_by(|(_, next), (_, one)| {
+            let is_same = next.kind == Kind::Unbounded
+                && next.location == one.location
+                && matches!(one.kind, Kind::Nan | Kind::Infinite);
+            if is_same {
+                one.kinds.push(next.kind);
+            }
+            is_same
+        });
         let mut drawn = self.arguments.drawn();
         if let Ok(made) = Resources::of(&self.probed, &self.ranges, 0) {
             drawn.merge(made.drawn);

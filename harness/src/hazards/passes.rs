@@ -22,7 +22,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
         let of = (content.variant, mix, &Vec::new());
         Passes::arbitrary(package, name, invocations, ranges, of)
     };
-    Looked { name, make: &make }.seen()
+    Looked { name, make: &make, are_pixels: false }.seen()
 }
 
 /// Looks into a fragment function that writes what other pixels see.
@@ -34,7 +34,7 @@ pub(super) fn look_at_pixels(
     let make = |content: Content, mix: Option<&Mix<'_>>| {
         Passes::of_pixels(package, name, content.one_workgroup, ranges, (content.variant, mix))
     };
-    Looked { name, make: &make }.seen()
+    Looked { name, make: &make, are_pixels: true }.seen()
 }
 
 /// What a pass is dispatched over.
@@ -143,6 +143,7 @@ fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clon
 struct Looked<'l> {
     name: &'l str,
     make: Make<'l>,
+    are_pixels: bool,
 }
 
 impl Looked<'_> {
@@ -180,15 +181,8 @@ impl Looked<'_> {
                 break;
             }
         }
-        let all = |contents: &BTreeMap<Content, InContent>| -> usize {
-            contents.values().flat_map(|one| one.reached.values()).map(BTreeSet::len).sum()
-        };
-        if all(&contents) > 0 {
-            for content in contents.values() {
-                for (place, invocations) in &content.reached {
-                    *seen.reached.entry(place.clone()).or_default() += invocations.len();
-                }
-            }
+        for (place, invocations) in contents.values().flat_map(|one| &one.reached) {
+            *seen.reached.entry(place.clone()).or_default() += invocations.len();
         }
         // The race of unequal writes says it.
         let races: BTreeSet<_> = found
@@ -235,7 +229,7 @@ impl Looked<'_> {
             if hazard.class == Class::Requirement && !too_long {
                 if wrong_in.iter().all(|one| one.is_short()) {
                     let is_tail = wrong_in.iter().any(|one| one.is_tail());
-                    if is_tail && hazard.kind == Kind::OutOfRange {
+                    if is_tail && hazard.kind == Kind::OutOfRange && !self.are_pixels {
                         let tail = "where the elements are no multiple of the workgroup";
                         hazard.fails = Some(tail.to_owned());
                     }
@@ -392,8 +386,8 @@ impl Looked<'_> {
 }
 
 /// The names of the number of workgroups, and of lengths, among what a pass needs.
-const WORKGROUPS: &str = "the number of workgroups";
-const SIZES: &str = "sizes of arrays and textures";
+const WORKGROUPS: &str = "another number of workgroups";
+const SIZES: &str = "other sizes of arrays and textures";
 
 /// The name that an access begins with: `tile` of `tile[i].sum = 1.0`.
 fn variable_of(text: &str) -> &str {

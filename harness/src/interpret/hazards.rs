@@ -719,9 +719,15 @@ impl Interpreted {
         self.lowered.sites().get(number)
     }
 
-    /// The place of an operation, in the author's file.
-    pub(crate) fn place_of(&self, site: usize) -> Option<String> {
-        Some(super::author_of(&self.program, self.site(site)?)?.0.to_string())
+    /// The places of all operations in the author's files, with the numbers of their sites.
+    pub(crate) fn places(&self) -> Vec<(usize, String)> {
+        let sites = Sites::of(&self.lowered);
+        let place = |site: &Site| {
+            let (span, _) = super::author_of(&self.program, site)?;
+            Some((sites.number(site), span.to_string()))
+        };
+        let places: BTreeMap<usize, String> = self.lowered.operations().filter_map(place).collect();
+        places.into_iter().collect()
     }
 
     /// The pixels of the quad that begins at a lane as a person calls them, and where they parted.

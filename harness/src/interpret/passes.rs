@@ -115,6 +115,11 @@ fn watched(
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let site = |number: usize| lowered.sites().get(number);
         let author = |number: usize| author_of(&pass.program, site(number)?);
+        for site in lowered.operations().filter(|_| are_places) {
+            if let Some((span, _)) = author_of(&pass.program, site) {
+                all.reached.entry(span.to_string()).or_default();
+            }
+        }
         for (number, invocations) in faults.reach.unwrap_or_default().cases() {
             let statement = site(number).and_then(|site| statement_of(&pass.program, site));
             let own = author(number).map(|(span, _)| span);

@@ -133,7 +133,8 @@ impl Extents {
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
-        if total < LEAST {
+        // A single workgroup has as many elements as invocations.
+        if total < LEAST && workgroups != [1; 3] {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         let own = variant % Self::ZEROS;

@@ -390,6 +390,17 @@ mod tests {
         }
     }
 
+    /// The guide's page lists each word.
+    #[test]
+    fn the_guide_lists_each_name() {
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/guide/hazard-names.md");
+        let page = std::fs::read_to_string(page).expect("the guide has it");
+        let all = DIRECTIONS.iter().chain(&UNIT).chain(&SIZES).chain(&SIZED).chain(&PROJECTIONS);
+        let all = all.chain(&SPACES).chain(&RADII).chain(&COUNTS).chain(&INDICES);
+        let missing: Vec<_> = all.filter(|word| !page.contains(&format!("`{word}`"))).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+
     #[test]
     fn a_range_has_the_whole_numbers_between_its_ends() {
         let part = |range: (f64, f64), scalar| Meaning::Range(range.0, range.1).part(scalar);

@@ -179,6 +179,9 @@ fn write_text(
         for (name, why) in skipped {
             writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
         }
+        for line in &hazards.unreached {
+            writeln!(out, "{DIM}no input came to {line}{DIM:#}")?;
+        }
     } else {
         write_groups(found, out)?;
         write_reasons(skipped, out)?;
@@ -206,6 +209,9 @@ fn write_text(
             ", {} of {of} not looked at: they are too much work",
             counted(inputs, "input")
         )?;
+    }
+    if !hazards.unreached.is_empty() {
+        write!(out, ", no input came to {}", counted(hazards.unreached.len(), "line"))?;
     }
     if in_part > 0 {
         write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;
