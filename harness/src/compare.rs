@@ -18,7 +18,7 @@
 mod passes;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -395,6 +395,8 @@ impl Request {
                 ranges.declare(path, 0.0, LAST_VERTEX)?;
             }
         }
+        let literals = before.program.literals().and(&after.program.literals());
+        let ranges = ranges.with_literals(literals);
         let arguments = Arguments::of(&after.function, &ranges)?;
         ran.drawn = arguments.drawn();
         let (count, rows) = arguments.rows(SEED, self.cases);
@@ -573,11 +575,13 @@ fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
     after.bindings.iter().filter_map(of).collect()
 }
 
-/// A resource with another name holds the same: contents come from names. One that is written on one side is as long as that
-/// side's on both.
+/// A resource with another name, or with other names of its members, holds the same: contents come from names. One that is
+/// written on one side is as long as that side's on both.
 fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
-    for (was, is) in renamed(Side::of(before), Side::of(after)) {
+    let mut named = renamed(Side::of(before), Side::of(after));
+    named.extend(with_renamed_members(before, after));
+    for (was, is) in named {
         if let (Some(from), Some(to)) = (of(new, &is), of(old, &was)) {
             old[to].1 = new[from].1.clone();
         }
@@ -594,6 +598,34 @@ fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed
             _ => {}
         }
     }
+}
+
+/// Buffers of one name whose members have other names, and the same types at the same places.
+fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)> {
+    fn names(shape: &Shape, all: &mut BTreeSet<String>) {
+        match shape {
+            Shape::Struct { members, .. } => members.iter().for_each(|(name, member)| {
+                all.insert(name.clone());
+                names(member, all);
+            }),
+            Shape::Array { element, .. } => names(element, all),
+            _ => {}
+        }
+    }
+    let of = |side: &Probed, binding: &Binding| {
+        let shape = side.program.buffer_of(binding, 1)?;
+        let mut all = BTreeSet::new();
+        names(&shape, &mut all);
+        Some((shape.lanes(), all, side.program.least_bytes(binding)))
+    };
+    let is_renamed = |new: &&Binding| {
+        let mut bindings = before.function.bindings.iter();
+        let old = bindings.find(|old| old.path == new.path);
+        old.and_then(|old| Some((of(before, old)?, of(after, new)?)))
+            .is_some_and(|(old, new)| (&old.0, old.2) == (&new.0, new.2) && old.1 != new.1)
+    };
+    let all = after.function.bindings.iter().filter(is_renamed);
+    all.map(|one| (one.path.clone(), one.path.clone())).collect()
 }
 
 /// How the host has to connect an entry point in another way: attributes of its inputs and outputs.

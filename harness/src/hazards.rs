@@ -65,6 +65,7 @@ pub struct Request {
     only: Vec<String>,
     cases: usize,
     inputs: Vec<(String, f64, f64)>,
+    overrides: BTreeMap<String, f64>,
     with_accepted: bool,
 }
 
@@ -238,8 +239,15 @@ impl Package {
     /// ```
     #[must_use]
     pub fn hazards(&self) -> Request {
-        let (only, inputs) = Default::default();
-        Request { package: self.clone(), only, cases: CASES, inputs, with_accepted: false }
+        let (only, inputs, overrides) = Default::default();
+        Request {
+            package: self.clone(),
+            only,
+            cases: CASES,
+            inputs,
+            overrides,
+            with_accepted: false,
+        }
     }
 }
 
@@ -270,6 +278,13 @@ impl Request {
         self
     }
 
+    /// Gives an `override` a value, by its name or its `@id`, in each function that has one.
+    #[must_use]
+    pub fn with_override(mut self, name: &str, value: f64) -> Self {
+        self.overrides.insert(name.to_owned(), value);
+        self
+    }
+
     /// Looks.
     ///
     /// # Errors
@@ -290,6 +305,13 @@ impl Request {
         let mut inputs = Ranges::of(&self.package)?;
         for (name, least, most) in &self.inputs {
             inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
+        }
+        for (name, value) in &self.overrides {
+            if !Program::some_has_override(&self.package, name) {
+                let why = format!("no function and no entry point uses an override `{name}`");
+                return Err(HazardError::Declaration(why));
+            }
+            inputs.set_override(name, *value);
         }
         let wanted = |name: &str| {
             self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
@@ -432,7 +454,9 @@ impl Request {
 
     fn look(&self, name: &str, ranges: Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
-        let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
+        let overrides = ranges.overrides_of(&self.package, name);
+        let probed = Probed::with_overrides(&self.package, name, &overrides);
+        let probed = probed.map_err(|error| text(&error))?;
         let probed = probed.with_varying();
         let form = &probed.function.form;
         if form.alone && form.stage == Some(Stage::Fragment) {
@@ -701,12 +725,8 @@ impl Hazard {
         let needs: Vec<String> = self.needs.iter().map(named).collect();
         let fails = self.fails.as_ref().map(|fails| format!("it fails {fails}"));
         let needs = match (self.class, &*needs) {
-            (Class::Requirement, []) => {
-                Some("needs other inputs, more than one of them".to_owned())
-            }
-            (Class::Requirement, needs) => {
-                Some(format!("needs another value of {}", needs.join(" or ")))
-            }
+            (Class::Requirement, []) => Some("needs other inputs: none averts it alone".to_owned()),
+            (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
         };
         match (needs, fails) {

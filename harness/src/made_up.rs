@@ -16,7 +16,7 @@ use crate::domain::{Dynamic, Numbering, Part, Stream};
 use crate::package::{Package, PackageError};
 use crate::reflect::Function;
 #[cfg(feature = "engine")]
-use crate::reflect::Program;
+use crate::reflect::{Literals, Program};
 use crate::value::{Scalar, Shape};
 pub(crate) use extents::Extents;
 use meaning::Meaning;
@@ -40,6 +40,11 @@ pub struct Ranges {
     extents: Option<Extents>,
     /// True if the range that a name means counts as declared.
     named: bool,
+    /// The numbers of the text, if inputs are tried there.
+    #[cfg(feature = "engine")]
+    literals: Option<Literals>,
+    /// The values of overrides, which are declared.
+    overrides: BTreeMap<String, f64>,
 }
 
 impl Ranges {
@@ -72,6 +77,68 @@ impl Ranges {
     #[must_use]
     pub(crate) fn with_names(&self) -> Self {
         Self { named: true, ..self.clone() }
+    }
+
+    /// The same for a text that compares with some numbers: inputs are tried there, too.
+    #[cfg(feature = "engine")]
+    #[must_use]
+    pub(crate) fn with_literals(&self, literals: Literals) -> Self {
+        Self { literals: Some(literals), ..self.clone() }
+    }
+
+    /// Gives an `override` a value, by its name or its `@id`, in each function that has one.
+    #[cfg(feature = "engine")]
+    pub(crate) fn set_override(&mut self, name: &str, value: f64) {
+        self.overrides.insert(name.to_owned(), value);
+    }
+
+    /// The values of the overrides that a function has.
+    #[cfg(feature = "engine")]
+    pub(crate) fn overrides_of(&self, package: &Package, name: &str) -> BTreeMap<String, f64> {
+        if self.overrides.is_empty() {
+            return BTreeMap::new();
+        }
+        let program = Program::of_function(package, name).ok();
+        let has =
+            |name: &String| program.as_ref().is_some_and(|program| program.has_override(name));
+        self.overrides
+            .iter()
+            .filter(|(name, _)| has(name))
+            .map(|(name, x)| (name.clone(), *x))
+            .collect()
+    }
+
+    /// The numbers of a type that the text has, each between its neighbours, and another one first for another name. Whole
+    /// numbers may be 0, and below 0, whatever they are called.
+    #[cfg(feature = "engine")]
+    fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
+        let Some(literals) = &self.literals else { return Vec::new() };
+        let mut all: Vec<[u32; 3]> = match scalar {
+            Scalar::F32 => {
+                let near = |x: &f32| [*x, x.next_up(), x.next_down()].map(f32::to_bits);
+                literals.floats.iter().map(near).collect()
+            }
+            Scalar::U32 | Scalar::I32 => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "of a literal of the other type"
+                )]
+                let near = |x: &i64| [*x, x + 1, x - 1].map(|x| x as u32);
+                literals.wholes.iter().map(near).collect()
+            }
+            _ => return Vec::new(),
+        };
+        if !all.is_empty() {
+            let own = usize::from(blake3::hash(path.as_bytes()).as_bytes()[0]);
+            let count = all.len();
+            all.rotate_left(own % count);
+        }
+        let least = match scalar {
+            Scalar::U32 => &[0][..],
+            Scalar::I32 => &[0, u32::MAX],
+            _ => &[],
+        };
+        least.iter().chain(all.as_flattened()).map(|word| vec![*word]).collect()
     }
 
     /// The same over the arguments of a function, which may be an entry point with builtin values.
@@ -170,7 +237,7 @@ fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) ->
             part,
             guessed: false,
             declared: false,
-            known: is_pixel,
+            known: false,
             sized: false,
             scalars: vec![*scalar],
         }
@@ -242,6 +309,11 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             (None, None) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
         let sized = declared.is_none() && of_size().is_some();
+        #[cfg(feature = "engine")]
+        let part = match declared.is_some() || sized || builtin.is_some() {
+            true => part,
+            false => part.beside(ranges.beside(path, scalar), is_whole),
+        };
         let one = one(part, vec![scalar]);
         Ok(Described { sized, known: one.known && !sized, ..one })
     };
@@ -351,6 +423,17 @@ impl Arguments {
     pub(crate) fn known_of(&self, row: &[u32]) -> Vec<u32> {
         let all = self.lanes().zip(row);
         all.filter(|((one, _), _)| one.known).map(|(_, word)| *word).collect()
+    }
+
+    /// Makes 0 of what is subnormal, which drivers may take for it (WGSL 15.7.4): what only one of them shows is no finding.
+    #[cfg(feature = "engine")]
+    pub(crate) fn without_subnormals(&self, rows: &mut [u32]) {
+        let scalars: Vec<Scalar> = self.lanes().map(|(_, scalar)| scalar).collect();
+        for (word, scalar) in rows.iter_mut().zip(scalars.iter().cycle()) {
+            if *scalar == Scalar::F32 && f32::from_bits(*word).is_subnormal() {
+                *word = 0;
+            }
+        }
     }
 
     /// Rows that hold what is known of one row, and are free as others are: so many, from the first of the others again where

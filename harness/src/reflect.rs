@@ -19,6 +19,8 @@ mod inputs;
 mod kept;
 mod layout;
 mod limits;
+#[cfg(feature = "engine")]
+mod literals;
 mod locals;
 mod message;
 mod native;
@@ -53,6 +55,8 @@ pub use inputs::Input;
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};
+#[cfg(feature = "engine")]
+pub(crate) use literals::Literals;
 use message::{causes, to_author};
 pub use opinion::{Opinion, Refused};
 pub(crate) use outputs::Output;

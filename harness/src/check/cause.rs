@@ -116,13 +116,15 @@ fn thinned(cases: &[usize]) -> Vec<usize> {
 
 fn said(name: &str, interval: &Interval) -> String {
     let Interval { least, most, failing, passing } = interval;
+    // No sign of a zero is worth a word.
+    let [least, most] = [least, most].map(|end| end.map(|end| end + 0.0));
     let place = match (least, most) {
-        (Some(least), Some(most)) if least == most => format!("is {}", significant(*least)),
+        (Some(least), Some(most)) if least == most => format!("is {}", significant(least)),
         (Some(least), Some(most)) => {
-            format!("is from {} to {}", significant(*least), significant(*most))
+            format!("is from {} to {}", significant(least), significant(most))
         }
-        (Some(least), None) => format!("is at least {}", significant(*least)),
-        (None, Some(most)) => format!("is at most {}", significant(*most)),
+        (Some(least), None) => format!("is at least {}", significant(least)),
+        (None, Some(most)) => format!("is at most {}", significant(most)),
         (None, None) => "is a number".to_owned(),
     };
     let share = |share: f64| format!("{:.3}", 100.0 * share);
@@ -184,6 +186,10 @@ impl Cases<'_> {
 fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (values.first()?.0, values.last()?.0);
+    // All of them are one number, but for rounding, as the length of a unit vector is.
+    if last - first < f64::from(f32::EPSILON) * 4.0 * last.abs().max(first.abs()) {
+        return None;
+    }
     let (mut best, mut at) = (None::<Interval>, None::<Interval>);
     for equal in values.chunk_by(|a, b| a.0 == b.0) {
         let value = equal[0].0;

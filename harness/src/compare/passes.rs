@@ -35,6 +35,7 @@ impl Request {
             Program::of_pass(&self.before, name, &Overrides::new()).map_err(of_old)?;
         let (is, new_bindings, _) =
             Program::of_pass(&self.after, name, &Overrides::new()).map_err(of_new)?;
+        let ranges = ranges.with_literals(was.literals().and(&is.literals()));
         let before = Side { program: &was, bindings: &old_bindings };
         let after = Side { program: &is, bindings: &new_bindings };
         compared.interface = interface(before, after);

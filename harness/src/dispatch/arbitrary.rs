@@ -4,7 +4,7 @@ use super::{Passes, Wanted};
 use crate::fixture::Fixtures;
 use crate::made_up::{Extents, Mix, Ranges, Resources};
 use crate::package::Package;
-use crate::reflect::{Overrides, Program};
+use crate::reflect::{Binding, Overrides, Program};
 
 /// Invocations of a pass, at least.
 const INVOCATIONS: u32 = 64;
@@ -56,17 +56,21 @@ impl Usual {
     /// If the entry point isn't valid, or is none of compute passes.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
+        Ok(Self::of_program(&program, &bindings, size, name))
+    }
+
+    fn of_program(program: &Program, bindings: &[Binding], size: [u32; 3], name: &str) -> Self {
         let own = name.rsplit("::").next().unwrap_or(name);
         let attributes = program.attributes(own);
         let has = |list: &[&str]| attributes.iter().any(|(_, one)| list.contains(&one.as_str()));
-        let is_filled = program.fixed_elements(&bindings).is_some_and(|most| {
+        let is_filled = program.fixed_elements(bindings).is_some_and(|most| {
             most <= size.iter().fold(1, |all: usize, count| all.saturating_mul(*count as usize))
         });
         // A host dispatches one workgroup where one fills the arrays.
         let (apart, by_index) = (has(&APART) && !is_filled, has(&INDICES));
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
-        Ok(Self { size, workgroups: usual_workgroups(size, apart, asks) })
+        Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
     /// How many workgroups there are in each direction: one of a pass that doesn't tell them apart, or else several.
@@ -108,10 +112,11 @@ impl Passes {
         ranges: &Ranges,
         (variant, mix, given): (usize, Option<&Mix<'_>>, &Fixtures),
     ) -> Result<(Self, Resources), String> {
-        let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
+        let overrides = ranges.overrides_of(package, name);
+        let (program, bindings, size) = Program::of_pass(package, name, &overrides)?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
-            None => Usual::of(package, name)?.workgroups,
+            None => Usual::of_program(&program, &bindings, size, name).workgroups,
         };
         let extents_of = |variant: usize| Extents::of(size, workgroups, variant);
         let extents = extents_of(variant);
@@ -131,7 +136,7 @@ impl Passes {
             }
         }
         let wanted = Wanted { name: name.to_owned(), workgroups };
-        let passes = Self::new(package, &[wanted], (&made.fixtures, &[]), &Overrides::new());
+        let passes = Self::new(package, &[wanted], (&made.fixtures, &[]), &overrides);
         Ok((passes.map_err(|error| error.to_string())?, made))
     }
 }

@@ -111,8 +111,10 @@ impl Trial {
         ranges: Ranges,
         cases: usize,
     ) -> Result<Self, String> {
+        let ranges = ranges.with_literals(probed.program.literals());
         let arguments = Arguments::of(probed.function(), &ranges)?;
-        let (count, rows) = arguments.rows(SEED, cases);
+        let (count, mut rows) = arguments.rows(SEED, cases);
+        arguments.without_subnormals(&mut rows);
         let first = Resources::of(&probed, &ranges, 0)?;
         // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
         let share = probed.program.most_rounds().map_or(1, share_of);
@@ -443,6 +445,8 @@ impl Trial {
             let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
             let count = rows.len().checked_div(width).unwrap_or(1);
             let fails = cause_of(function, count, &of, &one.numbers);
+            // What wasn't drawn isn't known.
+            let fails = fails.map(|fails| fails.replace(", and nowhere else", ""));
             let reached = self.main.reached(*key)[0].max(one.wrong + one.dropped);
             let hazard = Hazard {
                 class,
@@ -496,6 +500,10 @@ impl Trial {
 
     /// The inputs whose change alone averts a finding, from its simplest case.
     pub(super) fn needs(&self, key: Key) -> Vec<String> {
+        let parameters = &self.probed.function().parameters;
+        if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {
+            return vec![name.clone()];
+        }
         let Some(one) = self.main.found.get(&key).filter(|_| key.0 != LOOP) else {
             return Vec::new();
         };

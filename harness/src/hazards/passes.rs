@@ -11,12 +11,15 @@ use crate::interpret::hazards::Kind;
 use crate::interpret::passes::{Operations, operations};
 use crate::made_up::{Extents, Input, Mix, Ranges, Resources};
 use crate::package::Package;
+use crate::reflect::Program;
 
 /// The first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
 /// Looks into a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
+    let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
+    let ranges = &ranges.with_literals(program.literals());
     let make = |content: Content, mix: Option<&Mix<'_>>| {
         let invocations = content.one_workgroup.then_some([1; 3]);
         let of = (content.variant, mix, &Vec::new());
@@ -227,32 +230,31 @@ impl Looked<'_> {
                 hazard.class = if is_fault { Class::Fault } else { Class::Requirement };
             }
             if hazard.class == Class::Requirement && !too_long {
-                if wrong_in.iter().all(|one| one.is_short()) {
-                    let is_tail = wrong_in.iter().any(|one| one.is_tail());
-                    if is_tail && hazard.kind == Kind::OutOfRange && !self.are_pixels {
+                let is_index = matches!(hazard.kind, Kind::OutOfRange | Kind::Wrapped);
+                let averted = |one: &InContent| one.is_reached(&key) && !one.is_wrong(&key);
+                let named = inputs.iter().any(|one| one.path == variable_of(&hazard.text));
+                let length = match named {
+                    true => format!("length({})", variable_of(&hazard.text)),
+                    false => SIZES.to_owned(),
+                };
+                if is_index && wrong_in.iter().all(|one| one.is_short()) {
+                    if wrong_in.iter().any(|one| one.is_tail()) && !self.are_pixels {
                         let tail = "where the elements are no multiple of the workgroup";
                         hazard.fails = Some(tail.to_owned());
                     }
-                    hazard.needs = vec![format!("length({})", variable_of(&hazard.text))];
+                    hazard.needs = vec![length];
                 } else {
                     let varied =
                         varied.entry(content).or_insert_with(|| self.varied(content, &inputs));
-                    let averts = |runs: &Vec<InContent>| {
-                        runs.iter().any(|one| one.is_reached(&key) && !one.is_wrong(&key))
-                    };
-                    let named = varied.iter().filter(|(_, runs)| averts(runs));
+                    let named = varied.iter().filter(|(_, runs)| runs.iter().any(averted));
                     hazard.needs = named.map(|(path, _)| path.clone()).collect();
-                    let one = contents.iter().filter(|(content, _)| content.one_workgroup);
-                    let mut one = one.map(|(_, one)| one);
-                    if one.any(|one| one.is_reached(&key) && !one.is_wrong(&key)) {
-                        hazard.needs.push(WORKGROUPS.to_owned());
-                    }
-                    let short = contents.iter().filter(|(content, _)| content.is_short());
-                    let mut short = short.map(|(_, one)| one);
-                    if hazard.needs.is_empty()
-                        && short.any(|one| one.is_reached(&key) && !one.is_wrong(&key))
-                    {
-                        hazard.needs.push(SIZES.to_owned());
+                    if hazard.needs.is_empty() {
+                        // Of an index any content that averts it has another length.
+                        let mut others =
+                            contents.iter().filter(|(one, _)| is_index || one.is_short());
+                        if others.any(|(_, one)| averted(one)) {
+                            hazard.needs.push(if is_index { length } else { SIZES.to_owned() });
+                        }
                     }
                 }
             }
@@ -291,7 +293,13 @@ impl Looked<'_> {
             };
             others.filter_map(run).collect()
         };
-        paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect()
+        let mut all: Vec<_> =
+            paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect();
+        let one = Content { one_workgroup: true, ..content };
+        if let Ok((passes, made)) = (self.make)(one, None) {
+            all.push((WORKGROUPS.to_owned(), vec![self.run(&passes, &made).content]));
+        }
+        all
     }
 
     /// Runs passes once, and takes what goes wrong.

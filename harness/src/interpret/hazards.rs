@@ -105,7 +105,7 @@ impl Kind {
                 "the integer type doesn't reach so far: WGSL takes its nearest value, GLSL any"
             }
             Self::EdgesReversed => {
-                "the low edge isn't below the high one: implementations differ in what comes of that"
+                "the low edge is above the high one, or of `smoothstep` the same: implementations differ in what comes of that"
             }
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",

@@ -245,12 +245,11 @@ const LAST_INVOCATION: f64 = 63.0;
 /// The last invocation of the smallest workgroup that is usual, of 8 x 8.
 const LAST_LOCAL: f64 = 7.0;
 
-/// True of a builtin value that WGSL has a range for: a place in a workgroup or a subgroup, and a pixel on the screen.
+/// True of a builtin value that WGSL has a range for: a place in a workgroup or a subgroup.
 pub(super) fn has_range(builtin: &str) -> bool {
     matches!(
         builtin,
-        POSITION
-            | "local_invocation_id"
+        "local_invocation_id"
             | "local_invocation_index"
             | "subgroup_invocation_id"
             | "subgroup_size"

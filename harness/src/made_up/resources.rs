@@ -2,7 +2,7 @@
 
 use super::extents::{Numbered, hashed};
 use super::{Described, Drawn, Extents, Ranges, described};
-use crate::domain::Source;
+use crate::domain::{Part, Source};
 use crate::fixture::{
     Address, Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture,
 };
@@ -153,7 +153,7 @@ impl Resources {
                 }
                 _ => {
                     let (declared, known, lanes) = (false, false, 0);
-                    let path = binding.path.clone();
+                    let path = binding.name().to_owned();
                     let input = Input { path, declared, known, lanes };
                     let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.variant);
                     all.inputs.push(input);
@@ -257,7 +257,7 @@ impl Resources {
                     }
                     // Described once: there may be a million.
                     _ => {
-                        let parts = described(path, element, ranges)?;
+                        let parts = described_elements(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
                         let start = lanes.len();
                         if !in_order {
@@ -317,6 +317,23 @@ impl Resources {
             }
         }
     }
+}
+
+/// The numbers of an array's elements. A name says nothing of whole ones: they may be indices of anything.
+fn described_elements(
+    path: &str,
+    shape: &Shape,
+    ranges: &Ranges,
+) -> Result<Vec<Described>, String> {
+    let mut parts = described(path, shape, ranges)?;
+    for one in &mut parts {
+        if let [scalar @ (Scalar::U32 | Scalar::I32)] = *one.scalars
+            && !one.declared
+        {
+            one.part = Part::plausible(scalar);
+        }
+    }
+    Ok(parts)
 }
 
 impl Ranges {
@@ -439,6 +456,9 @@ const ELEMENTS: usize = 64;
 /// The same in each variant, of an array that is read: a guard that is left out shows where it is short.
 const LENGTHS: [usize; VARIANTS] = [ELEMENTS, ELEMENTS, 16, ELEMENTS, 3, ELEMENTS];
 
+/// The variant whose textures are black and transparent, of functions.
+const BLACK: usize = VARIANTS - 2;
+
 /// The variant whose textures are noise, of functions.
 const NOISE: usize = VARIANTS - 1;
 
@@ -496,7 +516,22 @@ fn texture_or_sampler(
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, variant % 2 == 1));
             let of = (kind.dimension, kind.arrayed);
-            texture(of, sides, (kind.texels, noise, contrast), samples, own).into()
+            // Black and white, and all of it the same, as an image may be that a shader divides by.
+            let constant = match extents.map_or(Some(variant), |_| None) {
+                Some(BLACK) if is_own => Some(0.0),
+                _ => extents
+                    .and_then(|extents| extents.numbered?.constant(Scalar::F32))
+                    .map(f32::from_bits),
+            };
+            match (constant, kind.texels) {
+                (Some(x), Texels::Float) => {
+                    made(kind.dimension, kind.arrayed, sides, samples, |_, _, _| {
+                        glam::Vec4::splat(x)
+                    })
+                    .into()
+                }
+                _ => texture(of, sides, (kind.texels, noise, contrast), samples, own).into(),
+            }
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();

@@ -232,7 +232,7 @@ impl Request {
     /// True if something in the package has an override of this name or number.
     #[must_use]
     pub fn has_override(&self, name: &str) -> bool {
-        self.programs().any(|program| program.has_override(name))
+        Program::some_has_override(&self.package, name)
     }
 }
 

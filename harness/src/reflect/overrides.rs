@@ -8,6 +8,7 @@ use naga::{Arena, Expression, Handle, Literal, Module, Override, ScalarKind, Typ
 use super::signature::scalar_of;
 use super::{NAMED, Program, ReflectError};
 use crate::diagnostic::{Diagnostic, nearest};
+use crate::package::Package;
 use crate::value::Scalar;
 
 /// Values by the name of the override, or by its `@id`.
@@ -90,7 +91,16 @@ impl Program {
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// Whether it has an override that its author, or its number, calls so.
+    /// True if something in a package has an override of this name or number.
+    pub(crate) fn some_has_override(package: &Package, name: &str) -> bool {
+        let modules = package.modules().unwrap_or_default();
+        modules.iter().any(|module| {
+            let program = Self::of_module(&package.for_validating(module), module);
+            program.is_ok_and(|program| program.has_override(name))
+        })
+    }
+
+    /// True if it has an override that its author, or its number, calls so.
     pub(crate) fn has_override(&self, name: &str) -> bool {
         self.text_name(name).is_ok()
     }

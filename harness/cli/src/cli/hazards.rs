@@ -14,7 +14,7 @@ use karat::unstable::output::{counted, tell};
 use super::patience::PATIENCE;
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Ending, Outcome, PlaceArgs, terminal, write_json};
+use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
 /// Reasons that are shown why functions weren't looked at.
 const REASONS: usize = 4;
@@ -34,6 +34,9 @@ pub(super) struct Args {
     /// What arguments of a name are: `roughness=0.05..1`; may be repeated
     #[arg(long = "input", value_name = "NAME=LEAST..MOST", value_parser = input)]
     inputs: Vec<(String, RangeInclusive<f64>)>,
+    /// The value of an `override`, by its name or its `@id`; may be repeated
+    #[arg(long = "override", value_name = "NAME=VALUE")]
+    overrides: Vec<String>,
     /// Inputs of each function
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
@@ -144,6 +147,9 @@ fn look(
     bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
     let request = package.hazards().only(args.only.iter().map(String::as_str));
     let request = if args.accepted { request.with_accepted() } else { request };
+    let overrides = call::bind::overrides(&args.overrides)?;
+    let request =
+        overrides.iter().fold(request, |all, (name, value)| all.with_override(name, *value));
     let declare = |request: karat::unstable::hazards::Request, (name, range): &&Input| {
         request.input(name, range.clone())
     };

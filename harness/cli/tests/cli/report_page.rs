@@ -92,7 +92,7 @@ fn the_page_has_maps_hazards_and_links() {
         "Samples in each of 3 cells",
         "9, expected 4.00 (+2.5 sigma)",
         "href=\"routes.html\"",
-        "shaders: 1 in 1 function<",
+        "shaders: 1 fault and 0 requirements in 1 function",
         "1.0 / n_dot_l",
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");

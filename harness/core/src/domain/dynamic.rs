@@ -133,6 +133,50 @@ impl Words for Listed {
     }
 }
 
+/// A part that is tried at further values, too: as edges behind its first two, and in one draw of eight.
+struct Beside {
+    own: Box<dyn Words>,
+    more: Vec<Vec<u32>>,
+}
+
+impl Words for Beside {
+    fn width(&self) -> usize {
+        self.own.width()
+    }
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        const SHARE: u64 = 8;
+        match source.below(SHARE) {
+            0 => self.more.get(source.below(self.more.len() as u64) as usize).cloned(),
+            _ => self.own.draw(source),
+        }
+    }
+    fn edges(&self) -> Vec<Vec<u32>> {
+        let mut all = self.own.edges();
+        let rest = all.split_off(all.len().min(2));
+        all.extend(self.more.iter().cloned());
+        all.extend(rest);
+        all
+    }
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.own.emptiness()
+    }
+    fn size(&self) -> Option<u64> {
+        None
+    }
+    fn nth(&self, _: u64) -> Option<Vec<u32>> {
+        None
+    }
+    fn admits(&self, words: &[u32]) -> Option<bool> {
+        if self.more.iter().any(|more| more == words) { Some(true) } else { self.own.admits(words) }
+    }
+    fn ends(&self) -> Option<[Vec<u32>; 2]> {
+        self.own.ends()
+    }
+    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>> {
+        self.own.shrink(words)
+    }
+}
+
 /// One part of a [`Dynamic`] domain: a number, or a vector.
 ///
 /// ```
@@ -393,6 +437,17 @@ impl Part {
     pub fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
         let edge = index.and_then(|index| self.words.edges().get(index).cloned());
         edge.or_else(|| self.words.draw(source))
+    }
+
+    /// The same part, tried at further values: those that it admits, or all.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn beside(self, mut more: Vec<Vec<u32>>, all: bool) -> Self {
+        more.retain(|words| all || self.words.admits(words) != Some(false));
+        if more.is_empty() {
+            return self;
+        }
+        Self { words: Box::new(Beside { own: self.words, more }), described: self.described }
     }
 
     /// How many words it draws.
