@@ -58,7 +58,7 @@ pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result
     table(list, "corpus_matrix", json, ("docs/corpus-translations.md", ROUTES_HEAD))
 }
 
-/// One of the programs of `harness/corpus`.
+/// One of the programs of `ci/corpus`.
 pub(crate) fn program(name: &str) -> Command {
     command::cargo(&["run", "--locked", "--bin", name, "--"])
 }

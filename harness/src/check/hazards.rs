@@ -188,7 +188,6 @@ fn class(kind: Kind) -> Class {
         | Kind::Race
         | Kind::Barrier
         | Kind::EqualWrites
-        | Kind::Unwritten
         | Kind::Endless => Class::Other,
     }
 }

@@ -94,18 +94,6 @@ pub struct Violation {
     /// Of a race what orders it: the barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// True if sizes that a host gives may well prevent it: made-up ones tell little of it.
-    #[serde(skip)]
-    pub(crate) by_size: bool,
-    /// True of a race in the memory of a workgroup, whose size no host says.
-    #[serde(skip)]
-    pub(crate) in_workgroup: bool,
-    /// True of a race between invocations of one workgroup.
-    #[serde(skip)]
-    pub(crate) one_workgroup: bool,
-    /// True of an index beyond an array of a fixed length: how many workgroups there are decides whether it leaves.
-    #[serde(skip)]
-    pub(crate) of_fixed_length: bool,
     /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
     /// index the first that leaves.
     pub accesses: Vec<ViolationAccess>,
@@ -121,22 +109,8 @@ impl Violation {
         accesses: Vec<ViolationAccess>,
     ) -> Self {
         let (variable, element, advice) = <(String, String, String)>::default();
-        let (by_size, in_workgroup, one_workgroup, of_fixed_length) = (false, false, false, false);
         let entry_point = entry_point.to_owned();
-        Self {
-            headline,
-            entry_point,
-            kind,
-            variable,
-            element,
-            count,
-            advice,
-            by_size,
-            in_workgroup,
-            one_workgroup,
-            of_fixed_length,
-            accesses,
-        }
+        Self { headline, entry_point, kind, variable, element, count, advice, accesses }
     }
 }
 

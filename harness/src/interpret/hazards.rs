@@ -47,8 +47,6 @@ pub enum Kind {
     LostDigits,
     /// Nothing orders two writes of the same value.
     EqualWrites,
-    /// Workgroup memory is read before it is written.
-    Unwritten,
     /// WGSL allows any result.
     Unbounded,
     /// A loop was stopped.
@@ -66,7 +64,6 @@ impl Kind {
             Self::Race => "race",
             Self::Barrier => "missed by some",
             Self::EqualWrites => "race of equal writes",
-            Self::Unwritten => "read before it is written",
             Self::ByZero => "by zero",
             Self::Infinite => "infinite",
             Self::Saturated => "saturated",
@@ -96,9 +93,6 @@ impl Kind {
                  derivative, `textureSample`'s too (15.2)"
             }
             Self::EqualWrites => "nothing orders two writes of the same value",
-            Self::Unwritten => {
-                "workgroup memory is zero there, unless the engine turns that off, as Bevy and wgpu can"
-            }
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::Saturated => {

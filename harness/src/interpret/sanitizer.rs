@@ -454,13 +454,9 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let accesses = [one(&race.first, 0), one(&race.second, 1)];
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note.clone());
-    // Two workgroups that compute the same for a place meet where made-up sizes have them overlap.
-    let by_size = kind == ViolationKind::EqualWrites && !race.one_workgroup && pass.drawn.is_none();
-    let mut violation =
+    let violation =
         Violation::new(&pass.name, kind, (headline, race.elements), accesses.map(access).into());
-    violation.in_workgroup = race.binding.is_none();
-    violation.one_workgroup = race.one_workgroup;
-    (Violation { variable, element, advice: note, by_size, ..violation }, diagnostic)
+    (Violation { variable, element, advice: note, ..violation }, diagnostic)
 }
 
 /// True if the access that came first stands behind the other one: a loop lies around both. Functions stand in any order.
@@ -611,21 +607,12 @@ fn of_outside(
             places.join(", ")
         ));
     }
-    // A pass that goes one too far does so at the end of its array, or of each row. One whose every third index is beyond
-    // is likely made for a larger array.
-    let by_size = match one.bounds {
-        Bounds::Fixed | Bounds::Subgroup | Bounds::Wrapped => false,
-        Bounds::Runtime => 3 * one.count >= one.of,
-        Bounds::Texture => true,
-    };
     let accesses = vec![access((place, invocation, does))];
     let kind = match one.bounds {
         Bounds::Wrapped => ViolationKind::Wrapped,
         _ => ViolationKind::Outside,
     };
-    let violation = Violation::new(&pass.name, kind, (headline, one.count), accesses);
-    let of_fixed_length = one.bounds == Bounds::Fixed;
-    (Violation { by_size, of_fixed_length, ..violation }, diagnostic)
+    (Violation::new(&pass.name, kind, (headline, one.count), accesses), diagnostic)
 }
 
 /// An element that is read before it is written, and where.

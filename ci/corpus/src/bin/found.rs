@@ -456,7 +456,7 @@ fn all(folder: &Path) -> Result<(), String> {
     }
     index += "\nThe same command runs two compute passes of vello_shaders 0.11, its prefix sum over path tags, as they \
               are against a reference in Rust, and sees that two planted faults are found: \
-              `harness/corpus/src/bin/passes.rs`.\n\n\
+              `ci/corpus/src/bin/passes.rs`.\n\n\
               ## Passes that `karat hazards` looked through\n\n\
               With no test, over made-up resources: vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, \
               allocation of uniforms, light probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), \
