@@ -171,6 +171,8 @@ pub struct Hazards {
     pub found: Vec<Hazard>,
     /// Findings that callers meet or don't reach, and those that are dropped.
     pub others: Vec<Hazard>,
+    /// The functions of acceptances in `karat.toml` that cover no fault: nothing needs them.
+    pub needless: Vec<String>,
     /// How many were left out, as `karat.toml` accepts them with a reason.
     pub accepted: usize,
     /// The ranges that arguments and members were drawn from.
@@ -400,9 +402,14 @@ impl Request {
             }
         });
         let mut all = judged(&roots, &looked);
+        let mut needless = Vec::new();
         for accepted in &declared.accepted {
             if self.only.is_empty() {
                 accepted.expect_current(&all)?;
+                let mut covered = all.iter().filter(|hazard| accepted.covers(hazard));
+                if covered.all(|hazard| hazard.class != Class::Fault) {
+                    needless.push(accepted.functions.join(", "));
+                }
             }
             for hazard in all.iter_mut().filter(|hazard| accepted.covers(hazard)) {
                 hazard.accepted.get_or_insert_with(|| accepted.reason.clone());
@@ -432,6 +439,7 @@ impl Request {
             unread,
             found,
             others,
+            needless,
             accepted,
             drawn,
             unseen,

@@ -192,6 +192,10 @@ fn write_text(
         write_groups(found, out)?;
         write_reasons(skipped, out)?;
     }
+    for functions in &hazards.needless {
+        let why = "nothing of it is a fault, so nothing needs the acceptance";
+        writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
+    }
     write_drawn(drawn, all, out)?;
     let style = if hazards.faults().next().is_none() { GOOD } else { BAD };
     write!(out, "{style}{package}: {}{style:#}", hazards.counts())?;

@@ -260,9 +260,9 @@ fn try_pass(
 
 /// A race that a compute entry point has whatever its resources hold, in a line.
 fn race_in(package: &Package, name: &str) -> Option<String> {
-    let found = package.hazards().only([name]).run().ok()?.found;
-    let races = found.into_iter().filter(|one| one.kind == Kind::Race && one.function == name);
-    races.filter_map(|one| one.violation).map(|one| one.headline).next()
+    let hazards = package.hazards().only([name]).run().ok()?;
+    let mut races = hazards.faults().filter(|one| one.kind == Kind::Race && one.function == name);
+    races.find_map(|one| Some(one.violation.as_ref()?.headline.clone()))
 }
 
 /// The entry points of some stages in a package.

@@ -184,6 +184,15 @@ fn acceptances_are_true() {
     assert!(ran.contains("0 faults and 0 requirements in 2 functions, 1 accepted"), "{ran}");
     let all = karat(folder.path(), &["hazards", "--all", "--accepted"]).good();
     assert!(all.contains("accepted: meant") && all.contains("0 faults and 0 requ"), "{all}");
+    // What is no fault needs none.
+    let needs = "fn needs(x: f32) -> f32 { return 1.0 / x; }\n";
+    write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
+    let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;
+    assert!(
+        needless.contains("accepts a hazard of fresnel::needs: nothing of it is a fault"),
+        "{needless}"
+    );
+    write(&folder.path().join("shaders"), "fresnel.wgsl", SCHLICK);
     for (functions, text, hint) in [
         (
             "[\"fresnel::schlick\", \"fresnel::shlick\"]",
