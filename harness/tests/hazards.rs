@@ -1373,6 +1373,39 @@ fn what_is_free_is_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
+/// Faults that strangers' shaders had by what was made up alone: arrays are longer than the dispatch, a matrix called a
+/// projection has no declared entries, and another function has filled a private variable.
+#[test]
+fn what_hosts_give_makes_no_fault() {
+    let level = "struct U { width: u32 } @group(0) @binding(0) var<uniform> ubo: U;
+        @group(0) @binding(1) var<storage, read> buf_in: array<f32>;
+        @group(0) @binding(2) var<storage, read_write> buf_out: array<f32>;
+        @compute @workgroup_size(64) fn level(@builtin(global_invocation_id) id: vec3u) {
+            if id.x >= ubo.width || id.x + id.y * ubo.width >= arrayLength(&buf_out) { return; }
+            buf_out[id.x + id.y * ubo.width] = buf_in[2u * id.x + 2u * id.y * ubo.width];
+        }";
+    let hazards = look(level);
+    assert_eq!(hazards.faults().count(), 0, "{hazards}");
+    let one = at(level, Kind::OutOfRange, "buf_in[2u * id.x + 2u * id.y * ubo.width]");
+    assert!(one.needs.iter().any(|need| need.contains("buf_in")), "{one}");
+    let near = "struct U { inverseModelViewProjectionMatrix: mat4x4f } @group(0) @binding(0) var<uniform> u: U;
+        @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+            var near = u.inverseModelViewProjectionMatrix * vec4f(f32(i), 0.0, 0.0, 1.0);
+            near /= near.w;
+            return near;
+        }";
+    assert_eq!(look(near).faults().count(), 0, "{}", look(near));
+    let state = "var<private> rnd: vec3u;
+        fn rand() -> f32 { rnd = rnd * 7u + 3u; return f32(rnd.x) / 4294967295.0; }
+        fn phi() -> f32 { return acos(1.0 - 2.0 * f32(rnd.y)); }";
+    assert_eq!(look(state).faults().count(), 0, "{}", look(state));
+    // The case that is shown is one that nothing averts.
+    let held = "fn f(x: f32, roughness: f32) -> f32 { return x / (roughness * abs(x - 2.0)); }";
+    let one = at(held, Kind::Nan, "x / (roughness * abs(x - 2.0))");
+    let shown = one.arguments.iter().find(|(name, _)| name == "roughness").map(|(_, x)| &**x);
+    assert_eq!((one.class, shown), (Class::Fault, Some("0")), "{one}");
+}
+
 /// An override has a value that is declared, or its default.
 #[test]
 fn overrides_are_declared() {

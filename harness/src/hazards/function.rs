@@ -383,8 +383,18 @@ impl Trial {
     pub(super) fn judge(&self, hazards: &mut [Hazard], keys: &[Key]) {
         let (inputs, mut holds) = (self.inputs(), BTreeMap::new());
         for (hazard, key) in hazards.iter_mut().zip(keys) {
-            if let (Class::Requirement, Some(one)) = (hazard.class, self.main.found.get(key)) {
-                hazard.class = self.class(*key, one, &inputs, &mut holds);
+            let Some(one) = self.main.found.get(key) else { continue };
+            if hazard.class != Class::Requirement {
+                continue;
+            }
+            let (class, held) = self.class(*key, one, &inputs, &mut holds);
+            hazard.class = class;
+            // The inputs that are held are those that nothing averts.
+            if let Some(case) = held.filter(|case| case.row != one.case.row) {
+                let made = Resources::of(&self.probed, &self.ranges, case.variant);
+                let members = made.map(|made| made.members).unwrap_or_default();
+                hazard.arguments = self.described(&case.row, &members);
+                (hazard.operands, hazard.values) = (Vec::new(), None);
             }
         }
     }
@@ -395,18 +405,21 @@ impl Trial {
         gathered: &Gathered,
         inputs: &[Input],
         holds: &mut BTreeMap<(usize, Vec<u32>), Tally>,
-    ) -> Class {
-        let is_declared = self.arguments.are_declared() && inputs.iter().all(|one| one.declared);
+    ) -> (Class, Option<Case>) {
+        // What other functions leave in private variables is free, and isn't drawn.
+        let is_stateless = !self.probed.program.has_state();
+        let all = |is: fn(&Input) -> bool| is_stateless && inputs.iter().all(is);
+        let is_declared = self.arguments.are_declared() && all(|one| one.declared);
+        let nothing_free = self.arguments.are_known() && all(|one| one.known);
         let known = inputs.iter().any(|one| one.known);
         match key.1 {
             // WGSL wants uniformity whatever the data are (15.2).
-            Kind::Barrier => return Class::Fault,
-            kind if is_of_wgsl(kind) && !is_declared => return Class::Requirement,
+            Kind::Barrier => return (Class::Fault, None),
+            kind if is_of_wgsl(kind) && !is_declared => return (Class::Requirement, None),
             _ => {}
         }
-        let nothing_free = self.arguments.are_known() && inputs.iter().all(|one| one.known);
         if nothing_free || self.main.is_always(key) {
-            return Class::Fault;
+            return (Class::Fault, None);
         }
         let mut tried = BTreeSet::new();
         let mut failing: Vec<&Case> = gathered.failing.iter().collect();
@@ -426,10 +439,18 @@ impl Trial {
             }
             let tally = holds.entry(hold).or_insert_with(|| self.held(case));
             if tally.is_always(key) {
-                return Class::Fault;
+                return (Class::Fault, Some(case.clone()));
             }
         }
-        Class::Requirement
+        (Class::Requirement, None)
+    }
+
+    /// The arguments of a case, and members of buffers.
+    fn described(&self, row: &[u32], members: &[(String, String)]) -> Vec<(String, String)> {
+        let mut named =
+            if row.is_empty() { Vec::new() } else { arguments(self.probed.function(), row) };
+        named.extend(members.iter().take(MEMBERS).cloned());
+        named
     }
 
     /// The findings, with the cases that came to each place. Which are faults is asked of those alone that no caller judges.
@@ -438,9 +459,7 @@ impl Trial {
         let hazard = |(key, one): (&Key, &Gathered)| {
             let class = if one.wrong == 0 { Class::Dropped } else { Class::Requirement };
             let width = self.arguments.width();
-            let mut named =
-                if width == 0 { Vec::new() } else { arguments(function, &one.case.row) };
-            named.extend(one.members.iter().take(MEMBERS).cloned());
+            let named = self.described(&one.case.row, &one.members);
             let rows = &self.main.rows;
             let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
             let count = rows.len().checked_div(width).unwrap_or(1);

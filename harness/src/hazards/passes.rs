@@ -61,10 +61,11 @@ impl Content {
     const PLAIN: [Self; 3] =
         [Self::of(Extents::ZEROS), Self::of(Extents::ONES), Self::of(Extents::APART)];
 
-    /// Those in which a finding of the first ones may be averted: plain ones, and a single workgroup.
+    /// Those in which a finding of the first ones may be averted: plain ones, long arrays, and a single workgroup.
     fn others() -> impl Iterator<Item = Self> {
+        let long = [0, 1].map(|variant| Self::of(variant + Extents::LONG));
         let one = [0, Extents::APART].map(|variant| Self { variant, one_workgroup: true });
-        Self::PLAIN.into_iter().chain(one)
+        Self::PLAIN.into_iter().chain(long).chain(one)
     }
 
     /// Those in which what is known is held as it is in another one: fewer, and each of another kind.

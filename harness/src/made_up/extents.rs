@@ -73,6 +73,8 @@ pub(crate) struct Extents {
     pub(super) negative: bool,
     /// The content in which some arrays without a length, and some textures, are shorter; `None`: they aren't.
     shorter: Option<usize>,
+    /// True if arrays without a length, and textures, are longer than the dispatch.
+    long: bool,
 }
 
 impl Extents {
@@ -122,6 +124,10 @@ impl Extents {
     /// Added to a variant, it stands for the same sizes with arrays of ones.
     #[cfg(feature = "engine")]
     pub(crate) const ONES: usize = 3 * Self::ZEROS;
+
+    /// Added to a variant, it stands for the same numbers with arrays that are longer than a pass has any use for.
+    #[cfg(feature = "engine")]
+    pub(crate) const LONG: usize = 4 * Self::ZEROS;
 
     /// A dispatch over all of its invocations. The second variant has a tail: its elements are no multiple of the
     /// workgroup. The others try the numbers that a parameter may be compared with, and then draws.
@@ -178,12 +184,14 @@ impl Extents {
             0 => numbered,
             1 => Some(Numbered::Zero),
             2 => Some(Numbered::Apart),
-            _ => Some(Numbered::One),
+            3 => Some(Numbered::One),
+            _ => numbered,
         };
         let (noise, negative) = (own == Self::TWICE, own == Self::NEGATIVE);
         // A draw's buffers have an element for each pixel.
         let shorter = (Self::SHORTER.contains(&own) && size != [1; 3]).then_some(own);
-        Self { elements, workgroups, numbered, least, noise, negative, shorter }
+        let long = variant / Self::ZEROS == 4;
+        Self { elements, workgroups, numbered, least, noise, negative, shorter, long }
     }
 
     /// A whole number of which the name says nothing. From 2 to 4 upwards some have others than their neighbours, so that one
@@ -225,6 +233,11 @@ impl Extents {
         /// Sixteenths of all, at most and at least: more than half, as a host dispatches no workgroup that has nothing to do.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
+        /// Times of all, in each direction of a texture: a pass that goes from level to level has four.
+        const LONG: u32 = 8;
+        if self.long {
+            return count.saturating_mul(LONG);
+        }
         let Some(content) = self.shorter else { return count };
         let own = u32::from(blake3::hash(name.as_bytes()).as_bytes()[0]) % (MOST - LEAST + 1);
         let part = if content == Self::SHORTER[0] { MOST - own } else { LEAST + own };
