@@ -276,11 +276,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         && meaning::is_transform(own)
         && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
     {
-        return Ok(vec![Described {
-            guessed: false,
-            known: ranges.named,
-            ..one(part, shape.lanes())
-        }]);
+        return Ok(vec![Described { guessed: false, known: false, ..one(part, shape.lanes()) }]);
     }
     let part = |(lane, scalar): (usize, Scalar)| {
         let of_builtin = || Meaning::of_builtin(builtin?, lane);

@@ -42,9 +42,6 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cli/watch/worker.rs", 1, OURS),
     ("cli/src/quiet.rs", 1, OURS),
     ("core/src/lines.rs", 1, Needless("`kill` ends at once")),
-    ("corpus/src/bin/corpus_matrix.rs", 1, OURS),
-    ("corpus/src/bin/found.rs", 1, OURS),
-    ("corpus/src/bin/passes.rs", 1, OURS),
     ("review/src/git.rs", 1, Deadline),
     ("src/golden/acceptance.rs", 1, Deadline),
     ("src/package/cargo/metadata.rs", 2, CARGO), // and `rustc -vV`, with a deadline
