@@ -1,5 +1,6 @@
 //! Findings in compute passes, and in the pixels of a draw that write storage, which the engine dispatches over made-up resources.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
@@ -70,7 +71,9 @@ impl Content {
 
     /// Those in which what is known is held as it is in another one: fewer, and each of another kind.
     fn held() -> impl Iterator<Item = Self> {
-        [0, 2, 3, 8].map(Self::of).into_iter().chain(Self::PLAIN)
+        let one = Self { variant: 0, one_workgroup: true };
+        let more = [Self::of(Extents::LONG), one];
+        [0, 2, 3, 8].map(Self::of).into_iter().chain(Self::PLAIN).chain(more)
     }
 
     /// True if its elements are no multiple of the workgroup.
@@ -171,9 +174,18 @@ impl Looked<'_> {
             too_long |= one.too_long;
             for (key, hazard) in one.hazards {
                 let kind = hazard.kind;
-                let (_, known) = found.entry(key).or_insert((content, hazard));
-                if known.kind != kind && !known.kinds.contains(&kind) {
-                    known.kinds.push(kind);
+                let class = hazard.class;
+                let known = match found.entry(key) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => place.insert((content, hazard.clone())),
+                };
+                // That it shows over one content is worse than that it is dropped over others.
+                if known.1.class == Class::Dropped && class != Class::Dropped {
+                    let kinds = std::mem::take(&mut known.1.kinds);
+                    *known = (content, Hazard { kinds, ..hazard });
+                }
+                if known.1.kind != kind && !known.1.kinds.contains(&kind) {
+                    known.1.kinds.push(kind);
                 }
             }
             contents.insert(content, one.content);
@@ -200,7 +212,6 @@ impl Looked<'_> {
         }
         let only_one = contents.len() == 1;
         let is_known = inputs.iter().any(|input| input.known);
-        let nothing_free = inputs.iter().all(|input| input.known);
         let mut held: BTreeMap<Content, BTreeMap<Content, InContent>> = BTreeMap::new();
         let mut varied: BTreeMap<Content, Vec<(String, Vec<InContent>)>> = BTreeMap::new();
         for (key, (content, mut hazard)) in found {
@@ -210,7 +221,7 @@ impl Looked<'_> {
                 // WGSL wants uniformity whatever the data are (15.2).
                 Kind::Barrier => true,
                 Kind::LostDigits | Kind::Unbounded => false,
-                _ if only_one && !too_long || nothing_free && !content.is_short() => true,
+                _ if only_one && !too_long => true,
                 _ if is_always(&key, contents.values()) => true,
                 _ if !is_known || too_long => false,
                 _ => {
@@ -362,7 +373,9 @@ impl Looked<'_> {
                 ..hazard(kind, location.clone(), text, one.invocation)
             };
             let key = (BTreeSet::from([location]), family);
-            ran.content.wrong.entry(key.clone()).or_default().extend(one.invocations);
+            if own.class != Class::Dropped {
+                ran.content.wrong.entry(key.clone()).or_default().extend(one.invocations);
+            }
             ran.hazards.push((key, own));
         }
         for (violation, diagnostic) in examined.violations {
