@@ -1399,6 +1399,18 @@ fn what_hosts_give_makes_no_fault() {
         fn rand() -> f32 { rnd = rnd * 7u + 3u; return f32(rnd.x) / 4294967295.0; }
         fn phi() -> f32 { return acos(1.0 - 2.0 * f32(rnd.y)); }";
     assert_eq!(look(state).faults().count(), 0, "{}", look(state));
+    // A host's texture has a level of one texel, from which a shader goes down.
+    let walk = "@group(0) @binding(0) var tex: texture_2d<f32>;
+        @group(0) @binding(1) var<storage, read_write> out: array<vec4f>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            if id.x >= arrayLength(&out) { return; }
+            var coord = vec2i(0);
+            for (var level = textureNumLevels(tex) - 1u; level > 0u; level--) {
+                coord = 2 * coord + vec2i(vec2f(0.5) < textureLoad(tex, coord, level).xy);
+            }
+            out[id.x] = textureLoad(tex, coord, 0);
+        }";
+    assert_eq!(look(walk).faults().count(), 0, "{}", look(walk));
     // The case that is shown is one that nothing averts.
     let held = "fn f(x: f32, roughness: f32) -> f32 { return x / (roughness * abs(x - 2.0)); }";
     let one = at(held, Kind::Nan, "x / (roughness * abs(x - 2.0))");

@@ -74,7 +74,7 @@ pub(crate) struct Extents {
     /// The content in which some arrays without a length, and some textures, are shorter; `None`: they aren't.
     shorter: Option<usize>,
     /// True if arrays without a length, and textures, are longer than the dispatch.
-    long: bool,
+    pub(super) long: bool,
 }
 
 impl Extents {

@@ -501,7 +501,13 @@ fn texture_or_sampler(
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
             let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
             let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
-            [part(across), part(down).max(rows.min(LAYERS))].map(|side| side.min(MOST_SIDE))
+            let sides = [part(across), part(down).max(rows.min(LAYERS))];
+            match extents {
+                // A square beyond the dispatch, with a level of one texel, as what goes from level to level wants.
+                Some(extents) if extents.long => [2 * across.max(down).next_power_of_two(); 2],
+                _ => sides,
+            }
+            .map(|side| side.min(MOST_SIDE))
         }
         None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
