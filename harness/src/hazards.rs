@@ -69,7 +69,7 @@ pub struct Request {
     with_accepted: bool,
 }
 
-/// Whether a finding is the shader's fault, or something that it needs of its inputs.
+/// The class of a finding: the shader's fault, or something that it needs of its inputs.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
 )]
@@ -89,7 +89,7 @@ pub enum Class {
 }
 
 impl Class {
-    /// What it is called.
+    /// Its name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -105,11 +105,11 @@ impl Class {
 /// An operation at which something goes wrong.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hazard {
-    /// Whether it is a fault.
+    /// Fault, requirement, or neither.
     pub class: Class,
-    /// What goes wrong, the worst of it.
+    /// The worst kind of error.
     pub kind: Kind,
-    /// What else goes wrong with the same number.
+    /// The other kinds that the same number has, for other inputs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<Kind>,
     /// The operation in the author's file.
@@ -425,7 +425,7 @@ impl Request {
             order.then_with(|| a.location.cmp(&b.location))
         });
         let (mut found, others): (Vec<Hazard>, Vec<Hazard>) = all.into_iter().partition(is_told);
-        // What averts a finding costs runs, and is asked of those alone that are told.
+        // The inputs that avert a finding cost runs: only those of printed findings are looked for.
         found.par_iter_mut().filter(|one| one.class == Class::Requirement).for_each(|hazard| {
             if let Some(needs) = looked.get(&hazard.function).and_then(|seen| seen.needs(hazard)) {
                 hazard.needs = needs;
@@ -775,7 +775,7 @@ impl Hazards {
         self.of(Class::Fault)
     }
 
-    /// What functions need of their inputs.
+    /// The requirements that nothing accepts.
     pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Requirement)
     }

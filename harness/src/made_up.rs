@@ -743,7 +743,7 @@ mod tests {
         assert_eq!(arguments.few(&all), few.concat(), "`n` is declared");
     }
 
-    /// What is declared is held, a name counts where nothing calls the function, and plain numbers come first.
+    /// Declared lanes are held, a name counts where nothing calls the function, and plain numbers come first.
     #[cfg(feature = "engine")]
     #[test]
     fn known_lanes_are_held() {

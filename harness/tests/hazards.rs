@@ -267,7 +267,7 @@ fn callers_judge_what_they_call() {
     assert_eq!(only.requirements().count(), 1);
 }
 
-/// What is bad reaches a result, a condition, an index or a number that may be anything.
+/// A bad value counts if it reaches a result, a condition, an index or a number that may be anything.
 #[test]
 fn what_something_uses_is_not_dropped() {
     for text in [
@@ -1326,7 +1326,7 @@ fn what_is_free_is_drawn() {
     let load = fragment("return textureLoad(tex, vec2i(pos.xy), 0);");
     let one = at(&load, Kind::OutOfRange, "textureLoad(tex, vec2i(pos.xy), 0)");
     assert_eq!(one.class, Class::Requirement, "{one}");
-    // What only drivers with subnormals show is none.
+    // An error that only drivers with subnormals show is no finding.
     let guard = "fn f(roughness: f32) -> f32 { if roughness > 0.0 { return 1.0 / roughness; } return 0.0; }";
     assert_eq!(found(guard), []);
     // No name of a whole number rules 0 out, or an element.

@@ -406,7 +406,7 @@ impl Trial {
         inputs: &[Input],
         holds: &mut BTreeMap<(usize, Vec<u32>), Tally>,
     ) -> (Class, Option<Case>) {
-        // What other functions leave in private variables is free, and isn't drawn.
+        // Private variables hold values of other functions: these are free, and no draw has them.
         let is_stateless = !self.probed.program.has_state();
         let all = |is: fn(&Input) -> bool| is_stateless && inputs.iter().all(is);
         let is_declared = self.arguments.are_declared() && all(|one| one.declared);
@@ -464,7 +464,7 @@ impl Trial {
             let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
             let count = rows.len().checked_div(width).unwrap_or(1);
             let fails = cause_of(function, count, &of, &one.numbers);
-            // What wasn't drawn isn't known.
+            // The interval is one of drawn values; other values may fail, too.
             let fails = fails.map(|fails| fails.replace(", and nowhere else", ""));
             let reached = self.main.reached(*key)[0].max(one.wrong + one.dropped);
             let hazard = Hazard {

@@ -41,7 +41,7 @@ pub(super) fn look_at_pixels(
     Looked { name, make: &make, are_pixels: true }.seen()
 }
 
-/// What a pass is dispatched over.
+/// The content of a dispatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Content {
     variant: usize,
@@ -291,7 +291,7 @@ impl Looked<'_> {
         }
     }
 
-    /// What happens where one input alone has another content.
+    /// The runs in which one input alone has another content.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();

@@ -516,7 +516,7 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// Whether a case whose loops were too long to be looked at may be in one that never ends: it goes on for so many rounds.
+    /// True if a case is still in a loop after so many rounds, so that it may never end.
     pub(crate) fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
@@ -614,7 +614,7 @@ impl Interpreted {
         // Lanes in which no operation at a site had good operands.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            // What is not finite is rare.
+            // Few events have an operand that isn't finite.
             let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
             if event.operands.iter().all(is_finite) {
                 continue;

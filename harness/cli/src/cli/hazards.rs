@@ -41,7 +41,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
     cases: u32,
-    /// What fails the run beside faults: `requirements`
+    /// Fail the run for these, too: `requirements`
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
     /// Show all, with what callers meet and what is dropped, and the functions that weren't looked at
@@ -130,10 +130,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Keeps hazards of some kinds, or all if none is named. Returns how many of others there were.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;
-    let is_other = |hazard: &mut Hazard| !kinds.is_empty() && !kinds.contains(&hazard.kind);
-    let left = found.extract_if(.., is_other).count();
-    others.retain(|hazard| kinds.is_empty() || kinds.contains(&hazard.kind));
-    left
+    let is_asked = |hazard: &Hazard| {
+        let mut own = std::iter::once(&hazard.kind).chain(&hazard.kinds);
+        kinds.is_empty() || own.any(|kind| kinds.contains(kind))
+    };
+    others.retain(is_asked);
+    found.extract_if(.., |hazard| !is_asked(hazard)).count()
 }
 
 /// Looks for hazards in a package, with these inputs.

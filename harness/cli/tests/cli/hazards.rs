@@ -35,6 +35,9 @@ fn hazards_are_told_with_their_line() {
         (&"fault".into(), &"nan".into())
     );
     karat(folder.path(), &["hazards", "--kind", "lost-digits"]).good();
+    // A kind is asked for beside the worst one of an operation, too.
+    let unbounded = karat(folder.path(), &["hazards", "--kind", "unbounded"]);
+    assert!(unbounded.code == Some(1) && unbounded.out.contains("1 fault"), "{unbounded:?}");
     karat(folder.path(), &["hazards", "--only", "lambert"]).good();
     karat(folder.path(), &["hazards", "--input", "v_dot_h=0..0.999"]).good();
     for (wrong, message) in [
@@ -184,7 +187,7 @@ fn acceptances_are_true() {
     assert!(ran.contains("0 faults and 0 requirements in 2 functions, 1 accepted"), "{ran}");
     let all = karat(folder.path(), &["hazards", "--all", "--accepted"]).good();
     assert!(all.contains("accepted: meant") && all.contains("0 faults and 0 requ"), "{all}");
-    // What is no fault needs none.
+    // A requirement needs no acceptance.
     let needs = "fn needs(x: f32) -> f32 { return 1.0 / x; }\n";
     write(&folder.path().join("shaders"), "fresnel.wgsl", &format!("{SCHLICK}{needs}"));
     let needless = accept("[\"fresnel::needs\"]", "1.0 / x").out;

@@ -350,7 +350,7 @@ struct Naive {
     write: Option<u32>,
 }
 
-/// What the naive detector finds on a variable.
+/// The findings of the naive detector on a variable.
 #[derive(Default)]
 struct Races {
     /// Pairs of accesses: element and invocations, and whether both write the same.
@@ -419,7 +419,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
     let mut counts = [0, 0];
-    // Pairs of lines that race, and those of them that are told.
+    // Pairs of lines that race, and those of them that the detector names.
     let (mut racing, mut told_lines) = (0, 0);
     for at in 0..1000 {
         let kernel = generated(&mut random);
@@ -473,9 +473,9 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
         }
     }
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
-    // Where three lines race a write and the two beside it are told, and the two beside each other may not be.
-    assert!(10 * told_lines > 4 * racing, "{told_lines} of {racing} pairs of lines");
-    eprintln!("{told_lines} of {racing} pairs of lines are told");
+    // Where three lines race on an element, the detector names the pairs with its last write, and may leave out the third:
+    // it names 1,707 of 1,907 pairs.
+    assert!(100 * told_lines > 85 * racing, "{told_lines} of {racing} pairs of lines");
 }
 
 /// Two workgroups may act upon the same atomic load, where one of them stalls behind it.
