@@ -1,10 +1,12 @@
 //! What an edit changed: every function of a package before and after it, with no test written.
 //!
-//! Functions and entry points whose linked text is the same aren't run. Other functions are called with
-//! arguments that names and types suggest, and so are entry points of draws. Compute passes are dispatched over
-//! made-up resources. Results are compared bit by bit; all NaNs are one value. A function without a result
-//! isn't judged. Where each result is the same, the comparison lists lines of the edit that no input covers: their results are
-//! unknown.
+//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of their
+//! types: three in four lie where their names say, one in four anywhere. Both sides get one input: an entry point's inputs
+//! are matched by their attributes, resources by their names or bindings. Compute passes are dispatched over made-up
+//! resources. The comparison is bit by bit; all NaNs are one value. A function without a result isn't judged. Where each
+//! result is the same, the comparison lists lines of the edit that no input covers: their results are unknown.
+//!
+//! Text under a condition that doesn't hold is compared under the fewest features that make it live.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -15,7 +17,11 @@
 //! }
 //! ```
 
+mod calls;
+mod lanes;
 mod passes;
+mod sides;
+mod values;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,44 +30,24 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::check::arguments;
 use crate::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
-use crate::domain::Stream;
-use crate::executor::{self, Caller};
 use crate::fixture::Fixtures;
-use crate::interpret::{Coverage, evaluations, of_outside};
+use crate::interpret::{Coverage, of_outside};
 pub use crate::interpret::{Missed, Uncovered};
-use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
-use crate::output::counted;
+use crate::made_up::{self, Drawn, Ranges};
 use crate::package::stage::Stage;
 use crate::package::{Package, PackageError};
 use crate::panics;
 use crate::path::Path;
-use crate::probe::{ProbeError, Probed};
-use crate::reflect::{Binding, Function, Program};
-use crate::tolerance::ulp_distance;
-use crate::value::{Scalar, Shape, format_lane};
+use crate::probe::Probed;
+use crate::reflect::{Overrides, Program};
+use calls::Ran;
+use lanes::Shared;
+use sides::{Side, attributes, gained_and_lost, interface, renamed};
+use values::Clarity;
 
 /// Inputs of each function: what runs in a moment on any path.
 const CASES: usize = 4096;
-
-/// The same arguments in every run.
-const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
-
-/// The last corner of the twelve triangles of a box.
-const LAST_VERTEX: f64 = 35.0;
-
-/// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
-const WORK: u64 = 1 << 25;
-
-/// Inputs by which work is measured, and which are run in any case.
-const SAMPLE: usize = 16;
-
-/// Inputs, of more, whose equal results are a verdict.
-const LEAST: usize = 64;
-
-/// Rounds in which a changed input is made simpler.
-const ROUNDS: usize = 64;
 
 /// Two packages, of which one is an edit of the other.
 ///
@@ -84,6 +70,7 @@ pub struct Request {
     only: Vec<String>,
     cases: usize,
     paths: Vec<Path>,
+    overrides: Overrides,
 }
 
 /// A function of either package.
@@ -93,6 +80,9 @@ pub struct Compared {
     pub function: String,
     /// `file:line:column`, after the edit where it is there.
     pub location: String,
+    /// Features that are off, and that the edit needs to be live: both sides have them on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub under: Vec<String>,
     /// What the edit did.
     #[serde(flatten)]
     pub change: Change,
@@ -109,6 +99,9 @@ pub struct Compared {
     /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
+    /// The same the other way round: what the edit takes away.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mended: Vec<Violation>,
     /// Where nothing changed: lines of the edit, before it or after it, that no input came to, and conditions that each input
     /// decided alike. Of these nothing is known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -162,14 +155,16 @@ pub struct PathChange {
     pub ulp: Option<u64>,
     /// The largest change relative to the value before; `None` likewise.
     pub relative: Option<f64>,
-    /// The simplest arguments found whose result changed as much: it became NaN or ceased to be it, or it
-    /// changed by half as many binary digits of `ulp`, at least. Behind them the members of buffers that aren't elements of
-    /// arrays.
+    /// The simplest arguments found whose result shows the change as well: plain numbers that differ by a thousandth, else NaN,
+    /// else a digit. Behind them the members of buffers that aren't elements of arrays. Arguments and members that change
+    /// nothing there are left out.
     pub arguments: Vec<(String, String)>,
     /// The result for these before the edit.
     pub before: String,
     /// And after it.
     pub after: String,
+    #[serde(skip)]
+    clarity: Clarity,
     /// Of a compute pass: the first word that changed of each resource, the one that `before` and `after` are about first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<WordChange>,
@@ -188,17 +183,20 @@ pub struct WordChange {
 
 impl Compared {
     fn of(function: &str, change: Change) -> Self {
-        let (location, interface, drawn, violations, uncovered) = Default::default();
+        let (location, interface, drawn, uncovered, under) = Default::default();
         let (function, dispatched, cut) = (function.to_owned(), None, 0);
+        let (violations, mended) = Default::default();
         Self {
             function,
             location,
+            under,
             change,
             interface,
             drawn,
             cut,
             dispatched,
             violations,
+            mended,
             uncovered,
         }
     }
@@ -207,7 +205,8 @@ impl Compared {
 impl Request {
     /// Compares a package with an edited one, on the path `cpu` unless others are named.
     pub fn new(before: Package, after: Package) -> Self {
-        Self { before, after, only: Vec::new(), cases: CASES, paths: vec![Path::CPU] }
+        let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
+        Self { before, after, only, cases: CASES, paths, overrides }
     }
 
     /// Only functions whose name contains one of these.
@@ -223,6 +222,18 @@ impl Request {
     /// Runs functions on these paths.
     pub fn paths(self, paths: Vec<Path>) -> Self {
         Self { paths, ..self }
+    }
+
+    /// Gives an `override` a value on both sides, by its name or its `@id`, in each function that has one.
+    pub fn set_override(mut self, name: &str, value: f64) -> Self {
+        self.overrides.insert(name.to_owned(), value);
+        self
+    }
+
+    /// True if something on either side has an override of this name or `@id`.
+    #[must_use]
+    pub fn has_override(&self, name: &str) -> bool {
+        [&self.before, &self.after].iter().any(|side| Program::some_has_override(side, name))
     }
 
     /// Compares, in the order of names.
@@ -241,42 +252,14 @@ impl Request {
         &self,
         told: &(dyn Fn(&Compared, usize, usize) + Sync),
     ) -> Result<Vec<Compared>, PackageError> {
-        let names = |package: &Package| -> Result<BTreeMap<String, Option<Stage>>, PackageError> {
-            let items = package.functions()?.into_iter();
-            let wanted = |name: &String| {
-                self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
-            };
-            let items = items.map(|item| (item.name, item.entry_point));
-            Ok(items.filter(|(name, _)| wanted(name)).collect())
-        };
-        let (before, after) = (names(&self.before)?, names(&self.after)?);
-        let all: BTreeMap<&String, _> = before
-            .keys()
-            .chain(after.keys())
-            .map(|name| (name, (before.get(name), after.get(name))))
-            .collect();
+        let all = self.pairs()?;
         let of = all.len();
-        type There<'t> = Option<&'t Option<Stage>>;
-        let verdict = |name: &String, there: (There<'_>, There<'_>)| match there {
-            (Some(None), Some(None)) => self.compare(name, None),
-            (Some(was), Some(is)) if was == is => self.compare(name, *is),
-            (Some(was), Some(is)) => {
-                let shown = |stage: &Option<Stage>| {
-                    let function = || format!("fn {name}");
-                    stage.map_or_else(function, |stage| format!("@{stage} fn {name}"))
-                };
-                let change = Change::Signature { before: shown(was), after: shown(is) };
-                Compared::of(name, change)
-            }
-            (Some(_), None) => Compared::of(name, Change::Removed),
-            _ => Compared::of(name, Change::Added),
-        };
         let done = Mutex::new((0, BTreeMap::new()));
         let all: Vec<_> = all.into_iter().enumerate().collect();
-        let compared = all.into_par_iter().map(|(at, (name, there))| {
-            let one = panics::caught(|| verdict(name, there)).unwrap_or_else(|panicked| {
+        let compared = all.into_par_iter().map(|(at, (name, pair))| {
+            let one = panics::caught(|| self.verdict(&name, pair)).unwrap_or_else(|panicked| {
                 let reason = format!("Karat panics at it: {panicked}");
-                Compared::of(name, Change::Unjudged { reason })
+                Compared::of(&name, Change::Unjudged { reason })
             });
             // In the order of names, so that the same verdicts are the same text.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
@@ -291,30 +274,251 @@ impl Request {
         Ok(compared.collect())
     }
 
+    /// All functions of both sides, by their names. A module that can't be read on a side stands for its functions.
+    fn pairs(&self) -> Result<BTreeMap<String, Pair>, PackageError> {
+        let sides = [&self.before, &self.after];
+        let [before, after] = [self.before.modules()?, self.after.modules()?];
+        let modules: BTreeSet<&String> = before.iter().chain(&after).collect();
+        let mut all = BTreeMap::new();
+        for module in modules {
+            let has = [before.contains(module), after.contains(module)];
+            let items =
+                |side: usize, features: &[String]| -> Result<BTreeMap<_, _>, PackageError> {
+                    if !has[side] {
+                        return Ok(BTreeMap::new());
+                    }
+                    let items = featured(sides[side], features).functions_in(module)?.into_iter();
+                    Ok(items.map(|item| (item.name, item.entry_point)).collect())
+                };
+            let (old, new) = match (items(0, &[]), items(1, &[])) {
+                (Ok(old), Ok(new)) => (old, new),
+                (old, new) => {
+                    let whole = |side: &Result<_, PackageError>| {
+                        side.as_ref().err().map(|error| first_line(&error.to_string()))
+                    };
+                    let name = if module.is_empty() { self.after.name() } else { module.clone() };
+                    all.insert(name, Pair::Broken(whole(&old), whole(&new)));
+                    continue;
+                }
+            };
+            for name in old.keys().chain(new.keys()) {
+                let there = Pair::There(old.get(name).copied(), new.get(name).copied());
+                all.insert(name.clone(), there);
+            }
+            // Text under a condition that doesn't hold is no function's.
+            let words = [0, 1].map(|side| sides[side].words_of(module).unwrap_or_default());
+            if words[0].0 == words[1].0 {
+                continue;
+            }
+            let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
+            let mut edited = BTreeSet::new();
+            for features in subsets(&open.into_iter().cloned().collect::<Vec<_>>()) {
+                let (Ok(old), Ok(new)) = (items(0, &features), items(1, &features)) else {
+                    continue;
+                };
+                for name in old.keys().chain(new.keys()) {
+                    let (was, is) = (old.get(name).copied(), new.get(name).copied());
+                    if edited.contains(name) || self.is_untouched_under(name, &features) {
+                        continue;
+                    }
+                    edited.insert(name.clone());
+                    if !features.is_empty() {
+                        all.insert(name.clone(), Pair::Under(features.clone(), was, is));
+                    }
+                }
+            }
+            if edited.is_empty() && !(words[0].1.is_empty() && words[1].1.is_empty()) {
+                let name = if module.is_empty() { self.after.name() } else { module.clone() };
+                all.insert(name, Pair::Hidden);
+            }
+        }
+        if !self.only.is_empty() {
+            all.retain(|name, _| self.only.iter().any(|part| name.contains(part.as_str())));
+        }
+        Ok(all)
+    }
+
+    /// True if a function's text is the same on both sides with these features on.
+    fn is_untouched_under(&self, name: &str, features: &[String]) -> bool {
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+        let linked = |side| Program::of_items(&featured(side, features), module, &[own]).ok();
+        match (linked(&self.before), linked(&self.after)) {
+            (Some(before), Some(after)) => before.normalized_text() == after.normalized_text(),
+            // Features that can't be on together say nothing.
+            (None, None) => !features.is_empty(),
+            _ => false,
+        }
+    }
+
+    fn verdict(&self, name: &str, pair: Pair) -> Compared {
+        let unjudged = |reason: String| Compared::of(name, Change::Unjudged { reason });
+        match pair {
+            Pair::There(Some(None), Some(None)) => self.compare(name, None),
+            Pair::There(Some(was), Some(is)) if was == is => self.compare(name, is),
+            Pair::There(Some(was), Some(is)) => {
+                let shown = |stage: Option<Stage>| {
+                    let function = || format!("fn {name}");
+                    stage.map_or_else(function, |stage| format!("@{stage} fn {name}"))
+                };
+                Compared::of(name, Change::Signature { before: shown(was), after: shown(is) })
+            }
+            Pair::There(Some(_), None) => Compared::of(name, Change::Removed),
+            Pair::There(..) => Compared::of(name, Change::Added),
+            Pair::Under(features, was, is) => {
+                let [before, after] =
+                    [&self.before, &self.after].map(|side| featured(side, &features));
+                let under = Self { before, after, ..self.clone() };
+                Compared { under: features, ..under.verdict(name, Pair::There(was, is)) }
+            }
+            Pair::Broken(Some(was), Some(is)) if was == is => unjudged(format!("on both sides: {is}")),
+            Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
+            Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
+            Pair::Hidden => unjudged(
+                "its text was edited where no features that its conditions ask about make it a function's".to_owned(),
+            ),
+        }
+    }
+
+    /// The declared ranges, and the values of overrides.
+    fn ranges(&self) -> Result<Ranges, String> {
+        let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
+        Ok(ranges)
+    }
+
     fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
         let compared = |change| Compared::of(name, change);
-        let unjudged = |error: &dyn std::fmt::Display| {
-            let reason = error.to_string().replacen("error: ", "", 1);
-            let reason = reason.lines().next().unwrap_or_default().to_owned();
-            compared(Change::Unjudged { reason })
-        };
         // What can't be called may be untouched all the same.
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |package: &Package| Program::of_items(package, module, &[own]);
-        let linked = (linked(&self.before), linked(&self.after));
-        let mut interface_of_stage = Vec::new();
-        if let (Ok(before), Ok(after)) = &linked {
-            if before.normalized_text() == after.normalized_text() {
-                return compared(Change::Untouched);
+        let (mut host, mut given, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let mut of_stage = [Vec::new(), Vec::new()];
+        match (linked(&self.before), linked(&self.after)) {
+            (Ok(before), Ok(after)) => {
+                if before.normalized_text() == after.normalized_text() {
+                    return compared(Change::Untouched);
+                }
+                of_stage = [before.attributes(own), after.attributes(own)];
+                host = attributes(&of_stage[0], &of_stage[1]);
+                host.extend(sides::overrides(&before, &after));
+                given = self.missing_overrides(&before, &after);
+                others = self.other_overrides(&before, &after);
             }
-            interface_of_stage = attributes(&before.attributes(own), &after.attributes(own));
+            (Err(was), Err(is)) => {
+                let words = |side: &Package| side.words_of(module).map(|(words, _)| words);
+                let reason = first_line(&is.to_string());
+                if first_line(&was.to_string()) == reason
+                    && words(&self.before) == words(&self.after)
+                {
+                    return compared(Change::Untouched);
+                }
+            }
+            _ => {}
         }
+        let own = given.iter().fold(self.clone(), |all, (name, x)| all.set_override(name, *x));
+        let mut one = own.compare_linked(name, stage, &of_stage);
+        if let Change::Changed { paths } = &mut one.change {
+            let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
+            paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
+        }
+        for (name_of, value) in &others {
+            if !matches!(one.change, Change::Same { .. }) || !one.violations.is_empty() {
+                break;
+            }
+            let other = own.clone().set_override(name_of, *value);
+            let other = other.compare_linked(name, stage, &of_stage);
+            if let Change::Changed { mut paths } = other.change {
+                let given = (name_of.clone(), value.to_string());
+                paths.iter_mut().for_each(|path| path.arguments.push(given.clone()));
+                one = Compared { change: Change::Changed { paths }, ..other };
+            }
+        }
+        one.interface.splice(0..0, host);
+        one
+    }
+
+    /// Values for overrides that have none.
+    fn missing_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
+        /// A side of a small texture, a number of samples.
+        const VALUE: f64 = 4.0;
+        let of = |side: &Program| {
+            let all = side.declared_overrides().into_iter().map(|(name, _)| name);
+            let open = all.filter(|name| side.wants_override(name));
+            open.map(|name| (side.override_type(&name), name)).collect::<Vec<_>>()
+        };
+        let all: BTreeMap<String, _> =
+            [before, after].into_iter().flat_map(of).map(|(scalar, name)| (name, scalar)).collect();
+        let open = all.into_iter().filter(|(name, _)| !self.overrides.contains_key(name));
+        let value = |scalar| if scalar == Some(crate::value::Scalar::Bool) { 1.0 } else { VALUE };
+        open.map(|(name, scalar)| (name, value(scalar))).collect()
+    }
+
+    /// Values other than their own for overrides that both sides have, one after the other.
+    fn other_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
+        /// Neither 0 nor 1 nor a usual size, and what every type of number has.
+        const OTHER: f64 = 3.0;
+        let names = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
+        let old: BTreeSet<String> = names(before).collect();
+        let both = names(after).filter(|name| old.contains(name));
+        let open = both.filter(|name| !self.overrides.contains_key(name));
+        let value = |name: String| {
+            let is_bool = after.override_type(&name) == Some(crate::value::Scalar::Bool);
+            let all = if is_bool { [0.0, 1.0].as_slice() } else { &[OTHER] };
+            all.iter().map(move |value| (name.clone(), *value)).collect::<Vec<_>>()
+        };
+        open.flat_map(value).collect()
+    }
+
+    /// The change in what others have left in private variables, in the engine, which sets them.
+    fn in_state(
+        &self,
+        before: &Probed,
+        after: &Probed,
+        attributes: &[Vec<(String, String)>; 2],
+        ran: &mut Ran,
+    ) -> Option<Change> {
+        let with = |side: &Probed| {
+            let state = side.program.with_state();
+            let (program, shown) = state.unwrap_or_else(|| (side.program.clone(), Vec::new()));
+            (Probed { program, ..side.clone() }, shown)
+        };
+        let ((before, _), (after, shown)) = (with(before), with(after));
+        if shown.is_empty() {
+            return None;
+        }
+        let own = Self { paths: vec![Path::CPU], ..self.clone() };
+        let shared = Shared::of(&before, &after, attributes)?;
+        match own.run_both(&before, &after, (ran, shared)) {
+            Ok(Change::Changed { mut paths }) => {
+                paths.iter_mut().for_each(|path| path.arguments.extend(shown.iter().cloned()));
+                Some(Change::Changed { paths })
+            }
+            _ => None,
+        }
+    }
+
+    /// Compares what was edited; attributes are those of both sides.
+    fn compare_linked(
+        &self,
+        name: &str,
+        stage: Option<Stage>,
+        attributes: &[Vec<(String, String)>; 2],
+    ) -> Compared {
+        let compared = |change| Compared::of(name, change);
+        let unjudged = |error: &dyn std::fmt::Display| {
+            compared(Change::Unjudged { reason: first_line(&error.to_string()) })
+        };
         if stage == Some(Stage::Compute) {
-            let compared = self.compare_passes(name);
-            let interface = [interface_of_stage, compared.interface].concat();
-            return Compared { interface, ..compared };
+            return self.compare_passes(name);
         }
-        let probed = |package: &Package| Probed::new(package, name).and_then(made_up::fitted);
+        let ranges = match self.ranges() {
+            Ok(ranges) => ranges,
+            Err(reason) => return unjudged(&reason),
+        };
+        let probed = |package: &Package| {
+            let overrides = ranges.overrides_of(package, name);
+            Probed::with_overrides(package, name, &overrides).and_then(made_up::fitted)
+        };
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
             (Ok(before), Ok(after)) => (before, after),
             (Err(error), Err(_)) => return unjudged(&format!("it was edited, and {error}")),
@@ -328,45 +532,24 @@ impl Request {
             _ => (before, after),
         };
         let location = after.function.span.to_string();
-        let shapes = |function: &Function| {
-            let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
-            (parameters.collect::<Vec<_>>(), function.result.clone(), function.form.taken.clone())
-        };
-        if shapes(&before.function) != shapes(&after.function) {
-            let mut shown = [&before, &after].map(|one| one.function.to_string());
-            // A signature doesn't show the resources that a function writes.
-            if shown[0] == shown[1] {
-                let given = |one: &Probed| {
-                    let all = match &one.function.result {
-                        Shape::Struct { members, .. } => members.as_slice(),
-                        _ => &[],
-                    };
-                    let written = all.iter().skip(one.function.outputs().len());
-                    let written: Vec<String> =
-                        written.map(|(name, shape)| format!("{name}: {shape}")).collect();
-                    let written = match written.is_empty() {
-                        true => "nothing".to_owned(),
-                        false => written.join(", "),
-                    };
-                    format!("{}, and writes {written}", one.function)
-                };
-                shown = [&before, &after].map(given);
-            }
-            let [before, after] = shown;
+        let Some(shared) = Shared::of(&before, &after, attributes) else {
+            let [before, after] = sides::signatures([&before, &after]);
             return Compared { location, ..compared(Change::Signature { before, after }) };
-        }
-        let mut ran = Ran::default();
-        let unseen = |reason: String| {
-            let reason = reason.replacen("error: ", "", 1);
-            let reason = reason.lines().next().unwrap_or_default().to_owned();
-            Change::Unjudged { reason }
         };
-        let mut change = self.run_both(&before, &after, &mut ran).unwrap_or_else(unseen);
-        let mut violations = Vec::new();
+        let mut ran = Ran::default();
+        let unseen = |reason: String| Change::Unjudged { reason: first_line(&reason) };
+        let change = self.run_both(&before, &after, (&mut ran, shared));
+        let mut change = change.unwrap_or_else(unseen);
+        if matches!(change, Change::Same { .. })
+            && let Some(changed) = self.in_state(&before, &after, attributes, &mut ran)
+        {
+            change = changed;
+        }
+        let (mut violations, mut mended) = (Vec::new(), Vec::new());
         if after.function.form.alone && stage == Some(Stage::Fragment) {
             let renamed = renamed(Side::of(&before), Side::of(&after));
-            match self.brought_to_pixels(name, renamed) {
-                Ok(brought) => violations = brought,
+            match self.brought_to_pixels(name, &renamed) {
+                Ok(brought) => (violations, mended) = brought,
                 // A change says more than that pixels can't be run beside each other.
                 Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
                 Err(_) => {}
@@ -380,108 +563,56 @@ impl Request {
             _ => Vec::new(),
         };
         let Ran { drawn, cut, .. } = ran;
-        let interface =
-            [interface_of_stage, interface(Side::of(&before), Side::of(&after))].concat();
-        Compared { location, interface, drawn, cut, violations, uncovered, ..compared(change) }
-    }
-
-    /// Runs both on each path, over each content of buffers.
-    fn run_both(&self, before: &Probed, after: &Probed, ran: &mut Ran) -> Result<Change, String> {
-        let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
-        // A shader may look its corners up: one of 3 is as right as one of 36, and both sides have the same.
-        for (path, builtin) in &after.function.form.builtins {
-            if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
-            {
-                ranges.declare(path, 0.0, LAST_VERTEX)?;
-            }
+        let (old, new) = (Side::of(&before), Side::of(&after));
+        let mut interface = interface(old, new);
+        if stage.is_some() {
+            interface.extend(gained_and_lost(old, new));
         }
-        let literals = before.program.literals().and(&after.program.literals());
-        let ranges = ranges.with_literals(literals);
-        let arguments = Arguments::of(&after.function, &ranges)?;
-        ran.drawn = arguments.drawn();
-        let (count, rows) = arguments.rows(SEED, self.cases);
-        if count == 0 {
-            return Err("no arguments can be made up for it".to_owned());
-        }
-        let mut paths: Vec<PathChange> = Vec::new();
-        let (mut cases, mut left_out) = (0, 0);
-        for variant in 0..VARIANTS {
-            let (all, rows) = arguments.part(&rows, count, variant);
-            // What one of them reads and the other doesn't is made up for the one that reads it.
-            let mut old = Resources::of(before, &ranges, variant)?;
-            let mut new = Resources::of(after, &ranges, variant)?;
-            hold_the_same([&mut old.fixtures, &mut new.fixtures], before, after);
-            ran.drawn.merge(new.drawn);
-            let varies = old.varies || new.varies;
-            let members = new.members;
-            let held = [old.fixtures, new.fixtures];
-            let Bounded { count, rows, simpler } =
-                bounded([before, after], &held, &arguments, (all, &rows));
-            ran.cut += all - count;
-            left_out += all - count;
-            for path in self.paths.iter().filter(|_| count > 0) {
-                let both = || -> Result<_, ProbeError> {
-                    let executor = executor::of(*path)?;
-                    let old = Caller::new(executor, Cow::Borrowed(before), &held[0], count)?;
-                    Ok((old, Caller::new(executor, Cow::Borrowed(after), &held[1], count)?))
-                };
-                let (old, new) = both().map_err(|error| error.to_string())?;
-                let mut tried = (count, Cow::Borrowed(&*rows));
-                let inputs = (&*rows, count, simpler);
-                let change = match changed(&old, &new, &arguments, inputs) {
-                    // A loop that counts to a large number ends, but not here. One that ended before the edit is
-                    // another thing.
-                    Err(ProbeError::Rounds { .. }) => {
-                        if old.results(&rows, count).is_ok() {
-                            return Err("after the edit a loop of it doesn't end".to_owned());
-                        }
-                        let few = arguments.few(&rows);
-                        tried = (few.len() / (rows.len() / count).max(1), Cow::Owned(few));
-                        ran.cut += count - tried.0;
-                        changed(&old, &new, &arguments, (&tried.1, tried.0, simpler))
-                    }
-                    other => other,
-                };
-                cases += tried.0;
-                let Some(mut change) = change.map_err(|error| error.to_string())? else {
-                    ran.reached.add_calls([before, after], &held, (tried.0, &tried.1));
-                    continue;
-                };
-                change.arguments.extend_from_slice(&members);
-                match paths.iter_mut().find(|known| known.path == change.path) {
-                    Some(known) => known.add(change),
-                    None => paths.push(change),
-                }
-            }
-            if !varies {
-                break;
-            }
-        }
-        let each = cases / self.paths.len().max(1);
-        if each == 0 {
-            return Err("each of its inputs makes a loop count too far".to_owned());
-        }
-        if paths.is_empty() && each < LEAST && left_out > 0 {
-            let inputs = counted(each, "input");
-            return Err(format!(
-                "not looked at whole: {inputs} of {} give the same results, and more is too much work",
-                each + left_out
-            ));
-        }
-        paths.iter_mut().for_each(|path| path.cases.1 = each);
-        Ok(match paths.is_empty() {
-            true => Change::Same { cases: each },
-            false => Change::Changed { paths },
-        })
+        let change = compared(change);
+        Compared { location, interface, drawn, cut, violations, mended, uncovered, ..change }
     }
 }
 
-/// The inputs that a comparison ran over.
-#[derive(Default)]
-struct Ran {
-    drawn: Drawn,
-    cut: usize,
-    reached: Both,
+/// What there is of a name on both sides of an edit.
+#[derive(Debug)]
+enum Pair {
+    /// A function with its stage, on either side.
+    There(Option<Option<Stage>>, Option<Option<Stage>>),
+    /// The same with some features on, which the edit needs to be live.
+    Under(Vec<String>, Option<Option<Stage>>, Option<Option<Stage>>),
+    /// A module that can't be read, with the reason on either side.
+    Broken(Option<String>, Option<String>),
+    /// A module whose edit no features that were tried make live.
+    Hidden,
+}
+
+/// A package with some features on.
+fn featured(package: &Package, features: &[String]) -> Package {
+    features.iter().fold(package.clone(), |package, name| package.feature(name, true))
+}
+
+/// Sets of features, the smaller ones first: none, each, two of them, and all. Of many the pairs are left out.
+fn subsets(all: &[String]) -> Vec<Vec<String>> {
+    /// Features of which each pair is tried.
+    const PAIRED: usize = 8;
+    let each = all.iter().map(|one| vec![one.clone()]);
+    let mut sets: Vec<Vec<String>> = std::iter::once(Vec::new()).chain(each).collect();
+    if all.len() <= PAIRED {
+        let of = |(at, one): (usize, &String)| {
+            all[at + 1..].iter().map(|other| vec![one.clone(), other.clone()]).collect::<Vec<_>>()
+        };
+        sets.extend(all.iter().enumerate().flat_map(of));
+    }
+    if all.len() > 2 {
+        sets.push(all.to_vec());
+    }
+    sets
+}
+
+/// The first line of an error, without the word.
+fn first_line(error: &str) -> String {
+    let reason = error.replacen("error: ", "", 1);
+    reason.lines().next().unwrap_or_default().to_owned()
 }
 
 /// The coverage of both sides of an edit.
@@ -494,15 +625,20 @@ struct Both {
 
 impl Both {
     /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
-    fn add_calls(&mut self, sides: [&Probed; 2], fixtures: &[Fixtures; 2], rows: (usize, &[u32])) {
-        for ((reach, side), fixtures) in self.sides.iter_mut().zip(sides).zip(fixtures) {
-            let _ = reach.add_calls(side, fixtures, rows);
+    fn add_calls(
+        &mut self,
+        sides: [&Probed; 2],
+        fixtures: &[Fixtures; 2],
+        (count, rows): (usize, [Cow<'_, [u32]>; 2]),
+    ) {
+        for (at, reach) in self.sides.iter_mut().enumerate() {
+            let _ = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
         }
         let [before, after] = &self.sides;
         if self.strays || after.outside_beside(before).is_empty() {
             return;
         }
-        let strays = |side: usize| of_outside(sides[side], &fixtures[side], rows);
+        let strays = |side: usize| of_outside(sides[side], &fixtures[side], (count, &rows[side]));
         if let (Ok(before), Ok(after)) = (strays(0), strays(1)) {
             self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
         }
@@ -533,338 +669,25 @@ impl Both {
     }
 }
 
-/// A function or an entry point on one side of an edit, with its resources.
-#[derive(Clone, Copy)]
-struct Side<'s> {
-    program: &'s Program,
-    bindings: &'s [Binding],
-}
-
-impl<'s> Side<'s> {
-    fn of(probed: &'s Probed) -> Self {
-        Self { program: &probed.program, bindings: &probed.function.bindings }
-    }
-
-    /// True if a resource lies in memory as another side's does.
-    fn has_layout(self, binding: &Binding, other: Self, is: &Binding) -> bool {
-        let layout = |side: Self, binding: &Binding| {
-            let lanes = side.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
-            (lanes, side.program.least_bytes(binding), side.program.places(binding))
-        };
-        layout(self, binding) == layout(other, is)
-    }
-}
-
-/// The resource before an edit: that of the same name, or one that isn't there any more and was bound where
-/// this one is.
-fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
-    let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
-    let place = |one: &Binding| (one.group, one.binding, one.kind);
-    let olds = before.bindings;
-    olds.iter()
-        .find(|old| old.path == new.path)
-        .or_else(|| olds.iter().find(|old| place(old) == place(new) && is_gone(old)))
-}
-
-/// Resources that have another name after an edit and the same layout: their paths before it and after it.
-fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
-    let of = |is: &Binding| {
-        let was = was(before, after, is).filter(|was| was.path != is.path)?;
-        before.has_layout(was, after, is).then(|| (was.path.clone(), is.path.clone()))
-    };
-    after.bindings.iter().filter_map(of).collect()
-}
-
-/// A resource with another name, or with other names of its members, holds the same: contents come from names. One that is
-/// written on one side is as long as that side's on both.
-fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
-    let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
-    let mut named = renamed(Side::of(before), Side::of(after));
-    named.extend(with_renamed_members(before, after));
-    for (was, is) in named {
-        if let (Some(from), Some(to)) = (of(new, &is), of(old, &was)) {
-            old[to].1 = new[from].1.clone();
-        }
-    }
-    let written = |side: &Probed, path: &str| {
-        let mut bindings = side.function.bindings.iter();
-        bindings.any(|one| one.path == path && one.kind.is_written())
-    };
-    for (path, was) in old {
-        let Some(at) = of(new, path) else { continue };
-        match (written(before, path), written(after, path)) {
-            (true, false) => new[at].1 = was.clone(),
-            (false, true) => *was = new[at].1.clone(),
-            _ => {}
-        }
-    }
-}
-
-/// Buffers of one name whose members have other names, and the same types at the same places.
-fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)> {
-    fn names(shape: &Shape, all: &mut BTreeSet<String>) {
-        match shape {
-            Shape::Struct { members, .. } => members.iter().for_each(|(name, member)| {
-                all.insert(name.clone());
-                names(member, all);
-            }),
-            Shape::Array { element, .. } => names(element, all),
-            _ => {}
-        }
-    }
-    let of = |side: &Probed, binding: &Binding| {
-        let shape = side.program.buffer_of(binding, 1)?;
-        let mut all = BTreeSet::new();
-        names(&shape, &mut all);
-        Some((shape.lanes(), all, side.program.least_bytes(binding)))
-    };
-    let is_renamed = |new: &&Binding| {
-        let mut bindings = before.function.bindings.iter();
-        let old = bindings.find(|old| old.path == new.path);
-        old.and_then(|old| Some((of(before, old)?, of(after, new)?)))
-            .is_some_and(|(old, new)| (&old.0, old.2) == (&new.0, new.2) && old.1 != new.1)
-    };
-    let all = after.function.bindings.iter().filter(is_renamed);
-    all.map(|one| (one.path.clone(), one.path.clone())).collect()
-}
-
-/// How the host has to connect an entry point in another way: attributes of its inputs and outputs.
-fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
-    let of = |(path, is): &(String, String)| {
-        let (_, was) = before.iter().find(|(known, _)| known == path)?;
-        (was != is).then(|| format!("`{path}` is {is}, and was {was}"))
-    };
-    after.iter().filter_map(of).collect()
-}
-
-/// How the host has to supply resources in another way after an edit: bindings and places of members.
-fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
-    let mut all = Vec::new();
-    for new in after.bindings {
-        let Some(old) = was(before, after, new) else { continue };
-        let name = new.name();
-        let at =
-            |binding: &Binding| format!("@group({}) @binding({})", binding.group, binding.binding);
-        if (old.group, old.binding) != (new.group, new.binding) {
-            all.push(format!("`{name}` is bound at {}, and was at {}", at(new), at(old)));
-        }
-        if old.kind != new.kind {
-            let [was, is] = [old, new].map(|binding| binding.kind.to_string());
-            let access = |one: &Binding| if one.kind.is_written() { "read_write" } else { "read" };
-            all.push(match was == is {
-                true => format!("`{name}` is {}, and was {}", access(new), access(old)),
-                false => format!("`{name}` is a {is}, and was a {was}"),
-            });
-        }
-        let bytes = |side: Side<'_>, binding: &Binding| side.program.least_bytes(binding);
-        if bytes(before, old) != bytes(after, new) {
-            let (was, is) = (bytes(before, old), bytes(after, new));
-            all.push(format!("`{name}` takes {is} bytes, and took {was}"));
-        }
-        let (was, is) = (before.program.places(old), after.program.places(new));
-        let moved = is.iter().find_map(|(path, place)| {
-            let (_, old) = was.iter().find(|(known, _)| known == path)?;
-            (old != place).then(|| format!("`{name}{path}` lies at byte {place}, and was at {old}"))
-        });
-        all.extend(moved);
-    }
-    all
-}
-
 impl PathChange {
-    /// Adds what the same edit did over other contents of buffers. The larger change is the one that is shown;
-    /// between a number and NaN there is no larger one.
+    /// Adds what the same edit did over other contents of buffers. What shows it better is the one that is shown.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
-        let larger = |ulp: Option<u64>| ulp.unwrap_or(u64::MAX);
-        let less = match larger(other.ulp) > larger(self.ulp) {
+        let shows = |one: &Self| (one.clarity, one.ulp.unwrap_or(u64::MAX));
+        let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
+        let less = match shows(&other) > shows(self) {
             true => std::mem::replace(self, other),
             false => other,
         };
         self.cases.0 = cases;
+        self.ulp = ulp.map(|(one, other)| one.max(other));
+        self.relative = relative.map(|(one, other)| one.max(other));
         // Other contents may show another resource.
         for one in less.words {
             if self.words.iter().all(|known| known.resource != one.resource) {
                 self.words.push(one);
             }
         }
-    }
-}
-
-/// Inputs that fit into the work of a function over one content of its resources.
-struct Bounded {
-    count: usize,
-    rows: Vec<u32>,
-    /// How many more there may be to make one simpler.
-    simpler: usize,
-}
-
-/// Bounds the work of a function: by what a few inputs evaluate, so that the same are left out on every machine. Where a loop
-/// counts too far for those before the edit, the inputs with small numbers remain; if it does so for those as well, none.
-fn bounded(
-    sides: [&Probed; 2],
-    held: &[Fixtures; 2],
-    arguments: &Arguments,
-    (count, rows): (usize, &[u32]),
-) -> Bounded {
-    let sample = |count: usize, rows: &[u32]| {
-        let each = count.div_ceil(SAMPLE).max(1);
-        arguments.select(rows, count, |at| at % each == 0)
-    };
-    let mut own = (count, Cow::Borrowed(rows));
-    for _ in 0..2 {
-        let (some, few) = sample(own.0, &own.1);
-        let cost = |side: usize| evaluations(sides[side], &held[side], (some, &few));
-        match [cost(0), cost(1)] {
-            [Ok(Some(before)), Ok(Some(after))] => {
-                let fit = usize::try_from(WORK / before.max(after).max(1)).unwrap_or(usize::MAX);
-                let each = own.0.div_ceil(fit.max(SAMPLE)).max(1);
-                let (count, rows) = arguments.select(&own.1, own.0, |at| at % each == 0);
-                return Bounded { count, rows, simpler: fit };
-            }
-            // After the edit it may not end, which these show.
-            [Ok(Some(_)), Ok(None)] => {
-                return Bounded { count: some, rows: few, simpler: 0 };
-            }
-            [Ok(None), _] => {
-                let few = arguments.few(&own.1);
-                own = (few.len().checked_div(arguments.width()).unwrap_or(0), Cow::Owned(few));
-            }
-            // Other paths may run what the engine doesn't.
-            _ => return Bounded { count: own.0, rows: own.1.into_owned(), simpler: usize::MAX },
-        }
-    }
-    Bounded { count: 0, rows: Vec::new(), simpler: 0 }
-}
-
-/// How results differ on a path; `None` if they don't.
-fn changed(
-    old: &Caller<'_>,
-    new: &Caller<'_>,
-    drawn: &Arguments,
-    (rows, count, simpler): (&[u32], usize, usize),
-) -> Result<Option<PathChange>, ProbeError> {
-    let function = &new.probed.function;
-    let scalars = function.result.lanes();
-    let (was, is) = (old.results(rows, count)?, new.results(rows, count)?);
-    let width = rows.len() / count.max(1);
-    let by = |was: &[u32], is: &[u32]| -> Option<Distance> {
-        let lanes = scalars.iter().zip(was.iter().zip(is));
-        lanes.filter_map(|(scalar, (was, is))| distance(*scalar, *was, *is)).max()
-    };
-    let pairs = || was.chunks_exact(scalars.len()).zip(is.chunks_exact(scalars.len())).enumerate();
-    // Of equal distances the first: edges come first, and are the simplest.
-    let far = |(case, (was, is)): (usize, _)| Some((by(was, is)?, std::cmp::Reverse(case)));
-    let Some((farthest, std::cmp::Reverse(first))) = pairs().filter_map(far).max() else {
-        return Ok(None);
-    };
-    let total = pairs().filter(|(_, (was, is))| by(was, is).is_some()).count();
-    let (mut ulp, mut relative) = (Some(0), Some(0.0_f64));
-    for (_, (was, is)) in pairs() {
-        for ((scalar, was), is) in scalars.iter().zip(was).zip(is) {
-            let Some(distance) = distance(*scalar, *was, *is) else { continue };
-            let (a, b) = (f64::from(f32::from_bits(*was)), f64::from(f32::from_bits(*is)));
-            let share = Some((b - a).abs() / a.abs());
-            let share = share.filter(|share| share.is_finite() && scalar.is_float());
-            ulp = ulp.zip(distance.ulp()).map(|(most, own)| most.max(own));
-            relative = relative.zip(share).map(|(most, own)| most.max(own));
-        }
-    }
-    let mut row = rows[first * width..][..width].to_vec();
-    let mut left = simpler;
-    for _ in 0..ROUNDS {
-        let simpler = drawn.domain.shrink(&row);
-        let all = simpler.concat();
-        if simpler.is_empty() || width == 0 || simpler.len() > left {
-            break;
-        }
-        left -= simpler.len();
-        let (was, is) = (old.results(&all, simpler.len())?, new.results(&all, simpler.len())?);
-        let mut pairs = was.chunks_exact(scalars.len()).zip(is.chunks_exact(scalars.len()));
-        let as_far =
-            |(was, is): (&[u32], &[u32])| by(was, is).is_some_and(|own| own.is_like(farthest));
-        match pairs.position(as_far) {
-            Some(at) => row.clone_from(&simpler[at]),
-            None => break,
-        }
-    }
-    let (was, is) = (old.results(&row, 1)?, new.results(&row, 1)?);
-    Ok(Some(PathChange {
-        path: old.path.to_string(),
-        cases: (total, count),
-        ulp,
-        relative,
-        arguments: arguments(function, &row),
-        before: told(&function.result, &was, (&was, &is)),
-        after: told(&function.result, &is, (&was, &is)),
-        words: Vec::new(),
-    }))
-}
-
-/// Components of a result that are shown whole; of more, such as a buffer, only those that changed.
-const WHOLE: usize = 16;
-
-/// A result as it is shown.
-fn told(shape: &Shape, own: &[u32], (was, is): (&[u32], &[u32])) -> String {
-    let scalars = shape.lanes();
-    if scalars.len() <= WHOLE {
-        return shape.format(own);
-    }
-    let names = shape.lane_names();
-    let differs = |lane: &usize| distance(scalars[*lane], was[*lane], is[*lane]).is_some();
-    let changed: Vec<usize> = (0..scalars.len()).filter(differs).collect();
-    let one = |lane: &usize| {
-        format!(
-            "{} = {}",
-            names[*lane].trim_start_matches('.'),
-            format_lane(scalars[*lane], own[*lane])
-        )
-    };
-    let shown = changed.iter().take(4).map(one).collect::<Vec<_>>().join(", ");
-    match changed.len().saturating_sub(4) {
-        0 => shown,
-        more => format!("{shown} and {more} more of {}", scalars.len()),
-    }
-}
-
-/// How far two results are from each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Distance {
-    /// Of integers and booleans, which are equal or not.
-    Other,
-    /// In `f32` steps.
-    Ulp(u64),
-    /// Between a number and NaN.
-    Nan,
-}
-
-impl Distance {
-    fn ulp(self) -> Option<u64> {
-        if let Self::Ulp(steps) = self { Some(steps) } else { None }
-    }
-
-    /// Whether it shows what a larger one shows: it has half of its binary digits.
-    fn is_like(self, farthest: Self) -> bool {
-        match (self, farthest) {
-            (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
-            (own, most) => own == most,
-        }
-    }
-}
-
-/// `None` if two words are one value: bit by bit, but for NaN.
-fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
-    if was == is {
-        return None;
-    }
-    if !scalar.is_float() {
-        return Some(Distance::Other);
-    }
-    let (a, b) = (f32::from_bits(was), f32::from_bits(is));
-    match (a.is_nan(), b.is_nan()) {
-        (true, true) => None,
-        (false, false) => Some(ulp_distance(a, b).map_or(Distance::Nan, Distance::Ulp)),
-        _ => Some(Distance::Nan),
     }
 }
 
@@ -1014,39 +837,6 @@ mod tests {
         }
     }
 
-    /// All NaNs are one value, and no number is near to them.
-    #[test]
-    fn words_are_as_far_as_their_values() {
-        let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
-        let nan = f32::from_bits(f32::NAN.to_bits() ^ 5);
-        assert_eq!([far(1.0, 1.0), far(f32::NAN, nan)], [None; 2]);
-        assert_eq!([far(1.0, nan), far(nan, 1.0)], [Some(Distance::Nan); 2]);
-        assert_eq!(far(1.0, 1.0_f32.next_up()), Some(Distance::Ulp(1)));
-        assert_eq!(distance(Scalar::U32, 0x7fc0_0000, 0x7fc0_0001), Some(Distance::Other));
-        let like = |own: Distance, most: Distance| own.is_like(most);
-        assert!(
-            like(Distance::Ulp(10), Distance::Ulp(100))
-                && !like(Distance::Ulp(9), Distance::Ulp(100))
-        );
-        assert!(like(Distance::Nan, Distance::Nan) && !like(Distance::Ulp(9), Distance::Nan));
-    }
-
-    /// Of many components the first four that changed are shown, and the others are counted.
-    #[test]
-    fn the_first_components_that_changed_are_shown() {
-        let of = |changed: u32, length: u32| {
-            let element = Box::new(Shape::Scalar(Scalar::U32));
-            let was = vec![0; length as usize];
-            let is: Vec<u32> =
-                (0..length).map(|at| if at < changed { at + 1 } else { 0 }).collect();
-            told(&Shape::Array { element, length }, &is, (&was, &is))
-        };
-        assert_eq!(of(1, 17), "[0] = 1");
-        assert_eq!(of(4, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4");
-        assert_eq!(of(5, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4 and 1 more of 17");
-        assert!(of(1, 16).contains("1, 0, 0"), "fewer are shown whole: {}", of(1, 16));
-    }
-
     /// Over several contents the largest change is shown, each resource has its first word, and cases add up.
     #[test]
     fn changes_over_several_contents_add_up() {
@@ -1058,7 +848,9 @@ mod tests {
             };
             let (path, before, after) = ("cpu".to_owned(), word.before.clone(), after.to_owned());
             let (cases, relative, arguments) = ((2, 9), None, Vec::new());
-            PathChange { path, cases, ulp, relative, arguments, before, after, words: vec![word] }
+            let clarity = Clarity::Plain;
+            let words = vec![word];
+            PathChange { path, cases, ulp, relative, arguments, before, after, clarity, words }
         };
         let mut sum = change(Some(3), "a", "1");
         for (ulp, resource, after, shown) in [
@@ -1378,5 +1170,236 @@ mod tests {
         for (name, change) in &all {
             assert!(matches!(change, Change::Changed { .. }), "{name}: {change:?}");
         }
+    }
+
+    /// A parameter is signed for a reason, whatever it is called, and a colour may be above 1.
+    #[test]
+    fn no_name_narrows_what_is_compared() {
+        for (text, from, to) in [
+            (
+                "fn f(i: i32, n: i32) -> i32 { return ((i % n) + n) % n; }",
+                "((i % n) + n) % n",
+                "i % n",
+            ),
+            ("fn f(index: i32) -> i32 { return abs(index); }", "abs(index)", "index"),
+            (
+                "fn f(color: vec3f) -> vec3f { return min(color, vec3f(1.5)); }",
+                "min(color, vec3f(1.5))",
+                "color",
+            ),
+            (
+                "fn f(normal: vec3f) -> vec3f { return normalize(normal); }",
+                "normalize(normal)",
+                "normal",
+            ),
+            ("fn f(a: f32, b: f32) -> f32 { return select(1.0, 2.0, a > b); }", "a > b", "a >= b"),
+            (
+                "struct P { albedo: f32 } @group(0) @binding(0) var<uniform> p: P;
+                fn f(x: f32) -> f32 { return max(p.albedo, 0.0); }",
+                "max(p.albedo, 0.0)",
+                "p.albedo",
+            ),
+        ] {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
+        }
+    }
+
+    /// Text under a condition is compared under the fewest features that make it live.
+    #[test]
+    fn edits_under_a_condition_are_compared_under_it() {
+        let text = "@if(A) fn f(x: f32) -> f32 { return x; }
+            fn g(x: f32) -> f32 {
+                @if(B && C) { return 2.0 * x; }
+                return x;
+            }
+            fn h(x: f32) -> f32 { return x; }";
+        let under = |from: &str, to: &str| {
+            let [before, after] =
+                [text, &text.replace(from, to)].map(|text| Package::from_source("p", text));
+            let all = Request::new(before, after).run().expect("they read");
+            let of = |one: &Compared| (one.function.clone(), one.under.join(" "));
+            let changed = all.iter().filter(|one| matches!(one.change, Change::Changed { .. }));
+            let changed: Vec<_> = changed.map(of).collect();
+            let rest = all.iter().filter(|one| matches!(one.change, Change::Untouched)).count();
+            (changed, rest)
+        };
+        let of = |name: &str, features: &str| (name.to_owned(), features.to_owned());
+        assert_eq!(
+            under(
+                "{ return x; }\
+            fn g",
+                "{ return 3.0 * x; }\
+            fn g"
+            ),
+            (vec![], 2)
+        );
+        assert_eq!(
+            under(
+                "-> f32 { return x; }\
+            fn g",
+                ""
+            ),
+            (vec![], 2)
+        );
+        assert_eq!(
+            under("f(x: f32) -> f32 { return x", "f(x: f32) -> f32 { return 3.0 * x"),
+            (vec![of("f", "A")], 2)
+        );
+        assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
+        // An edit that no feature makes live isn't silent.
+        let never = "@if(A && !A) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
+        let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
+            .map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        let hidden = all.iter().find(|one| one.function == "p").expect("the module is told");
+        assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
+    }
+
+    /// Entry points are matched by attributes; what hosts name or supply is told.
+    #[test]
+    fn entry_points_are_compared_by_their_attributes() {
+        let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
+            @fragment fn fs(i: I) -> @location(0) vec4f { return vec4f(i.uv, i.n.x, 1.0); }";
+        let plain = "@fragment fn fs(@location(1) n: vec3f, @location(0) coord: vec2f) -> @location(0) vec4f {
+            return vec4f(coord, n.x, 1.0);
+        }";
+        let one = compared(text, plain);
+        assert!(matches!(one.change, Change::Same { .. }) && one.interface.is_empty(), "{one:?}");
+        let one = compared(text, &plain.replace("n.x", "n.y"));
+        assert!(
+            matches!(one.change, Change::Changed { .. }) && one.interface.is_empty(),
+            "{one:?}"
+        );
+        let more = text.replace("n: vec3f }", "n: vec3f, @location(2) k: f32 }");
+        assert_eq!(compared(text, &more).interface, ["`i.k`, @location(2), is new"]);
+        assert_eq!(compared(&more, text).interface, ["`i.k`, @location(2), is gone"]);
+        let other = compared(text, &text.replace("n: vec3f }", "n: vec4f }"));
+        assert!(matches!(other.change, Change::Signature { .. }), "{other:?}");
+        let vs = "@vertex fn vs(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }";
+        let one = compared(vs, &vs.replace("@builtin", "@invariant @builtin"));
+        assert_eq!(one.interface.len(), 1, "{one:?}");
+        let bound = format!("@group(0) @binding(3) var<uniform> q: f32;\n{text}");
+        let uses = bound.replace("i.n.x", "i.n.x + 0.0 * q");
+        assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
+        let lost = compared(&uses, &bound).interface;
+        assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+    }
+
+    /// Overrides are told as hosts see them, and have other values than their own; those without one get one.
+    #[test]
+    fn overrides_are_compared() {
+        let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
+        let told = |from: &str, to: &str| compared(text, &text.replace(from, to)).interface;
+        assert_eq!(
+            told("@id(3)", "@id(4)"),
+            ["the override `A` is @id(4) f32 = 1.0, and was @id(3) f32 = 1.0"]
+        );
+        assert_eq!(told("= 1.0", "= 2.0").len(), 1);
+        assert_eq!(told("@id(3) override", "const").len(), 1, "it is gone");
+        let renamed = text.replace("A:", "B:").replace("A *", "B *");
+        assert_eq!(compared(text, &renamed).interface.len(), 2);
+        for text in [text, &text.replace(" = 1.0", "")] {
+            let one = compared(text, &text.replace("A * x", "A * A * x"));
+            let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+            assert!(paths[0].arguments.iter().any(|(name, _)| name == "A"), "{paths:?}");
+        }
+        let given = text.replace("A * x", "select(x, 2.0 * x, A == 7.0)");
+        let [before, after] =
+            [&given, &given.replace("2.0", "3.0")].map(|text| Package::from_source("p", text));
+        let request = Request::new(before, after);
+        let all = request.clone().run().expect("they read");
+        assert!(!matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+        assert!(
+            request.has_override("A") && request.has_override("3") && !request.has_override("B")
+        );
+        let all = request.set_override("A", 7.0).run().expect("they read");
+        assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+    }
+
+    /// A module that can't be read leaves the others their verdicts.
+    #[test]
+    fn a_broken_module_is_told_and_the_others_are_compared() {
+        let package =
+            |bad: &str, good: &str| Package::from_modules("p", [("bad", bad), ("good", good)]);
+        let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
+        let edited = good.replace("return x", "return 2.0 * x");
+        for (old, new, side) in [
+            (bad, bad, "on both sides: "),
+            (bad, "fn f() {}", "before: "),
+            ("fn f() {}", bad, "after: "),
+        ] {
+            let all = Request::new(package(old, good), package(new, &edited))
+                .run()
+                .expect("they are there");
+            let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
+            assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
+            assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
+        }
+        // What can't be linked, and is as it was, is no edit.
+        let lacks = "fn f() -> f32 { return missing(); }";
+        let all =
+            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("they read");
+        assert_eq!(all[0].change, Change::Untouched, "{all:?}");
+    }
+
+    /// What others have left in private variables is an input.
+    #[test]
+    fn private_state_is_an_input() {
+        let text = "var<private> state: vec2u;
+            fn next() -> f32 { return f32(state.x % 1000u) * sin(f32(state.y)); }";
+        let one = compared(text, &text.replace("sin", "tan"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        assert!(
+            paths[0]
+                .arguments
+                .iter()
+                .any(|(name, value)| name == "state" && value.starts_with('(')),
+            "{paths:?}"
+        );
+        assert!(matches!(
+            compared(text, &text.replace("1000u", "1000u * 1u")).change,
+            Change::Same { .. }
+        ));
+    }
+
+    /// A pixel that is discarded comes to nothing behind the statement that anybody sees.
+    #[test]
+    fn lines_behind_a_discard_are_not_reached() {
+        let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
+            @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
+                cut(x);
+                let y = 2.0 * x;
+                return vec4f(y);
+            }";
+        let one = compared(text, &text.replace("2.0 *", "3.0 *"));
+        let lines: Vec<&str> = one.uncovered.iter().map(|line| line.text.as_str()).collect();
+        assert_eq!(lines, ["let y = 3.0 * x;", "let y = 2.0 * x;"], "{one:?}");
+        let some = text.replace(">= 0.0", ">= 4.0");
+        let same = compared(&some, &some.replace("2.0 * x", "x * 2.0"));
+        assert!(
+            matches!(same.change, Change::Same { .. }) && same.uncovered.is_empty(),
+            "{same:?}"
+        );
+    }
+
+    /// Plain numbers are shown, and no input that changes nothing.
+    #[test]
+    fn the_evidence_is_what_people_would_look_at() {
+        let text = "struct P { scale: f32, unused: f32 }
+            @group(0) @binding(0) var<uniform> p: P;
+            fn f(roughness: f32, k: f32, other: f32) -> f32 { return p.scale * roughness / k + 0.0 * p.unused; }";
+        let one = compared(text, &text.replace("roughness / k", "roughness * roughness / k"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        let names: Vec<&str> = paths[0].arguments.iter().map(|(name, _)| name.as_str()).collect();
+        assert!(!names.contains(&"other"), "{paths:?}");
+        let shown = |text: &str| text.parse::<f32>().expect("a number");
+        assert!(
+            shown(&paths[0].before).is_finite() && shown(&paths[0].after).is_finite(),
+            "{paths:?}"
+        );
+        let value =
+            paths[0].arguments.iter().find(|(name, _)| name == "roughness").expect("it matters");
+        assert!((0.0..=1.0).contains(&shown(&value.1)), "within what its name says: {paths:?}");
     }
 }

@@ -40,6 +40,10 @@ pub struct Ranges {
     extents: Option<Extents>,
     /// True if the range that a name means counts as declared.
     named: bool,
+    /// True if no name says anything: what isn't declared is any number of its type.
+    nameless: bool,
+    /// True if numbers of buffers are below 0 where nothing says what they are.
+    negative: bool,
     /// The numbers of the text, if inputs are tried there.
     #[cfg(feature = "engine")]
     literals: Option<Literals>,
@@ -77,6 +81,20 @@ impl Ranges {
     #[must_use]
     pub(crate) fn with_names(&self) -> Self {
         Self { named: true, ..self.clone() }
+    }
+
+    /// The same, where no name says anything.
+    #[cfg(feature = "engine")]
+    #[must_use]
+    pub(crate) fn without_names(&self) -> Self {
+        Self { nameless: true, ..self.clone() }
+    }
+
+    /// The same, where numbers of buffers are below 0 if nothing says what they are.
+    #[cfg(feature = "engine")]
+    #[must_use]
+    pub(crate) fn negative(&self) -> Self {
+        Self { negative: true, ..self.clone() }
     }
 
     /// The same for a text that compares with some numbers: inputs are tried there, too.
@@ -250,6 +268,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     let declared = ranges.get(path);
     let meaning = match declared {
         Some((least, most)) => Meaning::Range(least, most),
+        None if ranges.nameless => Meaning::Any,
         None => Meaning::of(own, shape),
     };
     let builtin = ranges.builtin(path);
@@ -273,6 +292,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
             .collect());
     }
     if let (Meaning::Any, Shape::Matrix { columns, rows, .. }) = (meaning, shape)
+        && !ranges.nameless
         && meaning::is_transform(own)
         && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
     {
@@ -351,6 +371,30 @@ impl Arguments {
         let mut rows = Vec::new();
         let count = self.domain.rows(&numbering, 0..numbering.count, &mut rows);
         (usize::try_from(count).unwrap_or_default(), rows)
+    }
+
+    /// Rows as [`rows`](Self::rows) gives, and behind them a quarter as many of `others`, to which names say nothing. In every
+    /// other one of these two inputs of one type are equal.
+    #[cfg(feature = "engine")]
+    pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
+        /// One row in so many.
+        const SHARE: usize = 4;
+        let (count, mut rows) = self.rows(seed, cases - cases / SHARE);
+        let (more, mut of_others) = others.rows(seed, (cases - count).min(cases / SHARE));
+        let lanes: Vec<Option<Scalar>> =
+            self.lanes().map(|(one, scalar)| Some(scalar).filter(|_| !one.declared)).collect();
+        let pairs: Vec<(usize, usize)> = (0..lanes.len())
+            .flat_map(|to| (0..to).map(move |from| (from, to)))
+            .filter(|(from, to)| lanes[*from].is_some() && lanes[*from] == lanes[*to])
+            .collect();
+        let width = self.width().max(1);
+        for (at, row) in of_others.chunks_exact_mut(width).enumerate().skip(1).step_by(2) {
+            if let Some((from, to)) = pairs.get(at / 2 % pairs.len().max(1)) {
+                row[*to] = row[*from];
+            }
+        }
+        rows.extend(of_others);
+        (count + more, rows)
     }
 
     /// The rows that meet a variant of the resources: all of them meet the first, a part each other one.
@@ -650,6 +694,21 @@ impl Drawn {
         for (key, names) in other.by {
             self.by.entry(key).or_default().extend(names);
         }
+    }
+
+    /// The same, where a quarter of what is drawn is what `others` draw.
+    #[cfg(feature = "engine")]
+    pub(crate) fn beside(self, others: &Self) -> Self {
+        let mut all = Self::default();
+        for (key, names) in self.by {
+            for name in names {
+                let is_known = others.by.get(&key).is_some_and(|known| known.contains(&name));
+                let wider = || format!("{key}, a quarter of them anywhere");
+                let key = if is_known { key.clone() } else { wider() };
+                all.by.entry(key).or_default().insert(name);
+            }
+        }
+        all
     }
 
     /// All names, with their paths.

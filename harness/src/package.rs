@@ -63,6 +63,8 @@ pub(crate) use manifest::KnownRows;
 pub(crate) use manifest::{AcceptedHazard, Hazards as DeclaredHazards};
 pub(crate) use plain::plain;
 pub(crate) use portable::Portable;
+#[cfg(feature = "engine")]
+pub(crate) use splice::DISCARDED;
 
 use cargo::Found;
 use library::ModulePath;
@@ -566,6 +568,17 @@ impl Package {
             Some((name, _)) => Err(self.twice("dependencies", name)),
             None => Ok(()),
         }
+    }
+
+    /// The words of a module's own file, and the features that its conditions ask about and that aren't set.
+    #[cfg(feature = "engine")]
+    pub(crate) fn words_of(&self, module: &str) -> Option<(Vec<String>, Vec<String>)> {
+        let (overlay, manifest) = (Overlay::of(self).ok()?, manifest::Manifest::of(self).ok()?);
+        let file = self.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?;
+        let words = texts(&file.text).into_iter().map(str::to_owned).collect();
+        let is_set = |name: &String| self.features.iter().any(|(known, _)| known == name);
+        let open = directives::asked(&file.text).into_iter().filter(|name| !is_set(name));
+        Some((words, open.collect()))
     }
 
     /// The file of a module, if it is one that can be read.

@@ -33,6 +33,8 @@ mod pipelines;
 mod resource;
 mod rounds;
 mod signature;
+#[cfg(feature = "engine")]
+mod state;
 mod subgroups;
 mod validation;
 

@@ -1,16 +1,16 @@
 //! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
-use super::{
-    Both, Change, Compared, PathChange, Request, Side, WordChange, distance, interface, renamed,
-};
+use super::sides::{gained_and_lost, interface, renamed};
+use super::values::{Clarity, Largest, clarity};
+use super::{Both, Change, Compared, PathChange, Request, Side, WordChange, first_line};
 use crate::dispatch::{Examined, Passes, Usual, Violation, ViolationKind};
 use crate::executor;
 use crate::fixture::Fixtures;
 use crate::interpret::{OrderOf, Runner, examine_made_up, in_order_of};
-use crate::made_up::{Extents, Ranges};
+use crate::made_up::Extents;
 use crate::package::Package;
 use crate::path::Path;
-use crate::reflect::{Overrides, Program};
+use crate::reflect::Program;
 use crate::value::{Shape, format_lane};
 
 impl Request {
@@ -20,25 +20,24 @@ impl Request {
         match self.run_passes(name, &mut compared) {
             Ok(change) => Compared { change, ..compared },
             Err(reason) => {
-                let reason = reason.replacen("error: ", "", 1);
-                let reason = reason.lines().next().unwrap_or_default().to_owned();
-                Compared { change: Change::Unjudged { reason }, ..compared }
+                Compared { change: Change::Unjudged { reason: first_line(&reason) }, ..compared }
             }
         }
     }
 
     fn run_passes(&self, name: &str, compared: &mut Compared) -> Result<Change, String> {
-        let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        let ranges = self.ranges()?;
         let (of_old, of_new) =
             (|error| format!("before: {error}"), |error| format!("after: {error}"));
-        let (was, old_bindings, _) =
-            Program::of_pass(&self.before, name, &Overrides::new()).map_err(of_old)?;
-        let (is, new_bindings, _) =
-            Program::of_pass(&self.after, name, &Overrides::new()).map_err(of_new)?;
+        let of = |side: &Package| Program::of_pass(side, name, &ranges.overrides_of(side, name));
+        let (was, old_bindings, _) = of(&self.before).map_err(of_old)?;
+        let (is, new_bindings, _) = of(&self.after).map_err(of_new)?;
         let ranges = ranges.with_literals(was.literals().and(&is.literals()));
+        let nameless = ranges.without_names();
         let before = Side { program: &was, bindings: &old_bindings };
         let after = Side { program: &is, bindings: &new_bindings };
         compared.interface = interface(before, after);
+        compared.interface.extend(gained_and_lost(before, after));
         let renamed = renamed(before, after);
         let usual = |package: &Package| Usual::of(package, name);
         let sides = [usual(&self.before)?, usual(&self.after)?];
@@ -52,7 +51,7 @@ impl Request {
         }
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
-        let mut brought = Brought { renamed: renamed.clone(), ..Brought::default() };
+        let (mut brought, mut mended) = (Brought::default(), Brought::default());
         let mut covered = Both::default();
         for (variant, invocations) in runs {
             // Several workgroups may not be meant: they count where nothing else tells the edit.
@@ -60,8 +59,10 @@ impl Request {
             if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
                 break;
             }
+            // Names say nothing where indices and counts don't either.
+            let ranges = if variant < Extents::LIKELY { &ranges } else { &nameless };
             let made = |package: &Package, given: &Fixtures| {
-                Passes::arbitrary(package, name, Some(invocations), &ranges, (variant, None, given))
+                Passes::arbitrary(package, name, Some(invocations), ranges, (variant, None, given))
             };
             let (new, made_new) = made(&self.after, &Vec::new()).map_err(of_new)?;
             let of_new_name = |path: &str| made_new.fixtures.iter().find(|(name, _)| name == path);
@@ -92,7 +93,8 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
-            brought.add(variant, &seen_old, &seen_new);
+            brought.add(variant, [&seen_old, &seen_new], &renamed);
+            mended.add(variant, [&seen_new, &seen_old], &renamed);
             // Drivers hand out tickets in an order of their own.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
@@ -130,6 +132,7 @@ impl Request {
             return Err("it writes nothing that is seen afterwards".to_owned());
         }
         compared.violations = brought.told(!paths.is_empty());
+        compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
         if paths.is_empty() && compared.violations.is_empty() {
             compared.uncovered = covered.uncovered();
         }
@@ -143,23 +146,26 @@ impl Request {
 }
 
 impl Request {
-    /// Violations between the pixels of a draw, of a fragment function that writes what others see, that an edit brings.
+    /// Violations between the pixels of a draw, of a fragment function that writes what others see: those that an edit brings,
+    /// and those that it takes away.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
-        renamed: Vec<(String, String)>,
-    ) -> Result<Vec<Violation>, String> {
-        let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
-        let mut brought = Brought { renamed, ..Brought::default() };
+        renamed: &[(String, String)],
+    ) -> Result<(Vec<Violation>, Vec<Violation>), String> {
+        let ranges = self.ranges()?;
+        let (mut brought, mut mended) = (Brought::default(), Brought::default());
         for variant in 0..Extents::VARIANTS {
             let of = |package| Passes::of_pixels(package, name, false, &ranges, (variant, None));
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
-            brought.add(variant, &examine_made_up(&old), &examine_made_up(&new));
+            let (old, new) = (examine_made_up(&old), examine_made_up(&new));
+            brought.add(variant, [&old, &new], renamed);
+            mended.add(variant, [&new, &old], renamed);
             if !made.varies {
                 break;
             }
         }
-        Ok(brought.told(false))
+        Ok((brought.told(false), mended.told(false)))
     }
 }
 
@@ -179,20 +185,19 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (ViolationKind, Str
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// Violations that an edit brings: the first of each kind about each variable.
+/// Violations that one side of an edit has and the other one hasn't: the first of each kind about each variable.
 #[derive(Default)]
 struct Brought {
-    /// Resources that have another name after the edit.
-    renamed: Vec<(String, String)>,
     sure: Vec<Violation>,
     /// Indices over any sizes and numbers: a guard that is gone.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds violations that the pass after the edit has over a content, and hadn't before.
-    fn add(&mut self, variant: usize, old: &Examined, new: &Examined) {
-        let subject = |one: &Violation| subject(one, &self.renamed);
+    /// Adds violations that the second side has over a content, and the first hasn't. Some resources have another name after
+    /// the edit.
+    fn add(&mut self, variant: usize, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
+        let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
@@ -255,10 +260,9 @@ const WRITTEN: &str = "a pass writes the resource";
 struct Difference {
     words: usize,
     changed: usize,
-    ulp: Option<u64>,
-    relative: Option<f64>,
-    /// The first element of each resource that changed.
-    firsts: Vec<WordChange>,
+    largest: Largest,
+    /// The first element of each resource that shows its change best, and how well.
+    firsts: Vec<(Clarity, WordChange)>,
 }
 
 impl Difference {
@@ -267,7 +271,7 @@ impl Difference {
         (new, is): (&Passes, crate::dispatch::Afterwards),
         renamed: &[(String, String)],
     ) -> Result<Self, String> {
-        let mut all = Self { ulp: Some(0), relative: Some(0.0), ..Self::default() };
+        let mut all = Self::default();
         for (number, words) in &is {
             let name = &new.resources[*number].name;
             let text = |error: &dyn std::fmt::Display| error.to_string();
@@ -292,17 +296,15 @@ impl Difference {
                 return Err(format!("`{short}` is {shape}, and was {old_shape}"));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());
-            let known_firsts = all.firsts.len();
+            let mut first: Option<(Clarity, WordChange)> = None;
             for (lane, (was, is)) in before.expect(WRITTEN).iter().zip(&lanes).enumerate() {
                 all.words += 1;
-                let Some(far) = distance(scalars[lane], *was, *is) else { continue };
+                if all.largest.add(scalars[lane], *was, *is).is_none() {
+                    continue;
+                }
                 all.changed += 1;
-                let (a, b) = (f64::from(f32::from_bits(*was)), f64::from(f32::from_bits(*is)));
-                let share = Some((b - a).abs() / a.abs());
-                let share = share.filter(|share| share.is_finite() && scalars[lane].is_float());
-                all.ulp = all.ulp.zip(far.ulp()).map(|(most, own)| most.max(own));
-                all.relative = all.relative.zip(share).map(|(most, own)| most.max(own));
-                if all.firsts.len() > known_firsts {
+                let clear = clarity(scalars[lane], *was, *is).unwrap_or_default();
+                if first.as_ref().is_some_and(|(known, _)| *known >= clear) {
                     continue;
                 }
                 let shown = |word: u32| format_lane(scalars[lane], word);
@@ -314,12 +316,11 @@ impl Difference {
                 let place = new
                     .texel(*number, lane / channels.len())
                     .map_or_else(|| names[lane].clone(), of_texel);
-                all.firsts.push(WordChange {
-                    resource: short.to_owned(),
-                    before: format!("{short}{place} = {}", shown(*was)),
-                    after: shown(*is),
-                });
+                let (resource, after) = (short.to_owned(), shown(*is));
+                let before = format!("{short}{place} = {}", shown(*was));
+                first = Some((clear, WordChange { resource, before, after }));
             }
+            all.firsts.extend(first);
         }
         for (number, _) in &was {
             let name = &old.resources[*number].name;
@@ -334,16 +335,18 @@ impl Difference {
 
     /// The change on a path, with the members of uniforms; `None` if nothing changed.
     fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
-        let first = self.firsts.first()?.clone();
+        let (clarity, first) = self.firsts.first()?.clone();
+        let Largest { ulp, relative } = self.largest;
         Some(PathChange {
             path,
             cases: (self.changed, self.words),
-            ulp: self.ulp,
-            relative: self.relative,
+            ulp,
+            relative,
             arguments: members.to_vec(),
             before: first.before,
             after: first.after,
-            words: self.firsts,
+            clarity,
+            words: self.firsts.into_iter().map(|(_, word)| word).collect(),
         })
     }
 }

@@ -1,7 +1,8 @@
 //! Coverage: the operations that inputs come to, and the ways that they take from there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
     F32, Fault, Faulty, Here, Lanes, Observer, Options, Program as Lowered, Site, Stop,
@@ -14,6 +15,7 @@ use super::{Alone, Interpreted, Sites, statement_of};
 use crate::diagnostic::Span;
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::Fixtures;
+use crate::package::DISCARDED;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
@@ -77,11 +79,25 @@ struct Taken {
 struct AllTaken {
     all: Vec<Taken>,
     sites: Sites,
+    /// Where pixels are discarded; and the cases that were, of which nobody sees what they come to behind it.
+    discards: BTreeSet<usize>,
+    discarded: Mutex<BTreeSet<usize>>,
 }
 
 impl Observer<F32> for AllTaken {
     fn reached(&self, here: &Here<'_, F32>) {
-        self.of(here.site).reached.store(true, Ordering::Relaxed);
+        let number = self.sites.number(here.site);
+        if !self.discards.is_empty() {
+            let mut discarded = self.discarded.lock().unwrap_or_else(PoisonError::into_inner);
+            let lanes = here.lanes();
+            let cases = || (here.case..).zip(lanes.iter()).filter(|(_, is)| **is).map(|(at, _)| at);
+            if self.discards.contains(&number) {
+                discarded.extend(cases());
+            } else if !discarded.is_empty() && cases().all(|case| discarded.contains(&case)) {
+                return;
+            }
+        }
+        self.all[number].reached.store(true, Ordering::Relaxed);
     }
 
     fn others(&self, lanes: &Lanes<'_, F32>) {
@@ -102,9 +118,15 @@ impl Observer<F32> for AllTaken {
 }
 
 impl AllTaken {
-    fn none(lowered: &Lowered) -> Self {
+    fn none(lowered: &Lowered, program: &Program) -> Self {
         let all = lowered.sites().iter().map(|_| Taken::default()).collect();
-        Self { all, sites: Sites::of(lowered) }
+        let is_discard = |site: &Site| {
+            let text = site.span.to_range().and_then(|range| program.text().get(range));
+            text.is_some_and(|text| text.trim_end_matches(';') == DISCARDED)
+        };
+        let numbered = lowered.sites().iter().enumerate();
+        let discards = numbered.filter(|(_, site)| is_discard(site)).map(|(at, _)| at).collect();
+        Self { all, sites: Sites::of(lowered), discards, discarded: Mutex::default() }
     }
 
     fn of(&self, site: &Site) -> &Taken {
@@ -123,13 +145,15 @@ impl Coverage {
         match probed.function().form.alone {
             false => {
                 let called = Interpreted::new(probed, fixtures)?;
-                let taken = AllTaken::none(called.parts().0);
+                let (lowered, program) = called.parts();
+                let taken = AllTaken::none(lowered, program);
                 called.observed(count, rows, &called.options(), &taken)?;
                 self.add(called.parts(), &taken);
             }
             true => {
                 let called = Alone::new(probed, fixtures)?;
-                let taken = AllTaken::none(called.parts().0);
+                let (lowered, program) = called.parts();
+                let taken = AllTaken::none(lowered, program);
                 let width = rows.len() / count.max(1);
                 for case in 0..count {
                     called.run(&rows[case * width..][..width], &taken)?;
@@ -143,7 +167,7 @@ impl Coverage {
     /// Adds what the invocations of passes over made-up resources come to.
     pub(crate) fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
-            let taken = AllTaken::none(lowered);
+            let taken = AllTaken::none(lowered, &pass.program);
             lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &taken)?;
             self.add((lowered, &pass.program), &taken);
             Ok(true)

@@ -307,7 +307,7 @@ impl Resources {
                     self.drawn.note(one);
                     let first = lanes.len();
                     lanes.extend(one.part.value(index, source).unwrap_or_default());
-                    if self.depth > 0 {
+                    if self.depth > 0 || ranges.negative {
                         ranges.negate(std::slice::from_ref(one), &mut lanes[first..]);
                     }
                 }
@@ -354,14 +354,18 @@ impl Ranges {
     /// Makes floats negative where that is wanted, and nothing says what they are.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
-        if !self.extents.is_some_and(|extents| extents.negative) {
+        if !(self.negative || self.extents.is_some_and(|extents| extents.negative)) {
             return;
         }
         let scalars =
             parts.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, scalar)));
         for (lane, (one, scalar)) in lanes.iter_mut().zip(scalars) {
-            if one.guessed && *scalar == Scalar::F32 {
-                *lane |= SIGN;
+            match scalar {
+                Scalar::F32 if one.guessed => *lane |= SIGN,
+                Scalar::I32 if one.guessed && self.negative => {
+                    *lane = lane.cast_signed().saturating_abs().wrapping_neg().cast_unsigned();
+                }
+                _ => {}
             }
         }
     }

@@ -17,7 +17,7 @@ pub(crate) struct Spliced {
 }
 
 /// The assignment in place of `discard` in a function that is called.
-pub(super) const DISCARDED: &str = "karat_discarded = true";
+pub(crate) const DISCARDED: &str = "karat_discarded = true";
 
 /// A stretch of a file, copied but for its edits.
 #[derive(Clone, Debug)]

@@ -108,7 +108,11 @@ impl Program {
 /// An attribute as its author may write it.
 fn shown(binding: &Binding) -> String {
     match binding {
-        Binding::BuiltIn(builtin) => format!("@builtin({})", builtin.to_wgsl_for_diagnostics()),
+        Binding::BuiltIn(builtin) => {
+            let is_invariant = matches!(builtin, naga::BuiltIn::Position { invariant: true });
+            let invariant = if is_invariant { "@invariant " } else { "" };
+            format!("{invariant}@builtin({})", builtin.to_wgsl_for_diagnostics())
+        }
         Binding::Location { location, interpolation, sampling, .. } => {
             let how = match (interpolation, sampling) {
                 (None | Some(Interpolation::Perspective), None | Some(naga::Sampling::Center)) => {

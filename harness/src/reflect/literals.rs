@@ -51,12 +51,6 @@ impl Literals {
 }
 
 impl Program {
-    /// True if functions leave each other something in private variables: those that have no initial value.
-    pub(crate) fn has_state(&self) -> bool {
-        let mut variables = self.checked.module.global_variables.iter();
-        variables.any(|(_, one)| one.space == naga::AddressSpace::Private && one.init.is_none())
-    }
-
     /// The numbers that functions compare with.
     pub(crate) fn literals(&self) -> Literals {
         let module = &self.checked.module;

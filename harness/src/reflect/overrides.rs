@@ -67,6 +67,36 @@ impl Program {
         self.overrides.iter().map(|(name, value)| (key(name), *value)).collect()
     }
 
+    /// True of an override that has no value unless somebody gives it one.
+    #[cfg(feature = "engine")]
+    pub(crate) fn wants_override(&self, name: &str) -> bool {
+        let Ok(name) = self.text_name(name) else { return false };
+        let mut all = self.checked.module.overrides.iter();
+        all.any(|(_, one)| one.name.as_ref() == Some(&name) && one.init.is_none())
+    }
+
+    /// Each override by its author's name, as it is declared: `@id(3) f32 = 1.0`.
+    #[cfg(feature = "engine")]
+    pub(crate) fn declared_overrides(&self) -> Vec<(String, String)> {
+        let module = &self.checked.module;
+        let of = |declared: &Override| {
+            let text = declared.name.as_deref().expect(NAMED);
+            let name = self.author_path(text).unwrap_or(text);
+            let id = declared.id.map_or_else(String::new, |id| format!("@id({id}) "));
+            let scalar = match module.types[declared.ty].inner {
+                TypeInner::Scalar(scalar) => scalar_of(scalar).ok(),
+                _ => None,
+            };
+            let scalar = scalar
+                .map_or_else(String::new, |scalar| crate::value::Shape::Scalar(scalar).to_string());
+            let range = |init| module.global_expressions.get_span(init).to_range();
+            let init = declared.init.and_then(range).and_then(|range| self.text().get(range));
+            let init = init.map_or_else(String::new, |init| format!(" = {init}"));
+            (name.rsplit("::").next().unwrap_or(name).to_owned(), format!("{id}{scalar}{init}"))
+        };
+        module.overrides.iter().map(|(_, declared)| of(declared)).collect()
+    }
+
     /// The type of the override that its author, or its number, calls so; `None` if it has none.
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {

@@ -18,7 +18,7 @@ use karat::unstable::process;
 use super::project::Project;
 use super::search;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Ending, Outcome, PackageArgs, write_json};
+use super::{Ending, Outcome, PackageArgs, call, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -34,6 +34,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     cases: u32,
+    /// Value of an override on both sides, in each function that has one of this name or `@id`; may be repeated
+    #[arg(long = "override", value_name = "NAME=VALUE")]
+    overrides: Vec<String>,
     /// List functions that weren't edited, too
     #[arg(long)]
     all: bool,
@@ -49,6 +52,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let packages = project.packages(&args.package)?;
     let paths = karat::path::named("--paths", &args.paths)?;
     ensure!(!paths.is_empty(), "--paths names no path");
+    let overrides = call::bind::overrides(&args.overrides)?;
+    let mut known: Vec<&String> = overrides.keys().collect();
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
         // Lives as long as its package is read.
@@ -57,7 +62,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             path if path.exists() => Package::open(path)?,
             _ => at_revision(&args.before, &after.root(), folder.path())?,
         };
+        let before = args.package.featured(before);
         let request = Request::new(before, after.clone());
+        known.retain(|name| !request.has_override(name));
+        let request =
+            overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));
         let request = request.only(args.only.iter().map(String::as_str));
         let request = request.cases(args.cases as usize).paths(paths.clone());
         // Of a revision the files are elsewhere for a moment: git's name of it says more.
@@ -93,6 +102,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         wrote?;
         all[first..].sort_by(|a, b| a.function.cmp(&b.function));
     }
+    if let Some(name) = known.first() {
+        bail!("nothing that is compared has an override `{name}`");
+    }
     let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
     ensure!(
         !all.is_empty() || wanted.is_empty(),
@@ -114,6 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         one.interface.is_empty()
             && one.violations.is_empty()
             && one.uncovered.is_empty()
+            && one.mended.is_empty()
             && matches!(one.change, Change::Untouched | Change::Same { .. } | Change::Added)
     };
     let good = all.iter().all(good) && broken.is_empty();
@@ -172,14 +185,18 @@ fn write_one(
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let Compared { function, location, change, interface, drawn, violations, .. } = one;
-    let count = format!("{DIM}({done} of {of}){DIM:#}");
+    let under = match &*one.under {
+        [] => String::new(),
+        names => format!("  under {}", names.join(" and ")),
+    };
+    let count = format!("{under}  {DIM}({done} of {of}){DIM:#}");
     match change {
         Change::Untouched if untouched => {
-            writeln!(out, "{DIM}untouched  {function}{DIM:#}  {count}")?;
+            writeln!(out, "{DIM}untouched  {function}{DIM:#}{count}")?;
         }
         Change::Untouched => {}
         Change::Same { cases } => {
-            writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}  {count}")?;
+            writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}{count}")?;
             match one.dispatched {
                 Some([x, y, z]) => {
                     let of = "invocations";
@@ -189,19 +206,19 @@ fn write_one(
             }
         }
         Change::Changed { paths } => {
-            writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}  {count}")?;
+            writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}{count}")?;
             for path in paths {
                 write_path(path, one.dispatched.is_some(), out)?;
             }
         }
         Change::Signature { before, after } => {
-            writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}  {count}")?;
+            writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}{count}")?;
             writeln!(out, "    {before}\n    {after}")?;
         }
-        Change::Added => writeln!(out, "{DIM}added{DIM:#}      {function}  {count}")?,
-        Change::Removed => writeln!(out, "{BAD}removed{BAD:#}    {function}  {count}")?,
+        Change::Added => writeln!(out, "{DIM}added{DIM:#}      {function}{count}")?,
+        Change::Removed => writeln!(out, "{BAD}removed{BAD:#}    {function}{count}")?,
         Change::Unjudged { reason } => {
-            writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}  {count}")?;
+            writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}{count}")?;
         }
         other => writeln!(out, "{function}: {other:?}")?,
     }
@@ -220,14 +237,15 @@ fn write_one(
         };
         writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
     }
-    for violation in violations {
-        writeln!(out, "    {BAD}new{BAD:#}: {}", violation.headline)?;
+    let brought = violations.iter().map(|one| ("new", one));
+    for (word, violation) in brought.chain(one.mended.iter().map(|one| ("gone", one))) {
+        writeln!(out, "    {BAD}{word}{BAD:#}: {}", violation.headline)?;
         for access in &violation.accesses {
             writeln!(out, "      {}  {} {}", access.place, access.invocation, access.does)?;
         }
     }
     for sentence in interface {
-        writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
+        writeln!(out, "    {BAD}interface{BAD:#}: {sentence}")?;
     }
     Ok(())
 }
@@ -236,7 +254,8 @@ fn write_one(
 fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
-    let (mut cut, mut moved, mut brought, mut uncovered) = (0, 0, 0, BTreeSet::new());
+    let (mut cut, mut moved, mut brought, mut mended, mut uncovered) =
+        (0, 0, 0, 0, BTreeSet::new());
     for one in all {
         match one.change {
             Change::Untouched => quiet += 1,
@@ -249,10 +268,11 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         }
         cut += one.cut;
         brought += one.violations.len();
+        mended += one.mended.len();
         moved += usize::from(!one.interface.is_empty());
         uncovered.extend(one.uncovered.iter().map(|line| &line.place));
     }
-    let style = match changed + removed + unjudged + moved + brought + uncovered.len() {
+    let style = match changed + removed + unjudged + moved + brought + mended + uncovered.len() {
         0 => GOOD,
         _ => BAD,
     };
@@ -263,10 +283,13 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         }
     }
     if moved > 0 {
-        write!(out, "{moved} with other bindings or layouts, ")?;
+        write!(out, "{moved} with another interface, ")?;
     }
     if brought > 0 {
         write!(out, "{}, ", counted(brought, "new violation"))?;
+    }
+    if mended > 0 {
+        write!(out, "{} gone, ", counted(mended, "violation"))?;
     }
     if unjudged > 0 {
         write!(out, "{unjudged} edited and not judged, ")?;
@@ -287,12 +310,15 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
 const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let PathChange { path, cases, ulp, relative, arguments, before, after, words } = change;
+    let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
+    /// Steps of an eighth of a number: what is further apart is told by its size alone.
+    const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),
-        (Some(ulp), Some(relative)) => format!(", by up to {ulp} ulp (rel {relative:.2e})"),
-        (Some(ulp), None) => format!(", by up to {ulp} ulp"),
-        // Integers, or a NaN: the values say it.
+        (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
+        (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
+        (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
+        // Integers, a sign or a NaN: the values say it.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));
