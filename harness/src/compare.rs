@@ -279,6 +279,10 @@ impl Request {
         let sides = [&self.before, &self.after];
         let [before, after] = [self.before.modules()?, self.after.modules()?];
         let modules: BTreeSet<&String> = before.iter().chain(&after).collect();
+        let name_of = |module: &String| match module.is_empty() {
+            true => self.after.name(),
+            false => module.clone(),
+        };
         let mut all = BTreeMap::new();
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
@@ -296,8 +300,12 @@ impl Request {
                     let whole = |side: &Result<_, PackageError>| {
                         side.as_ref().err().map(|error| first_line(&error.to_string()))
                     };
-                    let name = if module.is_empty() { self.after.name() } else { module.clone() };
-                    all.insert(name, Pair::Broken(whole(&old), whole(&new)));
+                    let words = sides.map(|side| side.words_of(module).map(|(words, _)| words));
+                    let pair = match (&old, &new) {
+                        (Err(_), Err(_)) if words[0] == words[1] => Pair::Same,
+                        _ => Pair::Broken(whole(&old), whole(&new)),
+                    };
+                    all.insert(name_of(module), pair);
                     continue;
                 }
             };
@@ -328,8 +336,7 @@ impl Request {
                 }
             }
             if edited.is_empty() && !(words[0].1.is_empty() && words[1].1.is_empty()) {
-                let name = if module.is_empty() { self.after.name() } else { module.clone() };
-                all.insert(name, Pair::Hidden);
+                all.insert(name_of(module), Pair::Hidden);
             }
         }
         if !self.only.is_empty() {
@@ -370,6 +377,7 @@ impl Request {
                 let under = Self { before, after, ..self.clone() };
                 Compared { under: features, ..under.verdict(name, Pair::There(was, is)) }
             }
+            Pair::Same => Compared::of(name, Change::Untouched),
             Pair::Broken(Some(was), Some(is)) if was == is => unjudged(format!("on both sides: {is}")),
             Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
             Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
@@ -582,6 +590,8 @@ enum Pair {
     Under(Vec<String>, Option<Option<Stage>>, Option<Option<Stage>>),
     /// A module that can't be read, with the reason on either side.
     Broken(Option<String>, Option<String>),
+    /// A module that can't be read, with one text on both sides.
+    Same,
     /// A module whose edit no features that were tried make live.
     Hidden,
 }
@@ -1325,7 +1335,7 @@ mod tests {
         let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
         let edited = good.replace("return x", "return 2.0 * x");
         for (old, new, side) in [
-            (bad, bad, "on both sides: "),
+            (bad, "fn g( {", "on both sides: "),
             (bad, "fn f() {}", "before: "),
             ("fn f() {}", bad, "after: "),
         ] {
@@ -1336,7 +1346,9 @@ mod tests {
             assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
-        // What can't be linked, and is as it was, is no edit.
+        // What can't be read or linked, and is as it was, is no edit.
+        let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
+        assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
         let all =
             Request::new(package(lacks, good), package(lacks, &edited)).run().expect("they read");

@@ -41,7 +41,7 @@ use crate::interpret::hazards::{Found, Missing};
 use crate::made_up::{Drawn, Ranges};
 use crate::output::counted;
 use crate::package::stage::Stage;
-use crate::package::{AcceptedHazard, Package, PackageError};
+use crate::package::{AcceptedHazard, Package, PackageError, scope};
 use crate::panics;
 use crate::probe::Probed;
 use crate::reflect::{Program, ReflectError};
@@ -159,6 +159,8 @@ pub struct Progress<'p> {
 /// What was found in a package.
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
+    /// The version of this data: 2, since each finding has a class.
+    pub schema: u32,
     /// The package.
     pub package: String,
     /// Functions that were looked at.
@@ -212,13 +214,15 @@ pub enum HazardError {
     /// An input is declared that nothing takes.
     #[error(
         "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
-         such a member{}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
+         such a member{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
     )]
     UnknownInput {
         /// Its name.
         name: String,
         /// The closest name that something takes.
         nearest: Option<String>,
+        /// ` (karat.toml:3)`, where a file declares it.
+        place: String,
     },
     /// What is declared can't be so.
     #[error("{0}")]
@@ -308,13 +312,13 @@ impl Request {
         for (name, least, most) in &self.inputs {
             inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
         }
-        for (name, value) in &self.overrides {
+        for name in declared.overrides.keys().chain(self.overrides.keys()) {
             if !Program::some_has_override(&self.package, name) {
                 let why = format!("no function and no entry point uses an override `{name}`");
                 return Err(HazardError::Declaration(why));
             }
-            inputs.set_override(name, *value);
         }
+        self.overrides.iter().for_each(|(name, value)| inputs.set_override(name, *value));
         let wanted = |name: &str| {
             self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
         };
@@ -386,7 +390,7 @@ impl Request {
             return Err(HazardError::Nothing { package, skipped });
         }
         if self.only.is_empty() {
-            expect_names(&inputs, &drawn)?;
+            self.expect_names(&inputs, &drawn, &looked, &skipped)?;
         }
         let names: BTreeSet<&str> = looked.keys().map(String::as_str).collect();
         let roots: BTreeMap<String, BTreeSet<String>> = names
@@ -433,6 +437,7 @@ impl Request {
         });
         let unreached = unreached(looked.values());
         Ok(Hazards {
+            schema: Hazards::SCHEMA,
             package,
             functions,
             skipped,
@@ -445,6 +450,33 @@ impl Request {
             unseen,
             unreached,
         })
+    }
+
+    /// Refuses a declaration that nothing meets.
+    fn expect_names(
+        &self,
+        inputs: &Ranges,
+        drawn: &Drawn,
+        looked: &BTreeMap<String, Seen>,
+        skipped: &[(String, String)],
+    ) -> Result<(), HazardError> {
+        let used = drawn.names();
+        let is_met = |name: &&String| match scope(name) {
+            (Some(function), own) => looked.contains_key(function) && used.contains(own),
+            (None, own) => used.contains(own),
+        };
+        let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
+        // It may be met where no value fits.
+        let (_, own) = scope(name);
+        let said = format!("`{own}` is declared");
+        if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
+            return Err(HazardError::Declaration(format!("{function}: {why}")));
+        }
+        let known = used.iter().copied().chain(looked.keys().map(String::as_str));
+        let nearest = nearest(name, known).map(str::to_owned);
+        let place = self.package.place_of_input(name);
+        let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+        Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
     /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
@@ -604,14 +636,6 @@ fn add(found: &mut ByPlace, hazard: Hazard) {
 }
 
 /// Refuses a declared input that no function has.
-fn expect_names(inputs: &Ranges, drawn: &Drawn) -> Result<(), HazardError> {
-    let used = drawn.names();
-    let Some(name) = inputs.names().find(|name| !used.contains(name.as_str())) else {
-        return Ok(());
-    };
-    let nearest = nearest(name, used.iter().copied()).map(str::to_owned);
-    Err(HazardError::UnknownInput { name: name.clone(), nearest })
-}
 
 fn shown(found: &Found) -> Option<(String, String)> {
     #[expect(clippy::cast_possible_truncation, reason = "shown with the digits of an f32")]
@@ -770,6 +794,9 @@ impl fmt::Display for Hazard {
 }
 
 impl Hazards {
+    /// The version of the data. Before 2 there were hazards and *rarer* ones, some of them lowered.
+    pub const SCHEMA: u32 = 2;
+
     /// The findings that are faults and that nothing accepts: these fail a run.
     pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Fault)

@@ -13,7 +13,7 @@ mod resources;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::domain::{Dynamic, Numbering, Part, Stream};
-use crate::package::{Package, PackageError};
+use crate::package::{Declaration, End, Package, PackageError, scope};
 use crate::reflect::Function;
 #[cfg(feature = "engine")]
 use crate::reflect::{Literals, Program};
@@ -33,7 +33,7 @@ pub(crate) use resources::{Input, Mix, Resources, VARIANTS};
 /// argument (`params.groups`), which comes first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ranges {
-    declared: BTreeMap<String, (f64, f64)>,
+    declared: BTreeMap<String, Declaration>,
     /// Paths of arguments and members that are builtin values.
     builtins: Vec<(String, String)>,
     /// The dispatch of a compute pass.
@@ -57,7 +57,8 @@ impl Ranges {
     /// # Errors
     /// If `karat.toml` can't be read.
     pub fn of(package: &Package) -> Result<Self, PackageError> {
-        Ok(Self { declared: package.declared_hazards()?.inputs, ..Self::default() })
+        let hazards = package.declared_hazards()?;
+        Ok(Self { declared: hazards.inputs, overrides: hazards.overrides, ..Self::default() })
     }
 
     /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
@@ -68,12 +69,71 @@ impl Ranges {
         if !(least <= most && least.is_finite() && most.is_finite()) {
             return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
         }
-        self.declared.insert(name.to_owned(), (least, most));
+        self.declared.insert(name.to_owned(), Declaration::Range(least, most));
         Ok(())
     }
 
     pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
         self.declared.keys()
+    }
+
+    /// The same for one function: what is declared of it alone comes first.
+    #[must_use]
+    pub(crate) fn scoped(&self, function: &str) -> Self {
+        let mut all = self.clone();
+        for (key, declared) in &self.declared {
+            if let (Some(of), own) = scope(key)
+                && of == function
+            {
+                all.declared.insert(own.to_owned(), declared.clone());
+            }
+        }
+        all
+    }
+
+    /// The declarations of lengths, and of the workgroups of a pass, that are met.
+    #[cfg(feature = "engine")]
+    pub(crate) fn note_sizes<'b>(
+        &self,
+        bindings: impl Iterator<Item = &'b str>,
+        pass: Option<&str>,
+        drawn: &mut Drawn,
+    ) {
+        let own = |path: &str| path.rsplit("::").next().unwrap_or(path).to_owned();
+        let lengths = bindings.map(|binding| format!("length({})", own(binding)));
+        let passes = pass.into_iter().flat_map(|pass| [pass.to_owned(), own(pass)]);
+        let all = lengths.chain(passes.map(|pass| format!("workgroups({pass})")));
+        all.filter(|key| self.declared.contains_key(key)).for_each(|key| drawn.add(key));
+    }
+
+    /// The elements of an array without a length, where so many are usual; of two contents one has the least that is declared.
+    pub(crate) fn length(&self, binding: &str, usual: u32, least: bool) -> u32 {
+        let own = binding.rsplit("::").next().unwrap_or(binding);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        match self.declared.get(&format!("length({own})")) {
+            Some(Declaration::Range(from, _)) if least => from.ceil() as u32,
+            Some(Declaration::Range(from, to)) => {
+                usual.clamp(from.ceil() as u32, (to.floor() as u32).max(from.ceil() as u32))
+            }
+            Some(Declaration::MultipleOf(of)) => usual.max(1).next_multiple_of(*of),
+            _ => usual,
+        }
+    }
+
+    /// The workgroups of a pass, where so many are usual: in all as many as are declared.
+    #[cfg(feature = "engine")]
+    pub(crate) fn workgroups(&self, pass: &str, usual: [u32; 3]) -> [u32; 3] {
+        let own = pass.rsplit("::").next().unwrap_or(pass);
+        let keys = [pass, own].map(|name| format!("workgroups({name})"));
+        let declared = keys.iter().find_map(|key| self.declared.get(key));
+        let Some(Declaration::Range(least, most)) = declared else { return usual };
+        let total = usual.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let [least, most] = [least.ceil() as u32, most.floor() as u32];
+        match total.clamp(least.max(1), most.max(least).max(1)) {
+            same if same == total => usual,
+            other => [other, 1, 1],
+        }
     }
 
     /// The same, with the ranges that names mean as declarations: of a function that nothing calls.
@@ -162,13 +222,13 @@ impl Ranges {
     /// The same over the arguments of a function, which may be an entry point with builtin values.
     #[must_use]
     pub fn of_function(&self, function: &Function) -> Self {
-        Self { builtins: function.form.builtins.clone(), ..self.clone() }
+        Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
     }
 
-    /// The range of a path such as `params.groups`.
-    pub(crate) fn get(&self, path: &str) -> Option<(f64, f64)> {
+    /// What is declared of a path such as `params.groups`.
+    pub(crate) fn get(&self, path: &str) -> Option<&Declaration> {
         let own = path.rsplit('.').next().unwrap_or(path);
-        self.declared.get(path).or_else(|| self.declared.get(own)).copied()
+        self.declared.get(path).or_else(|| self.declared.get(own))
     }
 
     /// The builtin value that a path of an entry point is.
@@ -267,7 +327,8 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     let own = path.rsplit('.').next().unwrap_or(path);
     let declared = ranges.get(path);
     let meaning = match declared {
-        Some((least, most)) => Meaning::Range(least, most),
+        Some(Declaration::Range(least, most)) => Meaning::Range(*least, *most),
+        Some(_) => Meaning::Any,
         None if ranges.nameless => Meaning::Any,
         None => Meaning::of(own, shape),
     };
@@ -285,6 +346,16 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         sized: false,
         scalars,
     };
+    if let Some(Declaration::Named(kind)) = declared {
+        let size = match shape {
+            Shape::Vector { size, scalar: Scalar::F32 } => *size,
+            _ => 0,
+        };
+        return match Part::named(kind, size) {
+            Some(part) => Ok(vec![one(part, shape.lanes())]),
+            None => Err(format!("`{path}` is declared as \"{kind}\", and it is {shape}")),
+        };
+    }
     if meaning == Meaning::Direction {
         return Ok(Part::named("unit_vector", 3)
             .map(|part| one(part, shape.lanes()))
@@ -298,7 +369,19 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     {
         return Ok(vec![Described { guessed: false, known: false, ..one(part, shape.lanes()) }]);
     }
+    let listed = match declared {
+        Some(Declaration::Values(all)) => Some(all),
+        _ => None,
+    };
     let part = |(lane, scalar): (usize, Scalar)| {
+        if let Some(all) = listed {
+            let words = all.iter().map(|x| Some(vec![exact(scalar, *x)?]));
+            let words = words.collect::<Option<Vec<_>>>().ok_or_else(|| {
+                let scalar = Shape::Scalar(scalar);
+                format!("`{path}` is declared as one of {all:?}, and not all of them are {scalar}")
+            })?;
+            return Ok(one(Part::listed(vec![scalar], words), vec![scalar]));
+        }
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
         let of_size = || {
             let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
@@ -315,14 +398,14 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         };
         let part = match (meaning.part(scalar), declared) {
             (Some(part), _) => part,
-            (None, Some((least, most))) => {
+            (None, Some(Declaration::Range(least, most))) => {
                 let scalar = Shape::Scalar(scalar);
                 return Err(format!(
                     "`{path}` is declared from {least} to {most}, and no {scalar} lies there"
                 ));
             }
             // A name that means a number, `is_diffuse`, says nothing of a truth value.
-            (None, None) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
+            (None, _) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
         let sized = declared.is_none() && of_size().is_some();
         #[cfg(feature = "engine")]
@@ -334,6 +417,22 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         Ok(Described { sized, known: one.known && !sized, ..one })
     };
     shape.lanes().into_iter().enumerate().map(part).collect()
+}
+
+/// The word of a number in a type that has it.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
+fn exact(scalar: Scalar, x: f64) -> Option<u32> {
+    let whole = x.fract() == 0.0;
+    match scalar {
+        Scalar::F32 => Some((x as f32).to_bits()),
+        Scalar::F16 => Some(u32::from(half::f16::from_f64(x).to_bits())),
+        Scalar::I32 if whole && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&x) => {
+            Some((x as i32).cast_unsigned())
+        }
+        Scalar::U32 if whole && (0.0..=f64::from(u32::MAX)).contains(&x) => Some(x as u32),
+        Scalar::Bool if x == 0.0 || x == 1.0 => Some(x as u32),
+        _ => None,
+    }
 }
 
 /// The arguments of a function.
@@ -690,6 +789,11 @@ impl Drawn {
         self.by.entry(described.to_owned()).or_default().insert(one.path.clone());
     }
 
+    /// Adds a name that isn't drawn, as it is declared.
+    fn add(&mut self, name: String) {
+        self.by.entry("as declared".to_owned()).or_default().insert(name);
+    }
+
     pub(crate) fn merge(&mut self, other: Self) {
         for (key, names) in other.by {
             self.by.entry(key).or_default().extend(names);
@@ -751,12 +855,16 @@ mod tests {
         for (name, ends) in [("b", [0.0, 1.0]), ("a.b", [2.0, 3.0]), ("c.d.b", [4.0, 5.0])] {
             ranges.declare(name, ends[0], ends[1]).expect("it is a range");
         }
-        let get = |path: &str| ranges.get(path);
+        let get = |path: &str| match ranges.get(path) {
+            Some(Declaration::Range(least, most)) => Some((*least, *most)),
+            _ => None,
+        };
         assert_eq!([get("a.b"), get("c.d.b")], [Some((2.0, 3.0)), Some((4.0, 5.0))]);
         assert_eq!([get("b"), get("x.b"), get("d.b"), get("x.a.b")], [Some((0.0, 1.0)); 4]);
         assert_eq!([get("a"), get("b.a"), get("bb"), get("")], [None; 4]);
         ranges.declare("b", -1.0, -1.0).expect("one number is a range");
-        assert_eq!(ranges.get("b"), Some((-1.0, -1.0)), "the last declaration holds");
+        let last = Some(&Declaration::Range(-1.0, -1.0));
+        assert_eq!(ranges.get("b"), last, "the last declaration holds");
         for (least, most) in [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
             ranges.declare("b", least, most).expect_err("it is no range");
         }

@@ -640,7 +640,7 @@ fn inputs_are_declared_and_hazards_accepted() {
     assert_eq!(look().expect("read").found, []);
     write("karat.toml", "[inputs]\ntt = [0.5, 1]\n");
     match look() {
-        Err(HazardError::UnknownInput { name, nearest }) => {
+        Err(HazardError::UnknownInput { name, nearest, .. }) => {
             assert_eq!((&*name, nearest.as_deref()), ("tt", Some("t")));
         }
         other => panic!("{other:?}"),
@@ -1439,4 +1439,84 @@ fn overrides_are_declared() {
     );
     let error = package.hazards().with_override("SCAL", 1.0).run().expect_err("there is none");
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
+}
+
+/// What a host gives is declared: elements that differ, lengths, workgroups, directions, one function's own numbers.
+#[test]
+fn what_hosts_give_is_declared() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("it is ours");
+    };
+    write(
+        "m.wgsl",
+        "@group(0) @binding(0) var<storage, read> places: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> sum: array<u32>;
+        @group(0) @binding(2) var<storage, read_write> out: array<f32>;
+        @compute @workgroup_size(64) fn scatter(@builtin(global_invocation_id) g: vec3u) {
+            if g.x >= arrayLength(&places) { return; }
+            sum[places[g.x]] += 1u;
+        }
+        @compute @workgroup_size(64) fn tail(@builtin(global_invocation_id) g: vec3u) { out[g.x] = 1.0; }
+        @compute @workgroup_size(64) fn one(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) w: vec3u) {
+            if i == 0u { out[0] = out[0] + f32(w.x); }
+        }
+        fn toward(q: vec3f) -> vec3f { return normalize(q); }
+        fn away(q: vec3f) -> vec3f { return normalize(q); }
+        fn kind(k: u32) -> f32 { return 1.0 / f32(k); }
+        override SIZE: u32 = 0u;
+        fn sized() -> f32 { return 1.0 / f32(SIZE); }",
+    );
+    let package = Package::open(folder.path()).expect("it is there");
+    let told = |declared: &str| {
+        write("karat.toml", declared);
+        let hazards = package.hazards().run().expect("it is declared right");
+        assert_eq!((hazards.schema, hazards.skipped.len()), (2, 0), "{hazards}");
+        hazards
+            .found
+            .iter()
+            .map(|one| one.function.clone())
+            .collect::<std::collections::BTreeSet<_>>()
+    };
+    let names = |all: &[&str]| all.iter().map(|name| format!("m::{name}")).collect();
+    let all = ["away", "kind", "one", "scatter", "sized", "tail", "toward"];
+    assert_eq!(told(""), names(&all));
+    // Each declaration mends its own function.
+    for (declared, mends) in [
+        ("[inputs]\nplaces = { distinct = true, range = [0, \"length(sum) - 1\"] }", "scatter"),
+        ("[inputs]\n\"length(out)\" = \"multiple of 64\"", "tail"),
+        ("[inputs]\n\"workgroups(m::one)\" = 1", "one"),
+        ("[inputs]\n\"workgroups(one)\" = [1, 1]", "one"),
+        ("[inputs]\n\"m::toward.q\" = \"unit_vector\"", "toward"),
+        ("[inputs]\nk = { one_of = [1, 2, 4] }", "kind"),
+        ("[overrides]\nSIZE = 4", "sized"),
+    ] {
+        let rest: Vec<&str> = all.into_iter().filter(|name| *name != mends).collect();
+        assert_eq!(told(declared), names(&rest), "{declared}");
+    }
+    // Elements that may be equal race, and a length that is declared otherwise has a tail.
+    let same = told("[inputs]\nplaces = { range = [0, \"length(sum) - 1\"] }");
+    assert!(same.contains("m::scatter"), "{same:?}");
+    assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
+    // What nothing meets, and what no value fits.
+    for (declared, part) in [
+        ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3)"),
+        ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2)"),
+        ("[inputs]\n\"m::toward.p\" = [0, 1]", "karat.toml:2)"),
+        ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2)"),
+        (
+            "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
+            "elements that differ, and 11 numbers lie",
+        ),
+        ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
+        ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
+        ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
+        ("[inputs]\nk = \"unit vector\"", "line 2: the input `k` is a number"),
+        ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
+        ("[overrides]\nSIZE = \"4\"", "the override `SIZE` is a number or a bool"),
+    ] {
+        write("karat.toml", declared);
+        let error = package.hazards().run().expect_err(declared).to_string();
+        assert!(error.contains(part), "{declared}: {error}");
+    }
 }

@@ -112,12 +112,14 @@ impl Passes {
         ranges: &Ranges,
         (variant, mix, given): (usize, Option<&Mix<'_>>, &Fixtures),
     ) -> Result<(Self, Resources), String> {
+        let ranges = &ranges.scoped(name);
         let overrides = ranges.overrides_of(package, name);
         let (program, bindings, size) = Program::of_pass(package, name, &overrides)?;
         let workgroups = match invocations {
             Some(all) => [0, 1, 2].map(|k| all[k].div_ceil(size[k])),
             None => Usual::of_program(&program, &bindings, size, name).workgroups,
         };
+        let workgroups = ranges.workgroups(name, workgroups);
         let extents_of = |variant: usize| Extents::of(size, workgroups, variant);
         let extents = extents_of(variant);
         extents.expect_few()?;
@@ -130,6 +132,7 @@ impl Passes {
         });
         let of = (draws(variant), mix.as_ref());
         let mut made = Resources::of_pass((&program, &bindings), ranges, extents, of)?;
+        ranges.note_sizes(std::iter::empty(), Some(name), &mut made.drawn);
         for (name, fixture) in &mut made.fixtures {
             if let Some((_, own)) = given.iter().find(|(known, _)| known == name) {
                 fixture.clone_from(own);

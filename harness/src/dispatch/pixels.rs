@@ -28,7 +28,10 @@ impl Passes {
         ranges: &Ranges,
         (variant, mix): (usize, Option<&Mix<'_>>),
     ) -> Result<(Self, Resources), String> {
-        let probed = Probed::new(package, name).map_err(|error| error.to_string())?;
+        let ranges = &ranges.scoped(name);
+        let overrides = ranges.overrides_of(package, name);
+        let probed = Probed::with_overrides(package, name, &overrides);
+        let probed = probed.map_err(|error| error.to_string())?;
         let (program, function) = (&probed.program, probed.function());
         // A single pixel has the others of its quad for neighbours.
         let whole = SIZES[variant % SIZES.len()];

@@ -1,7 +1,9 @@
 //! Contents of the buffers and textures, and the samplers, that a function asks for.
 
 use super::extents::{Numbered, hashed};
-use super::{Described, Drawn, Extents, Ranges, described};
+use std::collections::BTreeMap;
+
+use super::{Declaration, Described, Drawn, End, Extents, Ranges, described};
 use crate::domain::{Part, Source};
 use crate::fixture::{
     Address, Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture,
@@ -84,6 +86,8 @@ pub(crate) struct Resources {
     element: Option<u32>,
     /// Arrays around what is filled.
     depth: usize,
+    /// The elements of the arrays of all buffers.
+    lengths: BTreeMap<String, u32>,
     /// True if a pass writes the buffer, so that a number in it counts additions from 0.
     counts: bool,
 }
@@ -106,7 +110,8 @@ impl Resources {
         mix: &Mix<'_>,
     ) -> Result<Self, String> {
         let of = (&*probed.program, &*probed.function().bindings);
-        Self::of_bindings(of, ranges, (variant, Some(mix)), Content::Own)
+        let ranges = ranges.scoped(&probed.function().name);
+        Self::of_bindings(of, &ranges, (variant, Some(mix)), Content::Own)
     }
 
     fn made_of(
@@ -116,7 +121,8 @@ impl Resources {
         content: Content,
     ) -> Result<Self, String> {
         let of = (&*probed.program, &*probed.function().bindings);
-        Self::of_bindings(of, ranges, (variant, None), content)
+        let ranges = ranges.scoped(&probed.function().name);
+        Self::of_bindings(of, &ranges, (variant, None), content)
     }
 
     /// The resources of a compute pass. Their sizes follow from what is dispatched.
@@ -139,13 +145,45 @@ impl Resources {
     ) -> Result<Self, String> {
         let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
         let mut named = Vec::new();
-        for binding in bindings {
-            let elements = match ranges.extents {
-                Some(extents) => extents.elements_of(&binding.path) as usize,
+        let elements_of = |binding: &Binding| {
+            let usual = match ranges.extents {
+                Some(extents) => extents.elements_of(&binding.path),
                 // A buffer that is written is as long as the results that are read back.
-                None if binding.kind.is_written() => ELEMENTS,
-                None => LENGTHS[variant % LENGTHS.len()],
+                None if binding.kind.is_written() => ELEMENTS as u32,
+                None => LENGTHS[variant % LENGTHS.len()] as u32,
             };
+            ranges.length(&binding.path, usual, variant % 2 == 1) as usize
+        };
+        ranges.note_sizes(bindings.iter().map(|one| &*one.path), None, &mut all.drawn);
+        let mut elements: BTreeMap<&str, usize> =
+            bindings.iter().map(|one| (one.name(), elements_of(one))).collect();
+        let length = |binding: &Binding, elements: &BTreeMap<&str, usize>| {
+            length_of(&program.buffer_of(binding, elements[binding.name()])?)
+        };
+        // Elements that differ need as many places.
+        for binding in bindings {
+            if let Some(Declaration::Elements { least: End::Number(least), most, distinct: true }) =
+                ranges.get(binding.name())
+                && let End::Length(other, less) = most
+                && let Some(own) = length(binding, &elements)
+                && let Some(places) = elements.get_mut(&**other)
+            {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "saturates"
+                )]
+                let needed = (f64::from(own) + less + least).ceil() as usize;
+                *places = (*places).max(needed);
+            }
+        }
+        for binding in bindings {
+            if let Some(length) = length(binding, &elements) {
+                all.lengths.insert(binding.name().to_owned(), length);
+            }
+        }
+        for binding in bindings {
+            let elements = elements[binding.name()];
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     let of = (program, binding, elements);
@@ -188,7 +226,9 @@ impl Resources {
             // Both contents have the same lanes, as they have the same shape.
             let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
             let of = (&*binding.path, binding.name(), &shape);
-            let other = Self::default().lanes(of, &ranges, mix.variant, is_written)?;
+            let lengths = self.lengths.clone();
+            let other =
+                Self { lengths, ..Self::default() }.lanes(of, &ranges, mix.variant, is_written)?;
             let mut at = 0;
             for input in &self.inputs[first..] {
                 let own = at..at + input.lanes;
@@ -244,6 +284,20 @@ impl Resources {
             Shape::Array { element, length } => {
                 // Elements have no place in a line of a report.
                 let shown = self.members.len();
+                if let Some(declared @ Declaration::Elements { .. }) = ranges.get(path) {
+                    let words =
+                        self.elements((path, element), declared, *length, ranges, source)?;
+                    let input = Input {
+                        path: path.to_owned(),
+                        declared: true,
+                        known: true,
+                        lanes: words.len(),
+                    };
+                    self.inputs.push(input);
+                    self.drawn.add(path.to_owned());
+                    lanes.extend(words);
+                    return Ok(());
+                }
                 let each = (0..*length as usize).map(|at| index.map(|index| index + at));
                 self.depth += 1;
                 match **element {
@@ -316,6 +370,72 @@ impl Resources {
                 Ok(())
             }
         }
+    }
+}
+
+impl Resources {
+    /// The elements of an array of whole numbers, as they are declared: in order, in the opposite order, or in any.
+    fn elements(
+        &self,
+        (path, element): (&str, &Shape),
+        declared: &Declaration,
+        length: u32,
+        ranges: &Ranges,
+        source: &mut Source,
+    ) -> Result<Vec<u32>, String> {
+        let Declaration::Elements { least, most, distinct } = declared else {
+            return Ok(Vec::new());
+        };
+        if !matches!(element, Shape::Scalar(Scalar::U32 | Scalar::I32)) {
+            return Err(format!("`{path}` is declared by its elements, and these are {element}"));
+        }
+        let end = |end: &End| match end {
+            End::Number(number) => Ok(*number),
+            End::Length(name, less) => match self.lengths.get(name) {
+                Some(length) => Ok(f64::from(*length) - less),
+                None => Err(format!(
+                    "`{path}` is declared by length({name}), and no buffer is `{name}`"
+                )),
+            },
+        };
+        let (least, most) = (end(least)?.ceil(), end(most)?.floor());
+        let count = most - least + 1.0;
+        if count < 1.0 {
+            return Err(format!("`{path}` is declared from {least} to {most}: no range"));
+        }
+        if *distinct && count < f64::from(length) {
+            return Err(format!(
+                "`{path}` is declared to have {length} elements that differ, and {count} numbers lie from {least} to {most}"
+            ));
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "both saturate"
+        )]
+        let (first, count) = (least as i64, count as u64);
+        let number = |at: u64| (first + (at % count).cast_signed()) as u32;
+        let mut all: Vec<u32> = (0..u64::from(length)).map(number).collect();
+        match ranges.numbered() {
+            Some(Numbered::Forwards) => {}
+            Some(Numbered::Backwards) => all.reverse(),
+            _ if *distinct => {
+                for at in (1..all.len()).rev() {
+                    all.swap(at, source.below(at as u64 + 1) as usize);
+                }
+            }
+            _ => all.iter_mut().for_each(|one| *one = number(source.below(count))),
+        }
+        Ok(all)
+    }
+}
+
+/// The elements of a buffer's array: its own, or that of its last member.
+fn length_of(shape: &Shape) -> Option<u32> {
+    match shape {
+        Shape::Array { length, .. } => Some(*length),
+        Shape::Struct { members, .. } => length_of(&members.last()?.1),
+        _ => None,
     }
 }
 

@@ -1,5 +1,5 @@
 //! `karat.toml` beside the modules of a folder: features, what expands modules, what is known not to
-//! work in the matrix of translations, what arguments are, which hazards are accepted, and which compilers
+//! work in the matrix of translations, what inputs are and which values overrides have, which hazards are accepted, and which compilers
 //! and limits the package is for.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,6 +11,7 @@ use serde::Deserialize;
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
+use super::inputs::{self, Declaration, scope};
 use super::limits::Limits;
 use super::values::{self, Values};
 use super::workspace::{self, Kind};
@@ -40,7 +41,7 @@ pub(super) struct Manifest {
     preprocess: Vec<String>,
     /// What is declared not to work on a column of the matrix of translations.
     matrix: Vec<KnownRows>,
-    /// Ranges of arguments by name, and hazards that are accepted.
+    /// What inputs are, values of overrides, and hazards that are accepted.
     hazards: Hazards,
     /// Compilers besides naga, and limits.
     pub(super) compilers: Compilers,
@@ -64,7 +65,9 @@ const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "con
 /// What is declared for the search for hazards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Hazards {
-    pub(crate) inputs: BTreeMap<String, (f64, f64)>,
+    pub(crate) inputs: BTreeMap<String, Declaration>,
+    /// Values of overrides, in each function that has one.
+    pub(crate) overrides: BTreeMap<String, f64>,
     pub(crate) accepted: Vec<AcceptedHazard>,
 }
 
@@ -100,27 +103,6 @@ impl KnownRows {
     }
 }
 
-/// A range, or the ranges of members: `groups = [1, 8]`, `params.groups = [1, 8]`.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Input {
-    Range(Vec<f64>),
-    Members(BTreeMap<String, Input>),
-}
-
-impl Input {
-    /// The ranges by their paths.
-    fn flat(self, path: String) -> Vec<(String, Vec<f64>)> {
-        match self {
-            Self::Range(range) => vec![(path, range)],
-            Self::Members(all) => {
-                let one = |(name, own): (String, Self)| own.flat(format!("{path}.{name}"));
-                all.into_iter().flat_map(one).collect()
-            }
-        }
-    }
-}
-
 /// As it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -135,7 +117,9 @@ struct Written {
     #[serde(default)]
     matrix: Vec<KnownRows>,
     #[serde(default)]
-    inputs: BTreeMap<String, Input>,
+    inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
+    #[serde(default)]
+    overrides: BTreeMap<String, toml::Value>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
     #[serde(default)]
@@ -186,6 +170,28 @@ impl Package {
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())
+    }
+}
+
+impl Package {
+    /// The place of an input's declaration in the folder's `karat.toml`: `karat.toml:3`.
+    #[cfg(feature = "engine")]
+    pub(crate) fn place_of_input(&self, name: &str) -> Option<String> {
+        #[derive(Deserialize)]
+        struct Inputs {
+            #[serde(default)]
+            inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
+        }
+        let read = Manifest::of(self).ok()?.read?;
+        let text = self.unsaved_text(&read.file).map(|text| text.to_string());
+        let text = text.or_else(|| std::fs::read_to_string(&read.file).ok())?;
+        let all = toml::from_str::<Inputs>(&text).ok()?.inputs;
+        let key = all.into_keys().find(|key| {
+            let rest = name.strip_prefix(key.get_ref().as_str());
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        })?;
+        let line = text[..key.span().start].matches('\n').count() + 1;
+        Some(format!("{}:{line}", shown(&read.file)))
     }
 }
 
@@ -261,7 +267,12 @@ impl Declared {
         let texts = [linked, &module.file.text];
         let words = texts.map(|text| text.split(|c: char| c != '_' && !c.is_alphanumeric()));
         let words: BTreeSet<&str> = words.into_iter().flatten().collect();
-        self.inputs.retain(|path| path.split('.').any(|part| !words.contains(part)));
+        let has = |path: &String| {
+            let (_, own) = scope(path);
+            let mut parts = own.split(['.', '(', ')', ':']).filter(|part| !part.is_empty());
+            parts.all(|part| matches!(part, "length" | "workgroups") || words.contains(part))
+        };
+        self.inputs.retain(|path| !has(path));
         Ok(())
     }
 
@@ -336,7 +347,8 @@ impl Manifest {
             values,
             preprocess,
             matrix,
-            inputs,
+            inputs: written_inputs,
+            overrides,
             hazards,
             compilers,
             limits,
@@ -386,21 +398,27 @@ impl Manifest {
                 return Err(error(reason.to_owned()));
             }
         }
-        let range = |(name, range): (String, Vec<f64>)| match *range {
-            [least, most] if least <= most && least.is_finite() && most.is_finite() => {
-                Ok((name, (least, most)))
+        let mut declared = BTreeMap::new();
+        for (name, value) in &written_inputs {
+            // With its line, as there may be many.
+            let place = || text[..name.span().start].matches('\n').count() + 1;
+            let told = |why: String| error(format!("line {}: {why}", place()));
+            declared.extend(inputs::flat(name.get_ref(), value).map_err(told)?);
+        }
+        let value = |(name, value): (String, toml::Value)| match &value {
+            toml::Value::Boolean(on) => Ok((name, f64::from(u8::from(*on)))),
+            toml::Value::Integer(_) | toml::Value::Float(_) => {
+                #[expect(clippy::cast_precision_loss, reason = "no override has 54 bits")]
+                let whole = || value.as_integer().map(|one| one as f64);
+                let number = value.as_float().or_else(whole).filter(|x| x.is_finite());
+                Ok((name, number.ok_or_else(|| error("an override is finite".to_owned()))?))
             }
-            [least, most] => Err(error(format!(
-                "the input `{name}` is declared from {least} to {most}: no range"
-            ))),
             _ => Err(error(format!(
-                "the input `{name}` has a range of two numbers, and this one has {}",
-                range.len()
+                "the override `{name}` is a number or a bool, and this is {value}"
             ))),
         };
-        let inputs = inputs.into_iter().flat_map(|(name, input)| input.flat(name));
-        let inputs = inputs.map(range).collect::<Result<_, _>>()?;
-        let hazards = Hazards { inputs, accepted: hazards };
+        let overrides = overrides.into_iter().map(value).collect::<Result<_, _>>()?;
+        let hazards = Hazards { inputs: declared, overrides, accepted: hazards };
         // A file alone is a package whose rows have no module.
         let own = match &package.origin {
             Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),

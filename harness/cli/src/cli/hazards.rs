@@ -89,9 +89,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
             match look(args, package, &inputs)? {
-                Err(HazardError::UnknownInput { name, nearest }) if packages.len() > 1 => {
+                // One that a package's own `karat.toml` declares is an error of that one.
+                Err(HazardError::UnknownInput { name, nearest, place })
+                    if packages.len() > 1 && place.is_empty() =>
+                {
                     inputs.retain(|(own, _)| *own != name);
-                    let error = HazardError::UnknownInput { name: name.clone(), nearest };
+                    let error = HazardError::UnknownInput { name: name.clone(), nearest, place };
                     unknown.entry(name).or_default().push(error);
                 }
                 found => break found?,

@@ -1,0 +1,256 @@
+//! `[inputs]` of `karat.toml`: what a host gives a function or a pass.
+//!
+//! | key | of |
+//! |---|---|
+//! | `roughness` | each argument and member of this name |
+//! | `params.groups` | a member of a variable or an argument |
+//! | `"scan::main.groups"` | the same of one function alone |
+//! | `"length(data)"` | the elements of an array without a length |
+//! | `"workgroups(scan::main)"` | the workgroups of a pass, in all |
+//!
+//! | value | numbers |
+//! |---|---|
+//! | `0.5` | this one |
+//! | `[0, 1]` or `"0..1"` | from the first to the second |
+//! | `{ one_of = [0, 1, 4] }` | these |
+//! | `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` | a vector of that kind |
+//! | `"multiple of 64"` | a length |
+//! | `{ range = [0, "length(out) - 1"], distinct = true }` | elements of an array: an end may be a length, and no two are the same |
+
+use toml::Value;
+
+/// What is declared of a name.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Declaration {
+    /// From the first to the second.
+    Range(f64, f64),
+    /// One of these.
+    Values(Vec<f64>),
+    /// A vector of a kind: `unit_vector`.
+    Named(String),
+    /// The elements of an array of whole numbers.
+    Elements {
+        /// The least of them.
+        least: End,
+        /// The most.
+        most: End,
+        /// True if no two are the same.
+        distinct: bool,
+    },
+    /// A length.
+    MultipleOf(u32),
+}
+
+/// An end of the numbers of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum End {
+    /// A number.
+    Number(f64),
+    /// The elements of an array, less a number.
+    Length(String, f64),
+}
+
+/// Kinds of vectors.
+const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
+
+impl Declaration {
+    /// What a name's value says, or why it says nothing.
+    pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
+        let is_length = name.contains("length(");
+        let wrong = || {
+            let what = match is_length || name.contains("workgroups(") {
+                true => "a number, a range as in [1, 64], or \"multiple of 64\"",
+                false => {
+                    "a number, a range as in [0, 1] or \"0..1\", { one_of = [..] }, \"unit_vector\", \"hemisphere\" or \
+                     \"unit_rgb\", or { range = [0, \"length(out) - 1\"], distinct = true }"
+                }
+            };
+            format!("the input `{name}` is {what}, and this is {value}")
+        };
+        let declared = match value {
+            Value::Integer(_) | Value::Float(_) => {
+                let number = number(value).ok_or_else(wrong)?;
+                Self::Range(number, number)
+            }
+            Value::Array(ends) => match &**ends {
+                [least, most] => Self::range(end(least), end(most)).ok_or_else(wrong)?,
+                _ => {
+                    let count = ends.len();
+                    return Err(format!(
+                        "the input `{name}` has a range of two numbers, and this one has {count}"
+                    ));
+                }
+            },
+            Value::String(text) => Self::of_text(text).ok_or_else(wrong)?,
+            Value::Table(table) => {
+                let known = |key: &String| matches!(&**key, "one_of" | "range" | "distinct");
+                if let Some(key) = table.keys().find(|key| !known(key)) {
+                    return Err(format!(
+                        "the input `{name}` has no key `{key}`: one_of, range, distinct"
+                    ));
+                }
+                let distinct = table.get("distinct").map(Value::as_bool);
+                match (table.get("one_of"), table.get("range"), distinct) {
+                    (Some(Value::Array(all)), None, None) if !all.is_empty() => {
+                        let all = all.iter().map(number).collect::<Option<Vec<_>>>();
+                        Self::Values(all.ok_or_else(wrong)?)
+                    }
+                    (None, range, None | Some(Some(_))) => {
+                        let own = match range {
+                            None => None,
+                            Some(Value::Array(ends)) => match &**ends {
+                                [least, most] => Some((end(least), end(most))),
+                                _ => return Err(wrong()),
+                            },
+                            Some(_) => return Err(wrong()),
+                        };
+                        // Elements are indices of their own array unless a range is given.
+                        let array = name.rsplit("::").next().unwrap_or(name).to_owned();
+                        let (least, most) =
+                            own.unwrap_or((Some(End::Number(0.0)), Some(End::Length(array, 1.0))));
+                        let (least, most) = (least.ok_or_else(wrong)?, most.ok_or_else(wrong)?);
+                        Self::Elements { least, most, distinct: distinct.flatten() == Some(true) }
+                    }
+                    _ => return Err(wrong()),
+                }
+            }
+            _ => return Err(wrong()),
+        };
+        match declared {
+            Self::Range(least, most)
+                if !(least <= most && least.is_finite() && most.is_finite()) =>
+            {
+                Err(format!("the input `{name}` is declared from {least} to {most}: no range"))
+            }
+            Self::MultipleOf(_) if !is_length => Err(wrong()),
+            declared => Ok(declared),
+        }
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        let text = text.trim();
+        if KINDS.contains(&text) {
+            return Some(Self::Named(text.to_owned()));
+        }
+        if let Some(number) = text.strip_prefix("multiple of ") {
+            return number.trim().parse().ok().filter(|of| *of > 0).map(Self::MultipleOf);
+        }
+        let (least, most) = text.split_once("..")?;
+        let number = |text: &str| text.trim().parse().ok();
+        Some(Self::Range(number(least)?, number(most)?))
+    }
+
+    fn range(least: Option<End>, most: Option<End>) -> Option<Self> {
+        Some(match (least?, most?) {
+            (End::Number(least), End::Number(most)) => Self::Range(least, most),
+            (least, most) => Self::Elements { least, most, distinct: false },
+        })
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "ends of 2^53 and above are rounded")]
+fn number(value: &Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|one| one as f64)).filter(|x| x.is_finite())
+}
+
+/// A number, `length(out)` or `length(out) - 1`.
+fn end(value: &Value) -> Option<End> {
+    let Some(text) = value.as_str() else { return number(value).map(End::Number) };
+    let (name, rest) = text.trim().strip_prefix("length(")?.split_once(')')?;
+    let less = match rest.trim() {
+        "" => 0.0,
+        rest => rest.strip_prefix('-')?.trim().parse().ok()?,
+    };
+    Some(End::Length(name.trim().to_owned(), less))
+}
+
+/// The declarations under a name: `params.groups = [1, 8]` is a table in a table.
+pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration)>, String> {
+    let is_own = |table: &toml::Table| {
+        table.is_empty()
+            || table.keys().any(|key| matches!(&**key, "one_of" | "range" | "distinct"))
+    };
+    match value {
+        Value::Table(table) if !is_own(table) => {
+            let all = table.iter().map(|(member, own)| flat(&format!("{name}.{member}"), own));
+            Ok(all.collect::<Result<Vec<_>, _>>()?.concat())
+        }
+        value => Ok(vec![(name.to_owned(), Declaration::of(name, value)?)]),
+    }
+}
+
+/// The function that a key is about alone, and the rest of it: `scan::main` and `groups`, `scan` of `workgroups(scan)`.
+pub(crate) fn scope(key: &str) -> (Option<&str>, &str) {
+    if key.contains('(') {
+        return (None, key);
+    }
+    match key.rfind("::").and_then(|at| Some(at + key[at..].find('.')?)) {
+        Some(dot) => (Some(&key[..dot]), &key[dot + 1..]),
+        None => (None, key),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, text: &str) -> Result<Declaration, String> {
+        let table: toml::Table = toml::from_str(&format!("x = {text}")).expect("it is TOML");
+        Declaration::of(name, &table["x"])
+    }
+
+    #[test]
+    fn values_say_what_a_name_is() {
+        use Declaration::{Elements, MultipleOf, Named, Range, Values};
+        let length = |name: &str, less| End::Length(name.to_owned(), less);
+        for (text, expected) in [
+            ("0.5", Range(0.5, 0.5)),
+            ("[0, 1]", Range(0.0, 1.0)),
+            ("\"-1 .. 2.5\"", Range(-1.0, 2.5)),
+            ("{ one_of = [0, 4] }", Values(vec![0.0, 4.0])),
+            ("\"unit_vector\"", Named("unit_vector".to_owned())),
+            (
+                "{ distinct = true }",
+                Elements { least: End::Number(0.0), most: length("a", 1.0), distinct: true },
+            ),
+            (
+                "[0, \"length(out) - 1\"]",
+                Elements { least: End::Number(0.0), most: length("out", 1.0), distinct: false },
+            ),
+        ] {
+            assert_eq!(of("a", text), Ok(expected), "{text}");
+        }
+        assert_eq!(of("length(a)", "\"multiple of 64\""), Ok(MultipleOf(64)));
+        assert_eq!(of("length(a)", "64"), Ok(Range(64.0, 64.0)));
+    }
+
+    #[test]
+    fn what_says_nothing_is_told() {
+        for (text, part) in [
+            ("[1, 0]", "from 1 to 0: no range"),
+            ("[0, 1, 2]", "this one has 3"),
+            ("\"unit vector\"", "\"unit_vector\""),
+            ("true", "and this is true"),
+            ("{ value = 3 }", "no key `value`"),
+            ("{ one_of = [] }", "{ one_of = [..] }"),
+            ("{ one_of = [\"a\"] }", "{ one_of = [..] }"),
+            ("{ distinct = 1 }", "distinct = true"),
+            ("[0, \"len(out)\"]", "length(out) - 1"),
+            ("\"multiple of 64\"", "a range as in [0, 1]"),
+            ("inf", "this is inf"),
+        ] {
+            let why = of("a", text).expect_err(text);
+            assert!(why.contains(part) && why.contains("`a`"), "{text}: {why}");
+        }
+        let why = of("length(a)", "\"multiple of 0\"").expect_err("of none");
+        assert!(why.contains("\"multiple of 64\""), "{why}");
+    }
+
+    #[test]
+    fn a_key_may_be_about_one_function() {
+        assert_eq!(scope("groups"), (None, "groups"));
+        assert_eq!(scope("params.groups"), (None, "params.groups"));
+        assert_eq!(scope("scan::main.params.groups"), (Some("scan::main"), "params.groups"));
+        assert_eq!(scope("workgroups(scan::main)"), (None, "workgroups(scan::main)"));
+    }
+}
