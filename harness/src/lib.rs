@@ -94,7 +94,7 @@ pub mod domain {
     #[doc(inline)]
     pub use karat_core::domain::{
         Above, AnyF32, Composed, Domain, Edges, Emptiness, Filter, Grid, Hemisphere, Integers,
-        Just, LatinHypercube, Map, OneOf, Origin, Shrinkable, Source, Sphere, UnitRgb, UnitVector,
+        Just, Map, OneOf, Origin, Shrinkable, Source, Sphere, UnitRgb, UnitVector,
     };
 }
 
@@ -141,8 +141,7 @@ pub mod value {
 
 pub use check::{Check, Directions, Limit, Trend};
 pub use domain::{
-    AnyF32, Domain, Edges, Grid, Hemisphere, Integers, Just, LatinHypercube, OneOf, UnitRgb,
-    UnitVector,
+    AnyF32, Domain, Edges, Grid, Hemisphere, Integers, Just, OneOf, UnitRgb, UnitVector,
 };
 pub use fixture::{CubeMap, Sampler, Storage, Texture, Uniform};
 pub use frame::Frame;
@@ -159,7 +158,7 @@ pub use value::Shareable;
 pub mod prelude {
     pub use crate::{
         Abs, AnyF32, CubeMap, DeviceSpec, Directions, Domain, Edges, Goldens, Grid, Hemisphere,
-        Inputs, Integers, Just, LatinHypercube, Limit, OneOf, Package, Rel, Sampler, Spec, Storage,
-        Support, Texture, Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
+        Inputs, Integers, Just, Limit, OneOf, Package, Rel, Sampler, Spec, Storage, Support,
+        Texture, Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

@@ -16,7 +16,6 @@ mod dynamic;
 mod edges;
 mod emptiness;
 mod grid;
-mod latin;
 mod perpendicular;
 mod plausible;
 mod product;
@@ -39,7 +38,6 @@ pub use edges::{AnyF32, Edges};
 pub use emptiness::Emptiness;
 use emptiness::infinite;
 pub use grid::Grid;
-pub use latin::LatinHypercube;
 #[doc(hidden)]
 pub use product::Parts;
 pub use range::Integers;
@@ -94,7 +92,7 @@ const SIMPLER: usize = 256;
     label = "expected a domain of WGSL values",
     note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
             `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, `Edges`, `AnyF32`, \
-            `LatinHypercube`, or a tuple of up to twelve of them"
+            or a tuple of up to twelve of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.

@@ -1,4 +1,4 @@
-//! `karat init`: a first test that passes, and what goes with it.
+//! `karat init`: a first test, green or red, and what goes with it.
 
 mod npm;
 mod pass;
@@ -6,24 +6,23 @@ mod pass;
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
-use karat::unstable::hazards::Kind;
 use karat::unstable::output::counted;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
-use karat::unstable::record::{self, Recorded};
+use karat::unstable::record::Recorded;
 use karat::unstable::reflect::Stage;
-use karat::value::{Scalar, Shape};
+use karat::value::Shape;
 
 use super::doctor::profile::unoptimised;
 use super::goldens::CiArgs;
 use super::list::{callable, tested_functions};
 use super::project::{self, Project, text_of};
-use super::table::{DIM, GOOD, HEAD, KNOWN};
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, check};
 
 #[derive(clap::Args)]
@@ -40,13 +39,6 @@ pub(super) struct Args {
     #[command(flatten)]
     ci: CiArgs,
 }
-
-/// Functions that are tried until a test of one passes.
-const TRIED: usize = 40;
-
-/// Where numbers of which nothing is known are tried. Roughness and cosines leave out 0 at last, at which lobes and divisions
-/// are infinite.
-const RANGES: [&str; 2] = ["0..1", "0.01..1"];
 
 /// What runs leave behind and nobody commits.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
@@ -66,7 +58,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut invalid = Vec::new();
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
-    ensure!(valid, "mend these modules first: a test of them can't pass");
+    ensure!(valid, "mend these modules first: no test of them can pass");
     let mut items = callable(&package)?;
     // A fragment or vertex function is called as any other, where there is none.
     items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
@@ -95,6 +87,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
     }
     let good = run_tests(&folder, out)?;
+    if let (false, Some(file)) = (good, &written) {
+        writeln!(
+            out,
+            "\n{BAD}the first test is red{BAD:#}: mend the function, or say in {} what a host gives it",
+            file.display()
+        )?;
+    }
     let folder = folder.display();
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
@@ -166,12 +165,12 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
 }
 
-/// Writes a test of the first function for which one passes, beside its module. `None` if there are tests, or
-/// if each function has one in Rust.
+/// Writes a test of one function beside its module, or of a compute pass where there is none: the first with arguments and a
+/// float in its result, else the first. `None` if there are tests, or if each function has one in Rust.
 fn first_test(
     package: &Package,
     folder: &Path,
-    (items, entry_points): (&[FunctionItem], &[FunctionItem]),
+    (items, passes): (&[FunctionItem], &[FunctionItem]),
     out: &mut dyn Write,
 ) -> anyhow::Result<Option<PathBuf>> {
     let suite = karat_suite::Suite::open(folder)?;
@@ -180,89 +179,68 @@ fn first_test(
         return Ok(None);
     }
     let tested = tested(folder)?;
-    let (own, others): (Vec<_>, Vec<_>) = items.iter().partition(|item| !tested.is(&item.name));
-    let mut found = Functions::default();
-    for item in &own {
-        found.add(package, item);
-    }
-    let mut pass = None;
-    for item in entry_points.iter().filter(|item| !tested.is(&item.name)).take(TRIED) {
-        match try_pass(package, item, folder)? {
-            Ok(file) => {
-                writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
-                pass = Some(file);
-                break;
+    let is_open = |item: &&FunctionItem| !tested.is(&item.name);
+    let mut why = Why::default();
+    let mut best: Option<(u8, &FunctionItem, String)> = None;
+    for item in items.iter().filter(is_open) {
+        match function_test(package, item) {
+            Ok((rank, text)) if best.as_ref().is_none_or(|(known, ..)| rank < *known) => {
+                best = Some((rank, item, text));
             }
-            Err(why) => found.passes.push((item, why)),
+            Ok(_) => {}
+            Err(Open::Bound) => why.bound.push(&item.name),
+            Err(Open::Refused) => why.refused.push(&item.name),
         }
     }
-    let function = first_of_functions(&found, folder, out)?;
-    if function.is_none() && pass.is_none() {
-        if !found.are_none() || others.is_empty() {
-            anyhow::bail!(found.told(folder));
+    let pass = || {
+        let of = |item| Some((item, pass::declaration(package, item)?));
+        passes.iter().filter(is_open).find_map(of)
+    };
+    let Some((item, text)) = best.map(|(_, item, text)| (item, text)).or_else(pass) else {
+        let all: Vec<_> = items.iter().chain(passes).collect();
+        if !all.is_empty() && all.iter().all(|item| tested.is(&item.name)) {
+            writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+            return Ok(None);
         }
-        writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
-    }
-    // Of a pass that races its author wants to know, whatever else there is to test.
-    for (item, why) in &found.passes {
-        writeln!(out, "{KNOWN}no first test{KNOWN:#} of `{}`: {why}", item.name)?;
-    }
-    Ok(function.or(pass))
+        why.passes.extend(passes.iter().filter(is_open).map(|item| item.name.as_str()));
+        bail!(why.told());
+    };
+    let file = beside(item, folder);
+    std::fs::write(&file, text).with_context(|| format!("`{}`", file.display()))?;
+    writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
+    Ok(Some(file))
 }
 
-/// Writes a test of the first function for which one passes.
-fn first_of_functions(
-    found: &Functions<'_>,
-    folder: &Path,
-    out: &mut dyn Write,
-) -> anyhow::Result<Option<PathBuf>> {
-    for attempt in [Attempt::Names, Attempt::Away, Attempt::Table] {
-        let candidates = if attempt == Attempt::Table { &found.others } else { &found.floats };
-        // Functions with arguments show more.
-        let has = |probed: &Probed| !probed.function().parameters.is_empty();
-        let (with, without): (Vec<_>, Vec<_>) =
-            candidates.iter().partition(|(_, probed)| has(probed));
-        for (item, probed) in with.into_iter().chain(without).take(TRIED) {
-            if let Some(file) = try_test(item, probed, attempt, folder)? {
-                writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
-                return Ok(Some(file));
-            }
-        }
-    }
-    Ok(None)
+/// Why a function has no first test.
+enum Open {
+    /// It reads what a test has to bind.
+    Bound,
+    /// It can't be called.
+    Refused,
 }
 
-/// Writes a test of a compute entry point beside its module. If none passes, why.
-fn try_pass(
-    package: &Package,
-    item: &FunctionItem,
-    folder: &Path,
-) -> anyhow::Result<Result<PathBuf, String>> {
-    let (_, file) = beside(item, folder);
-    if file.exists() {
-        return Ok(Err(format!("`{}` is there", file.display())));
+/// A test of a function over what its arguments' names and types say, and how little it shows: 0 is best.
+fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String), Open> {
+    let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let probed = Probed::new(package, &item.name).map_err(|_| Open::Refused)?;
+    let function = probed.function();
+    if !function.bindings.is_empty() {
+        return Err(Open::Bound);
     }
-    let mut why = "it has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says \
-                   what they hold"
-        .to_owned();
-    // Over some sizes no two invocations meet.
-    if let Some(race) = race_in(package, &item.name) {
-        return Ok(Err(format!("{race} (`karat hazards {}` says where)", folder.display())));
-    }
-    for text in pass::declarations(package, item) {
-        match passes(item, Attempt::Names, &file, ("", &text), folder)? {
-            Ok(()) => return Ok(Ok(file)),
-            Err(other) => why = other,
-        }
-    }
-    Ok(Err(why))
-}
-
-/// A race that a compute entry point has whatever its resources hold, in a line.
-fn race_in(package: &Package, name: &str) -> Option<String> {
-    let hazards = package.hazards().only([name]).run().ok()?;
-    let mut races = hazards.faults().filter(|one| one.kind == Kind::Race && one.function == name);
-    races.find_map(|one| Some(one.violation.as_ref()?.headline.clone()))
+    let has_float = function.result.lanes().iter().any(|lane| lane.is_float());
+    let rank = 2 * u8::from(!has_float) + u8::from(function.parameters.is_empty());
+    let is_of_floats = |shape: &Shape| shape.lanes().iter().all(|lane| lane.is_float());
+    let mut floats = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
+    let over = floats.next().map_or_else(String::new, |(name, _)| {
+        format!(
+            "# Where arguments come from; what isn't named comes from its name and type:\n\
+             # over = {{ {name} = \"0..1\" }}\n"
+        )
+    });
+    // An index outside, a division by 0, a conversion out of range.
+    let assertion = if has_float { "finite" } else { "no_hazards" };
+    let text = format!("# {function}\n[[test]]\nfunction = \"{name}\"\n{over}{assertion} = true\n");
+    Ok((rank, text))
 }
 
 /// The entry points of some stages in a package.
@@ -275,272 +253,48 @@ fn entry_points(
     Ok(functions.flatten().filter(|item| item.entry_point.is_some_and(&of)).collect())
 }
 
-/// A module's file without its extension, and that of its tests.
-fn beside(item: &FunctionItem, folder: &Path) -> (PathBuf, PathBuf) {
+/// The file of a module's tests.
+fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     let (module, _) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let mut beside = folder.to_owned();
     beside.extend(module.split("::"));
-    let file = PathBuf::from(format!("{}.test.toml", beside.display()));
-    (beside, file)
+    PathBuf::from(format!("{}.test.toml", beside.display()))
 }
 
-/// Functions that have no test, by what a first test of them can be.
+/// The functions and passes that have no first test, by the reason.
 #[derive(Default)]
-struct Functions<'i> {
-    /// Those that return floats, alone or among others: they should be finite.
-    floats: Vec<(&'i FunctionItem, Probed)>,
-    /// Those that return integers or booleans alone: a table has what they return, exactly.
-    others: Vec<(&'i FunctionItem, Probed)>,
-    /// Those that read what a test has to bind.
-    bound: Vec<&'i FunctionItem>,
-    /// Those that can't be called, with why.
-    refused: Vec<(&'i FunctionItem, String)>,
-    /// Compute entry points whose first test doesn't pass, with why.
-    passes: Vec<(&'i FunctionItem, String)>,
+struct Why<'i> {
+    bound: Vec<&'i str>,
+    refused: Vec<&'i str>,
+    passes: Vec<&'i str>,
 }
 
-impl<'i> Functions<'i> {
-    fn add(&mut self, package: &Package, item: &'i FunctionItem) {
-        let probed = match Probed::new(package, &item.name) {
-            Ok(probed) => probed,
-            Err(error) => return self.refused.push((item, error.to_string())),
-        };
-        let function = probed.function();
-        if !function.bindings.is_empty() {
-            self.bound.push(item);
-        } else if function.result.lanes().iter().any(|lane| lane.is_float()) {
-            self.floats.push((item, probed));
-        } else {
-            self.others.push((item, probed));
-        }
-    }
-
-    fn are_none(&self) -> bool {
-        let Self { floats, others, bound, refused, .. } = self;
-        floats.is_empty() && others.is_empty() && bound.is_empty() && refused.is_empty()
-    }
-
-    /// Says what was found, where no test passes.
-    fn told(&self, folder: &Path) -> String {
-        let named = |items: &mut dyn Iterator<Item = &FunctionItem>| {
-            let names: Vec<&str> = items.map(|item| &*item.name).collect();
+impl Why<'_> {
+    fn told(&self) -> String {
+        /// Names that a line shows.
+        const SHOWN: usize = 4;
+        let mut text = "no first test can be written".to_owned();
+        for (names, thing, what) in [
+            (
+                &self.bound,
+                "function",
+                "reads a binding, so its test says what that holds: `with = { name = .. }` in `*.test.toml`",
+            ),
+            (&self.refused, "function", "can't be called by a test; `karat call` says why"),
+            (
+                &self.passes,
+                "pass",
+                "has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says what they hold",
+            ),
+        ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };
             let first = names[..names.len().min(SHOWN)].join("`, `");
-            (names.len(), format!("`{first}`{more}"))
-        };
-        let mut text = "no first test passes, so nothing is written".to_owned();
-        let mut tell = |(count, names): (usize, String), what: &str| {
-            if count > 0 {
-                text += &format!("\n  {}: {what}: {names}", counted(count, "function"));
+            if !names.is_empty() {
+                text += &format!("\n  {}: {what}: `{first}`{more}", counted(names.len(), thing));
             }
-        };
-        let folder = folder.display();
-        tell(
-            named(&mut self.floats.iter().map(|(item, _)| *item)),
-            &format!(
-                "not finite for arguments that names and types suggest; `karat hazards {folder}` \
-                 says why"
-            ),
-        );
-        tell(
-            named(&mut self.others.iter().map(|(item, _)| *item)),
-            "returns no floats, and a table of its values on `cpu` isn't what it returns on the other paths",
-        );
-        tell(
-            named(&mut self.bound.iter().copied()),
-            "reads a binding, so its test says what that holds: `with = { name = .. }` in `*.test.toml`",
-        );
-        tell(
-            named(&mut self.refused.iter().map(|(item, _)| *item)),
-            "can't be called by a test; `karat call` says why",
-        );
-        for (item, why) in &self.passes {
-            text += &format!("\n  `{}`: {why}", item.name);
         }
         text
     }
-}
-
-/// Names that a line shows.
-const SHOWN: usize = 4;
-
-/// How a first test of a function is made.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Attempt {
-    /// It is finite for arguments that names and types suggest.
-    Names,
-    /// The same, where floats are from 0 to 1, or a step away from 0.
-    Away,
-    /// It returns what it returns now, as a table.
-    Table,
-}
-
-/// Writes a test of a function beside its module. `None` if it doesn't pass: then nothing is left of it.
-fn try_test(
-    item: &FunctionItem,
-    probed: &Probed,
-    attempt: Attempt,
-    folder: &Path,
-) -> anyhow::Result<Option<PathBuf>> {
-    let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let (beside, file) = beside(item, folder);
-    // That of a pass may be there.
-    let before = match std::fs::read_to_string(&file) {
-        Ok(text) => text + "\n",
-        Err(none) if none.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => return Err(error).with_context(|| format!("`{}`", file.display())),
-    };
-    let function = probed.function();
-    if attempt == Attempt::Table {
-        let table = beside.with_file_name(format!("{name}.csv"));
-        if table.exists() || !write_table(item, probed, folder, &table)? {
-            return Ok(None);
-        }
-        let text = format!(
-            "# {function}\n[[test]]\nfunction = \"{name}\"\n# What it returned when this was written, on `cpu`: \
-             correct what is wrong, and add rows of your own.\ntable = \"{name}.csv\"\ntolerance = \"exact\"\n"
-        );
-        let written = passes(item, attempt, &file, (&before, &text), folder)?.is_ok();
-        if !written {
-            std::fs::remove_file(&table).with_context(|| format!("`{}`", table.display()))?;
-        }
-        return Ok(written.then_some(file));
-    }
-    let float = |shape: &Shape| matches!(shape, Shape::Scalar(scalar) if scalar.is_float());
-    let numbers = function.parameters.iter().filter(|(_, shape)| float(shape));
-    let numbers: Vec<&str> = numbers.map(|(name, _)| name.as_str()).collect();
-    let over: Vec<String> = match attempt {
-        Attempt::Away if numbers.is_empty() => return Ok(None),
-        Attempt::Away => RANGES
-            .iter()
-            .map(|range| {
-                let over = numbers.iter().map(|name| format!("{name} = \"{range}\""));
-                format!(
-                    "# Where arguments come from; what isn't named comes from its name and type. Over all that names \
-                     and types allow\n# some results are NaN or infinite: `karat hazards` shows them.\nover = {{ {} }}\n",
-                    over.collect::<Vec<_>>().join(", ")
-                )
-            })
-            .collect(),
-        _ => {
-            let is_of_floats = |shape: &Shape| shape.lanes().iter().all(|lane| lane.is_float());
-            let mut own = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
-            let line = own.next().map_or_else(String::new, |(name, _)| {
-                format!(
-                    "# Where arguments come from; what isn't named comes from its name and type:\n\
-                     # over = {{ {name} = \"0..1\" }}\n"
-                )
-            });
-            vec![line]
-        }
-    };
-    for over in over {
-        for assertion in ["in_range = [0, 1]\n", ""] {
-            let text = format!(
-                "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}finite = true\n{assertion}"
-            );
-            if passes(item, attempt, &file, (&before, &text), folder)?.is_ok() {
-                return Ok(Some(file));
-            }
-        }
-    }
-    Ok(None)
-}
-
-/// Writes a test behind what a file holds, and removes it if it doesn't pass: then why it doesn't.
-fn passes(
-    item: &FunctionItem,
-    attempt: Attempt,
-    file: &Path,
-    (before, text): (&str, &str),
-    folder: &Path,
-) -> anyhow::Result<Result<(), String>> {
-    std::fs::write(file, format!("{before}{text}"))
-        .with_context(|| format!("`{}`", file.display()))?;
-    let mut command = this()?;
-    command.arg("suite").arg(folder).arg(&item.name);
-    // A table of what `cpu` returns holds on the other paths, too.
-    if attempt != Attempt::Table {
-        command.env("KARAT_PATHS", "cpu");
-    }
-    // What a test that is thrown away fails on isn't to be remembered.
-    command.env("KARAT_FAILURES", "off");
-    let record = tempfile::tempdir().context("a temporary folder")?;
-    command.env("KARAT_RECORD", record.path());
-    command.stdout(Stdio::null()).stderr(Stdio::null());
-    let passes = command.status().is_ok_and(|status| status.success());
-    if !passes {
-        match before {
-            "" => std::fs::remove_file(file),
-            before => std::fs::write(file, before.trim_end().to_owned() + "\n"),
-        }
-        .with_context(|| format!("`{}`", file.display()))?;
-        let faults = record::read(record.path())?.into_iter().filter_map(|one| one.fault);
-        let first = faults.map(|fault| fault.headline).next();
-        let told = |first| {
-            format!(
-                "over the resources that it makes up, {first} (`karat hazards {} --all` says where)",
-                folder.display()
-            )
-        };
-        return Ok(Err(first.map_or_else(|| "it can't be run by a test".to_owned(), told)));
-    }
-    Ok(Ok(()))
-}
-
-/// Writes a table of what a function returns for some arguments, each of which has small and large ones.
-/// False if it can't be called.
-fn write_table(
-    item: &FunctionItem,
-    probed: &Probed,
-    folder: &Path,
-    table: &Path,
-) -> anyhow::Result<bool> {
-    /// Rows of a table: what a person looks through.
-    const ROWS: usize = 8;
-    let function = probed.function();
-    let columns = function.parameters.iter().flat_map(|(name, shape)| {
-        let names = shape.lane_names().into_iter().map(move |lane| format!("{name}{lane}"));
-        names.zip(shape.lanes())
-    });
-    let columns: Vec<(String, Scalar)> = columns.collect();
-    if columns.is_empty() {
-        return Ok(false);
-    }
-    let cell = |row: usize, column: usize, scalar: Scalar| {
-        // Neighbouring columns have other values in a row.
-        let at = (row + 3 * column) % ROWS;
-        match scalar {
-            Scalar::Bool => ["false", "true"][(row >> (column % 3)) % 2],
-            Scalar::U32 => ["0", "1", "2", "3", "7", "64", "255", "65535"][at],
-            Scalar::I32 => ["0", "1", "-1", "2", "7", "-8", "64", "255"][at],
-            _ => ["0", "1", "0.25", "0.5", "0.75", "2", "-1", "10"][at],
-        }
-    };
-    let names: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
-    let mut text = names.join(",") + "\n";
-    for row in 0..ROWS {
-        let cells = columns.iter().enumerate().map(|(at, (_, scalar))| cell(row, at, *scalar));
-        text += &(cells.collect::<Vec<_>>().join(",") + "\n");
-    }
-    let arguments =
-        tempfile::NamedTempFile::new().context("there is no room for temporary files")?;
-    std::fs::write(arguments.path(), text).context("there is no room for temporary files")?;
-    let mut command = this()?;
-    command.args(["call", &item.name, "--path", "cpu", "--hex", "--table"]).arg(arguments.path());
-    let ran = command.arg("--shaders").arg(folder).stderr(Stdio::null()).output();
-    let Some(output) = ran.ok().filter(|ran| ran.status.success()) else { return Ok(false) };
-    let called = String::from_utf8_lossy(&output.stdout);
-    // Columns of results are called after the path there, and `result` in a test's table.
-    let head = called.lines().next().unwrap_or_default();
-    let renamed = head.split(',').map(|column| match column.strip_prefix("cpu") {
-        Some(lane) if !names.contains(&column) => format!("result{lane}"),
-        _ => column.to_owned(),
-    });
-    let renamed = renamed.collect::<Vec<_>>().join(",");
-    let rows = called.strip_prefix(head).unwrap_or_default();
-    std::fs::write(table, renamed + rows).with_context(|| format!("`{}`", table.display()))?;
-    Ok(true)
 }
 
 /// Functions that have tests: in the last run, or by their names in the Rust files of `tests`.

@@ -56,7 +56,7 @@ pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::domain::{Domain, Grid, Integers, Just, LatinHypercube, OneOf, UnitVector};
+    use crate::domain::{Domain, Grid, Integers, Just, OneOf, UnitVector};
 
     #[test]
     fn each_cause_is_told_by_itself() {
@@ -82,8 +82,6 @@ mod tests {
         assert_eq!(why(Grid::linear(0.0..=1.0, 0).emptiness()).1, "grid has no points");
         let (low, high) = (3_i32, 2);
         assert_eq!(why(Integers(low..=high).emptiness()).1, "range starts at 3 and ends at 2");
-        let latin = LatinHypercube::new((0.0..=1.0, 3.0..=2.0), 5);
-        assert_eq!(why(latin.emptiness()), (Some(1), "range starts at 3 and ends at 2".into()));
         assert!((UnitVector, 0.0..=1.0_f32).emptiness().is_none());
     }
 }

@@ -12,33 +12,11 @@ const LEAST: u32 = 64;
 /// Elements of an array with a length that a test spells out.
 const SPELLED: u32 = 16;
 
-/// The assertion about a pass itself, where none about its resources holds.
-const NO_HAZARDS: &str = "no_hazards = true";
-
-/// The declarations that are tried, the most telling first. None if a resource has no size that follows, or nothing is
-/// written.
-pub(super) fn declarations(package: &Package, item: &FunctionItem) -> Vec<String> {
+/// A test of a pass. None if a resource has no size that follows, or nothing is written.
+pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    let Ok(program) = Program::of_items(package, module, &[name]) else { return Vec::new() };
-    let Ok(usual) = Usual::of(package, &item.name) else { return Vec::new() };
-    // Each invocation may have several elements, and each number may be the side of a matrix.
-    let of_size =
-        |(each, sides)| declared(&program, name, &usual, (each, sides)).unwrap_or_default();
-    let sizes = [(1, false), (2, false), (4, false), (1, true)];
-    let mut all: Vec<String> = sizes.into_iter().flat_map(of_size).collect();
-    // Assertions about resources say more.
-    all.sort_by_key(|text| text.contains(NO_HAZARDS));
-    all
-}
-
-/// Those whose arrays have so many elements an invocation, and whose numbers count these, or are `sides` of what is
-/// dispatched.
-fn declared(
-    program: &Program,
-    name: &str,
-    usual: &Usual,
-    (each, sides): (u32, bool),
-) -> Option<Vec<String>> {
+    let program = Program::of_items(package, module, &[name]).ok()?;
+    let usual = Usual::of(package, &item.name).ok()?;
     let groups = usual.workgroups();
     let bindings = program.entry_point_bindings(Stage::Compute, name)?;
     let entry = program
@@ -51,11 +29,8 @@ fn declared(
     }
     let size = entry.workgroup_size;
     let invocations: u32 = size.iter().chain(&groups).product();
-    let elements = invocations.max(LEAST).checked_mul(each)?;
-    let numbers = match sides {
-        true => (None, size[0].checked_mul(groups[0])?),
-        false => (Some(usual), elements),
-    };
+    let elements = invocations.max(LEAST);
+    let numbers = (&usual, elements);
     let (mut with, mut written) = (Vec::new(), Vec::new());
     for binding in &bindings {
         let [width, height] = [0, 1].map(|k| size[k] * groups[k]);
@@ -63,7 +38,7 @@ fn declared(
             BindingKind::StorageTexture { dimension: Dimension::D2, arrayed: false, .. } => {
                 with.push(format!("{} = {{ size = [{width}, {height}] }}", binding.name()));
                 if program.writes(name, binding) {
-                    written.push((binding.name().to_owned(), true));
+                    written.push(binding.name().to_owned());
                 }
                 continue;
             }
@@ -91,35 +66,17 @@ fn declared(
         };
         with.push(format!("{} = {value}", binding.name()));
         if program.writes(name, binding) {
-            written
-                .push((binding.name().to_owned(), shape.lanes().iter().any(|one| one.is_float())));
+            written.push(binding.name().to_owned());
         }
     }
     let [x, y, z] = groups;
-    let head = format!(
+    let first = written.first()?;
+    Some(format!(
         "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# What the resources hold before: values, \
-         files, or so many elements of a range.\nwith = {{ {} }}\n",
+         files, or so many elements of a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
+         index outside.\nno_hazards = true\n# What they hold afterwards:\n# [compute.after.{first}]\n# finite = true\n",
         with.join(", ")
-    );
-    let floats = written.iter().any(|(_, floats)| *floats);
-    let mut all = Vec::new();
-    for assertions in [&["written", "finite"][..], &["written"], &["finite"]] {
-        if assertions.contains(&"finite") && !floats {
-            continue;
-        }
-        let mut text = head.clone();
-        for (name, floats) in &written {
-            let own = assertions.iter().filter(|one| **one != "finite" || *floats);
-            let own: String = own.map(|one| format!("{one} = true\n")).collect();
-            if !own.is_empty() {
-                text += &format!("[compute.after.{name}]\n{own}");
-            }
-        }
-        all.push(text);
-    }
-    // Where some elements aren't written, or none are floats.
-    all.push(head.replacen("\nworkgroups", &format!("\n{NO_HAZARDS}\nworkgroups"), 1));
-    Some(if written.is_empty() { Vec::new() } else { all })
+    ))
 }
 
 /// A texture as large as what is dispatched, of which each texel is drawn.
@@ -161,9 +118,9 @@ fn range(element: &Shape) -> Option<&'static str> {
 }
 
 /// A value of which a whole number is what its name says, by what is dispatched, or else so large.
-fn value(shape: &Shape, name: &str, (usual, count): (Option<&Usual>, u32)) -> Option<String> {
+fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
     let number = |lane, lanes| {
-        let own = usual.and_then(|usual| usual.number(name, lane, lanes));
+        let own = usual.number(name, lane, lanes);
         own.unwrap_or(count).to_string()
     };
     Some(match shape {
