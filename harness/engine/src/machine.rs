@@ -92,6 +92,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// The site of the operation that runs.
     site: u32,
     width: usize,
+    /// The places of the lanes of one load, for the detector: here so that none is allocated for each.
+    places: Vec<(usize, bool)>,
     /// For each lane, the site at which it became inactive last; kept for the detector, and for derivatives.
     parted: Vec<Option<u32>>,
     /// Of a draw, the lanes whose effects nothing sees; empty otherwise.
@@ -152,6 +154,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             parted: vec![None; width],
             helpers: Vec::new(),
             detector: None,
+            places: Vec::new(),
             yields: false,
             paused: false,
             relaxes: false,

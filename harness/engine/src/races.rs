@@ -25,9 +25,9 @@ use crate::refusal::Stop;
 /// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
 const PAGE: usize = 1024;
 
-/// Elements that one dispatch remembers, in 112 bytes each: 112 MiB. Accesses of others are counted.
+/// Elements that one dispatch remembers, in 116 bytes each: 116 MiB. Accesses of others are counted.
 const MOST_CELLS: usize = 1 << 20;
-const _: () = assert!(size_of::<Cell>() == 112);
+const _: () = assert!(size_of::<Cell>() == 116);
 
 /// Races that are kept of a variable, each of another pair of lines: equal writes, and others. A loop over a buffer
 /// has one for each of its elements, by the same lines.
@@ -273,6 +273,8 @@ struct Cell {
     reads: [Who; 2],
     /// A read by an earlier workgroup.
     earlier_read: Who,
+    /// How many of `reads`, since the last write, raced with no write.
+    clean: u8,
 }
 
 const EMPTY: Cell = Cell {
@@ -282,6 +284,7 @@ const EMPTY: Cell = Cell {
     earlier_write: NONE_YET,
     reads: [NONE_YET; 2],
     earlier_read: NONE_YET,
+    clean: 0,
 };
 
 /// A set of the bytes at which elements of a variable begin; of a texture, of the numbers of texels, row after row.
@@ -312,6 +315,8 @@ struct Shadow {
     own: bool,
     /// True of a buffer that may hold anything until it is written.
     blank: bool,
+    /// Words of a variable in workgroup memory, which each workgroup begins anew.
+    words: usize,
     /// Elements by the byte of a word at which they begin: 16-bit floats begin at the third one, too, and booleans at
     /// each.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
@@ -387,7 +392,8 @@ impl Detector {
             };
             let touched = own.cloned().unwrap_or_default();
             let (blank, is_own) = (own.is_some(), slot.binding == Binding::Workgroup);
-            Shadow { blank, touched, ..shadow(slot.written, is_own) }
+            let words = slot.workgroup_bytes().div_ceil(4) as usize;
+            Shadow { blank, touched, words, ..shadow(slot.written, is_own) }
         });
         let textures = code.textures.iter().map(|slot| shadow(slot.written, false));
         Self {
@@ -435,8 +441,8 @@ impl Detector {
         let own = self.buffers.iter_mut().filter(|shadow| shadow.own);
         for (number, shadow) in own.enumerate() {
             if of.own.len() == number {
-                let written = shadow.written;
-                of.own.push(Shadow { written, own: true, ..Shadow::default() });
+                let (written, words) = (shadow.written, shadow.words);
+                of.own.push(Shadow { written, own: true, words, ..Shadow::default() });
             }
             std::mem::swap(shadow, &mut of.own[number]);
         }
@@ -533,6 +539,7 @@ impl Detector {
     }
 
     /// An element of a buffer is read, written or both, by an atomic or not.
+    #[inline]
     pub(crate) fn touch(
         &mut self,
         code: &Code,
@@ -541,9 +548,12 @@ impl Detector {
         (reads, writes): (bool, bool),
     ) {
         let Accessed { lane, site, place: Place::Byte(byte), word, .. } = accessed else { return };
-        let invocation = self.of_lane(lane);
-        let shadow = &mut self.buffers[slot as usize];
-        if reads && (shadow.own || shadow.blank) && !shadow.touched.contains(byte as usize) {
+        let is_blank = |shadow: &Shadow| {
+            (shadow.own || shadow.blank) && !shadow.touched.contains(byte as usize)
+        };
+        if reads && is_blank(&self.buffers[slot as usize]) {
+            let invocation = self.of_lane(lane);
+            let shadow = &self.buffers[slot as usize];
             let site_of = || code.sites[site as usize].clone();
             let new = || Unwritten {
                 access: Access { site: site_of(), invocation, writes: false, word, texel: None },
@@ -555,7 +565,7 @@ impl Detector {
             self.unwritten.entry(site).or_insert_with(new).count += 1;
         }
         if writes {
-            shadow.touched.add(byte as usize);
+            self.buffers[slot as usize].touched.add(byte as usize);
         }
     }
 
@@ -584,9 +594,17 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    pub(crate) fn buffer(&mut self, code: &Code, slot: u32, accessed: Accessed, writes: bool) {
+    /// An element of a buffer is read or written. True if its workgroup has written it.
+    #[inline]
+    pub(crate) fn buffer(
+        &mut self,
+        code: &Code,
+        slot: u32,
+        accessed: Accessed,
+        writes: bool,
+    ) -> bool {
         let space = usize::from(!self.buffers[slot as usize].own);
-        self.access(code, (slot, space), accessed, writes);
+        self.access(code, (slot, space), accessed, writes)
     }
 
     /// A texel with these channels is read or written.
@@ -608,13 +626,14 @@ impl Detector {
         self.access(code, (slot, 2), accessed, writes);
     }
 
+    #[inline]
     fn access(
         &mut self,
         code: &Code,
         (slot, space): (u32, usize),
         accessed: Accessed,
         writes: bool,
-    ) {
+    ) -> bool {
         let Accessed { lane, site, place, index, word } = accessed;
         let plane = match place {
             Place::Byte(at) => (at & 3) as usize,
@@ -630,7 +649,7 @@ impl Detector {
         let shadows = if space == 2 { &mut self.textures } else { &mut self.buffers };
         let Some(cell) = shadows[slot as usize].cell(plane, index, &mut self.cells) else {
             self.unwatched += 1;
-            return;
+            return false;
         };
         let here = |other: Who| other.invocation >= first && other.invocation - first < width;
         let races = |other: &Who| {
@@ -638,7 +657,14 @@ impl Detector {
                 && other.invocation != who.invocation
                 && (!here(*other) || other.epoch == who.epoch)
         };
-        let before = [cell.write, cell.other, cell.unequal, cell.earlier_write];
+        let is_read_now = here(cell.reads[0]) && cell.reads[0].epoch == who.epoch;
+        // A write in this epoch would race with one of two readers, so a third one races with none.
+        if !writes && is_read_now && cell.clean == 2 {
+            return here(cell.write);
+        }
+        let known = [&cell.write, &cell.other, &cell.unequal, &cell.earlier_write];
+        let is_raced = known.into_iter().any(races);
+        let before = if is_raced { known.map(|who| *who) } else { [NONE_YET; 4] };
         let mut read = None;
         if writes {
             read = [cell.reads[0], cell.reads[1], cell.earlier_read].into_iter().find(races);
@@ -652,19 +678,47 @@ impl Detector {
                 cell.earlier_write = cell.write;
             }
             cell.write = who;
-        } else if here(cell.reads[0]) && cell.reads[0].epoch == who.epoch {
+            cell.clean = 0;
+        } else if is_read_now {
             if cell.reads[0].invocation != who.invocation {
                 cell.reads[1] = who;
+                cell.clean = if is_raced { 0 } else { 2 * cell.clean };
             }
         } else {
+            cell.clean = u8::from(!is_raced);
             if !here(cell.reads[0]) {
                 cell.earlier_read = cell.reads[0];
             }
             cell.reads = [who, NONE_YET];
         }
+        let is_written = here(cell.write);
+        if is_raced || read.is_some() {
+            self.raced(code, (slot, space), (who, writes), (before, read), (place, plane, index));
+        }
+        is_written
+    }
+
+    /// An access races with one of those before it.
+    #[cold]
+    fn raced(
+        &mut self,
+        code: &Code,
+        (slot, space): (u32, usize),
+        (who, writes): (Who, bool),
+        (before, read): ([Who; 4], Option<Who>),
+        (place, plane, index): (Place, usize, usize),
+    ) {
+        let Who { site, word, .. } = who;
+        let (first, width) = (self.first, self.width);
+        let here = |other: Who| other.invocation >= first && other.invocation - first < width;
+        let races = |other: &&Who| {
+            other.invocation != NONE
+                && other.invocation != who.invocation
+                && (!here(**other) || other.epoch == who.epoch)
+        };
         // Two writes of one word show less than a read beside one of them, or a write of another word.
         let differs = |other: &&Who| !writes || other.word != word;
-        let racing = || before.iter().filter(|other| races(other));
+        let racing = || before.iter().filter(races);
         let found = racing().find(differs).map(|other| (*other, true));
         let found = found.or(read.map(|other| (other, false)));
         let found = found.or_else(|| racing().next().map(|other| (*other, true)));
@@ -763,7 +817,8 @@ impl Shadow {
             }
             *cells += PAGE;
         }
-        let page = page.get_or_insert_with(|| vec![EMPTY; PAGE].into_boxed_slice());
+        let count = if self.own { PAGE.min(self.words - index / PAGE * PAGE) } else { PAGE };
+        let page = page.get_or_insert_with(|| vec![EMPTY; count].into_boxed_slice());
         Some(&mut page[index % PAGE])
     }
 }

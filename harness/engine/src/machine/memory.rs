@@ -391,32 +391,44 @@ impl<'p, A: Rules> Machine<'p, A> {
         // Without an index, each lane loads the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
         let join = A::undecided();
+        let notes = self.notes(walk);
+        // Where each lane loads, for the detector.
+        let mut places = std::mem::take(&mut self.places);
+        places.clear();
         for lane in 0..lanes {
             let (mut float, mut int, mut truth) = (None, None, None);
+            let mut place = 0;
             let clamped = walk_lane::<A>(
                 (walk, self.elsewhere()),
                 &registers[1..],
                 &self.ints,
                 lane,
                 length,
-                |at| match scalar {
-                    Scalar::F32 | Scalar::F16 => {
-                        let x = match scalar {
-                            Scalar::F32 => buffer.float(at),
-                            _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
-                        };
-                        float = Some(float.map_or(x, |before| A::select_float(join, before, x)));
-                    }
-                    Scalar::I32 | Scalar::U32 => {
-                        let x = A::int(buffer.word(at), scalar.signed());
-                        int = Some(int.map_or(x, |before| A::select_int(join, before, x)));
-                    }
-                    Scalar::Bool => {
-                        let x = A::bool(buffer.bytes.get(at).is_some_and(|byte| *byte != 0));
-                        truth = Some(truth.map_or(x, |before| A::select_bool(join, before, x)));
+                |at| {
+                    place = at;
+                    match scalar {
+                        Scalar::F32 | Scalar::F16 => {
+                            let x = match scalar {
+                                Scalar::F32 => buffer.float(at),
+                                _ => A::to_half(A::float(buffer.half(at)), Half::Rounded),
+                            };
+                            float =
+                                Some(float.map_or(x, |before| A::select_float(join, before, x)));
+                        }
+                        Scalar::I32 | Scalar::U32 => {
+                            let x = A::int(buffer.word(at), scalar.signed());
+                            int = Some(int.map_or(x, |before| A::select_int(join, before, x)));
+                        }
+                        Scalar::Bool => {
+                            let x = A::bool(buffer.bytes.get(at).is_some_and(|byte| *byte != 0));
+                            truth = Some(truth.map_or(x, |before| A::select_bool(join, before, x)));
+                        }
                     }
                 },
             );
+            if notes {
+                places.push((place, clamped));
+            }
             if clamped && A::possible(self.active()[lane]) {
                 self.leave(lane);
             }
@@ -437,11 +449,17 @@ impl<'p, A: Rules> Machine<'p, A> {
                 File::Bool => fill(self.bools.get_mut(registers[0])),
             }
         }
-        self.note_accesses(walk, &registers[1..], length, READS, |_, at| match scalar {
+        if !notes {
+            self.places = places;
+            return;
+        }
+        let found = |_: &Self, lane: usize| places[lane.min(lanes - 1)];
+        self.note_accesses(walk, &found, READS, |_, at| match scalar {
             Scalar::F16 => u32::from(half::f16::from_f32(buffer.half(at)).to_bits()),
             Scalar::Bool => u32::from(buffer.bytes.get(at).is_some_and(|byte| *byte != 0)),
             _ => buffer.word(at),
         });
+        self.places = places;
     }
 
     /// True if a detector wants to know who accesses what a walk finds.
@@ -450,26 +468,28 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.detector.as_deref().is_some_and(watches)
     }
 
+    /// The place of a lane's access, and whether it leaves its array.
+    fn place_of(&self, walk: &Walk, indices: &[u32], lane: usize, length: usize) -> (usize, bool) {
+        let mut at = 0;
+        let found = (walk, Elsewhere::Clamped);
+        let strays = walk_lane::<A>(found, indices, &self.ints, lane, length, |to| at = to);
+        (at, strays)
+    }
+
     /// Tells the detector, if there is one, which elements the lanes access, and with which words.
     fn note_accesses(
         &mut self,
         walk: &Walk,
-        indices: &[u32],
-        length: usize,
+        place_of: &impl Fn(&Self, usize) -> (usize, bool),
         (reads, writes): (bool, bool),
         word: impl Fn(usize, usize) -> u32,
     ) {
-        if !self.notes(walk) {
-            return;
-        }
         let Some(mut detector) = self.detector.take() else { return };
         for lane in 0..self.width {
             if !self.acts(lane) {
                 continue;
             }
-            let mut at = 0;
-            let found = (walk, Elsewhere::Clamped);
-            let strays = walk_lane::<A>(found, indices, &self.ints, lane, length, |to| at = to);
+            let (at, strays) = place_of(self, lane);
             // An access outside of the array may go anywhere, which is a fault of its own.
             if strays {
                 continue;
@@ -477,10 +497,13 @@ impl<'p, A: Rules> Machine<'p, A> {
             let place = Place::Byte(at as u32);
             let (site, word) = (self.site, word(lane, at));
             let accessed = Accessed { lane, site, place, index: at / 4, word };
-            detector.touch(self.code, walk.buffer, accessed, (reads, writes));
             if walk.plain {
-                detector.buffer(self.code, walk.buffer, accessed, writes);
+                let is_written = detector.buffer(self.code, walk.buffer, accessed, writes);
+                if writes || !is_written {
+                    detector.touch(self.code, walk.buffer, accessed, (reads, writes));
+                }
             } else {
+                detector.touch(self.code, walk.buffer, accessed, (reads, writes));
                 detector.atomic(lane, (walk.buffer, at), walk.access(writes));
             }
         }
@@ -513,7 +536,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         if self.notes(walk) {
             let words: Vec<u32> = (0..self.width).map(|lane| word(self, lane)).collect();
-            self.note_accesses(walk, indices, length, WRITES, |lane, _| words[lane]);
+            let found = |own: &Self, lane| own.place_of(walk, indices, lane, length);
+            self.note_accesses(walk, &found, WRITES, |lane, _| words[lane]);
         }
         for lane in 0..self.width {
             if !self.acts(lane) {
@@ -561,7 +585,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         let signed = atomic.scalar.signed();
         // A comparison that fails writes nothing.
         let noted = if compared { READS } else { READS_AND_WRITES };
-        self.note_accesses(walk, indices, length, noted, |_, _| 0);
+        if self.notes(walk) {
+            let found = |own: &Self, lane| own.place_of(walk, indices, lane, length);
+            self.note_accesses(walk, &found, noted, |_, _| 0);
+        }
         for lane in 0..self.width {
             if self.is_helper(lane) && atomic.result {
                 // Any result will do, and one of success ends the loop that waits for it.
