@@ -370,7 +370,7 @@ fn each_is_found_where_it_is_born() {
     let package = Package::from_source("planted", all);
     let lost = package.function("f").over(1e-6..=1e-4).cases(500).unrecorded().try_has_no_hazards();
     let told = lost.expect_err("0 is no half").to_string();
-    assert!(told.contains("digits lost at `1.0 - cos(x)`"), "{told}");
+    assert!(told.contains("lost digits at `1.0 - cos(x)`"), "{told}");
     // Of a result that is rounding itself nothing is lost.
     let rounding = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.0 - cos(x); }");
     rounding.function("f").over(1e-6..=1e-5).cases(500).has_no_hazards();
@@ -854,7 +854,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     for (name, range, part) in [
         ("capped", 255.0..=300.0, "infinite at `y * y`"),
         ("into", 65_000.0..=70_000.0, "infinite at `f16(x)`"),
-        ("less", 1e-3..=4e-3, "digits lost at `(1.0h + f16(x)) - 1.0h`"),
+        ("less", 1e-3..=4e-3, "lost digits at `(1.0h + f16(x)) - 1.0h`"),
     ] {
         let found = hazards(name, range).expect_err("it has one").to_string();
         assert!(found.contains(part), "{found}");
@@ -1086,7 +1086,7 @@ fn derivatives_want_a_whole_quad() {
     };
     of("whole").expect("each pixel takes it");
     let found = of("edge").expect_err("some don't").to_string();
-    assert!(found.contains("missed by some at `fwidth(x)`"), "{found}");
+    assert!(found.contains("barrier at `fwidth(x)`"), "{found}");
     assert!(found.contains("goes another way at"), "{found}");
     for body in [
         "let c = textureSample(t, s, uv); if uv.x > 0.5 { return c; } return vec4f(0.0);",
@@ -1191,7 +1191,7 @@ fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     match check.try_has_none_of([Kind::LostDigits]) {
         Ok(_) => false,
         Err(Failure::Disagreement(found)) => {
-            assert!(found.to_string().contains("digits lost at"), "{found}");
+            assert!(found.to_string().contains("lost digits at"), "{found}");
             true
         }
         Err(other) => panic!("{text}: {other}"),
@@ -1518,5 +1518,62 @@ fn what_hosts_give_is_declared() {
         write("karat.toml", declared);
         let error = package.hazards().run().expect_err(declared).to_string();
         assert!(error.contains(part), "{declared}: {error}");
+    }
+}
+
+/// A difference without a sign that goes below 0 and becomes a float; bits that are meant to wrap are no difference.
+#[test]
+fn differences_below_zero_that_become_floats_are_found() {
+    for (text, operation) in [
+        ("fn f(a: u32, b: u32) -> f32 { return f32(a - b); }", "f32(a - b)"),
+        (
+            "fn f(a: u32, b: u32) -> f32 { let d = 2u * a - b; return 0.5 * f32(d + 1u); }",
+            "f32(d + 1u)",
+        ),
+        (
+            "fn f(word: u32, zero: u32) -> vec4f { return vec4f(unpack4xU8(word) - vec4u(zero)); }",
+            "vec4f(unpack4xU8(word) - vec4u(zero))",
+        ),
+    ] {
+        let one = at(text, Kind::BelowZero, operation);
+        assert_eq!(one.class, Class::Requirement, "{one}");
+    }
+    for right in [
+        "fn f(a: u32, b: u32) -> f32 { return f32(max(a, b) - b); }",
+        "fn f(a: u32, b: u32) -> f32 { return f32(select(b - a, a - b, a >= b)); }",
+        "fn f(a: u32, b: u32) -> f32 { return f32(i32(a % 9u) - i32(b % 9u)); }",
+        "fn f(a: u32) -> f32 { return f32((a ^ 61u) - (a >> 1u) & 0xffu); }",
+        "fn f(a: u32) -> u32 { return a - 7u; }",
+        "fn f(a: u32) -> f32 { return f32(a % 9u + 0u - 0u); }",
+    ] {
+        let all = found(right);
+        assert!(all.iter().all(|one| one.kind != Kind::BelowZero), "{right}: {all:?}");
+    }
+    let package = Package::from_source("m", "fn f(a: u32, b: u32) -> f32 { return f32(a - b); }");
+    let check = package.function("f").over((Integers(0..=9_u32), Integers(0..=9_u32)));
+    assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test sees it, too");
+}
+
+/// A kind has one name, in reports, in JSON and in `karat.toml`.
+#[test]
+fn kinds_have_one_name() {
+    for kind in [
+        Kind::Nan,
+        Kind::OutOfRange,
+        Kind::Wrapped,
+        Kind::BelowZero,
+        Kind::Race,
+        Kind::Barrier,
+        Kind::ByZero,
+        Kind::Infinite,
+        Kind::Saturated,
+        Kind::EdgesReversed,
+        Kind::LostDigits,
+        Kind::EqualWrites,
+        Kind::Unbounded,
+        Kind::Endless,
+    ] {
+        let key = serde_json::to_value(kind).expect("it is a name");
+        assert_eq!(key, kind.name().to_lowercase().replace(' ', "_"));
     }
 }

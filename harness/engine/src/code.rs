@@ -180,12 +180,13 @@ pub(crate) enum Count {
     },
 }
 
-/// An index that may wrap around, and what it is an index of.
+/// A whole number that may wrap around: an index, or a difference that becomes a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
     /// Where the elements are, if they are in a buffer.
     pub(crate) buffer: Option<u32>,
-    pub(crate) step: Step,
+    /// What it is an index of; `None`: it becomes a float.
+    pub(crate) step: Option<Step>,
     /// How it is computed, operands first.
     pub(crate) terms: Vec<Term>,
 }

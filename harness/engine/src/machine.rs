@@ -519,7 +519,8 @@ impl<'p, A: Rules> Machine<'p, A> {
                     self.report::<SEEN>(observer, (instruction, registers), case, memory);
                 }
                 Op::Wrap(wrap) => {
-                    if SEEN || self.detector.is_some() {
+                    let is_index = code.wraps[wrap as usize].step.is_some();
+                    if SEEN || is_index && self.detector.is_some() {
                         self.wrapped(wrap, registers, memory);
                         self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     }
@@ -779,6 +780,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         if SEEN {
             let site = self.site(instruction);
             let fault = match instruction.op {
+                Op::Wrap(wrap) if self.code.wraps[wrap as usize].step.is_none() => Fault::Below,
                 Op::Wrap(_) => Fault::Wrap,
                 op => Fault::Index(self.bounds(op)),
             };
@@ -787,7 +789,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                 observer.fault(&Faulty { fault, site, case, missing: None });
             }
         }
-        if self.detector.is_some() && !self.defines_outside(instruction.op) {
+        let is_float =
+            |op| matches!(op, Op::Wrap(wrap) if self.code.wraps[wrap as usize].step.is_none());
+        if self.detector.is_some()
+            && !self.defines_outside(instruction.op)
+            && !is_float(instruction.op)
+        {
             let lanes = self.active().iter().filter(|mask| A::possible(**mask)).count();
             let writes = matches!(instruction.op, Op::Write(..) | Op::Atomic(_) | Op::Scatter(..));
             let bounds = self.bounds(instruction.op);

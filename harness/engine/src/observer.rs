@@ -42,6 +42,8 @@ pub enum Fault {
     Index(Bounds),
     /// A sum or a product wraps around on its way to an index, which is one of the array all the same.
     Wrap,
+    /// A difference without a sign goes below 0, and becomes a float.
+    Below,
     /// An integer is divided by zero, or its remainder taken.
     Division,
     /// A float is converted to an integer type that doesn't reach so far, and saturates.

@@ -181,6 +181,7 @@ fn class(kind: Kind) -> Class {
         Kind::Unbounded => Class::Unbounded,
         Kind::OutOfRange
         | Kind::Wrapped
+        | Kind::BelowZero
         | Kind::ByZero
         | Kind::Saturated
         | Kind::EdgesReversed

@@ -8,10 +8,11 @@ pub(super) struct Kinds(u16);
 
 impl Kinds {
     /// Those that an operation inside of a function may have.
-    pub(super) const ALL: [Kind; 10] = [
+    pub(super) const ALL: [Kind; 11] = [
         Kind::Nan,
         Kind::OutOfRange,
         Kind::Wrapped,
+        Kind::BelowZero,
         Kind::Barrier,
         Kind::ByZero,
         Kind::Infinite,

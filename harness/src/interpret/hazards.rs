@@ -30,6 +30,8 @@ pub enum Kind {
     OutOfRange,
     /// An index is one of its array because a sum or a product wraps around.
     Wrapped,
+    /// A difference without a sign goes below 0, and becomes a float.
+    BelowZero,
     /// Nothing orders two accesses of an element.
     Race,
     /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
@@ -54,23 +56,24 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// What it is called.
+    /// What it is called, as in `karat.toml` and JSON but for blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Nan => "NaN",
             Self::OutOfRange => "out of range",
-            Self::Wrapped => "index wraps",
+            Self::Wrapped => "wrapped",
+            Self::BelowZero => "below zero",
             Self::Race => "race",
-            Self::Barrier => "missed by some",
-            Self::EqualWrites => "race of equal writes",
+            Self::Barrier => "barrier",
+            Self::EqualWrites => "equal writes",
             Self::ByZero => "by zero",
             Self::Infinite => "infinite",
             Self::Saturated => "saturated",
             Self::EdgesReversed => "edges reversed",
-            Self::LostDigits => "digits lost",
-            Self::Unbounded => "unbounded by WGSL",
-            Self::Endless => "may not end",
+            Self::LostDigits => "lost digits",
+            Self::Unbounded => "unbounded",
+            Self::Endless => "endless",
         }
     }
 
@@ -84,6 +87,9 @@ impl Kind {
             }
             Self::Wrapped => {
                 "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
+            }
+            Self::BelowZero => {
+                "a difference of whole numbers without a sign goes below 0: as a float it is some 4.29e9"
             }
             Self::Race => {
                 "nothing orders these two accesses of an element: each driver has an order of its own"
@@ -270,6 +276,7 @@ pub(super) fn kind_of(fault: Fault) -> Kind {
     match fault {
         Fault::Index(_) => Kind::OutOfRange,
         Fault::Wrap => Kind::Wrapped,
+        Fault::Below => Kind::BelowZero,
         Fault::Division => Kind::ByZero,
         Fault::Conversion => Kind::Saturated,
         Fault::Order => Kind::EdgesReversed,

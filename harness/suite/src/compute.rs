@@ -195,6 +195,7 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     match kind {
         HazardKind::Nan
         | HazardKind::Infinite
+        | HazardKind::BelowZero
         | HazardKind::ByZero
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),

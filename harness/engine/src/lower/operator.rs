@@ -388,6 +388,7 @@ impl<'m> Lower<'m> {
                 self.rounded(float, half)?
             }
             (Scalar::U32, Scalar::F32 | Scalar::F16) => {
+                self.tell_below(x)?;
                 let float = self.floats_of(FromInt::Unsigned, x)?[0];
                 self.rounded(float, half)?
             }

@@ -1,4 +1,4 @@
-//! Indices that are computed of sums and products, which wrap around at 32 bits.
+//! Indices that are computed of sums and products, and differences that become floats: they wrap around at 32 bits.
 
 use super::memory::Index;
 use super::{Lower, Lowered};
@@ -50,9 +50,20 @@ impl<'m> Lower<'m> {
         if terms.len() < 2 {
             return Ok(());
         }
-        let step = index.step();
+        let step = Some(index.step());
         self.code.wraps.push(Wrap { buffer, step, terms });
         self.emit(Op::Wrap(self.code.wraps.len() as u32 - 1), &[], &ins)?;
+        Ok(())
+    }
+
+    /// Appends the operation that tells where a difference without a sign goes below 0 and becomes a float.
+    pub(super) fn tell_below(&mut self, register: Reg) -> Lowered<()> {
+        let (mut terms, mut ins) = (Vec::new(), vec![register]);
+        self.terms(register, &mut terms, &mut ins);
+        if terms.iter().any(|term| matches!(term, Term::Subtract)) {
+            self.code.wraps.push(Wrap { buffer: None, step: None, terms });
+            self.emit(Op::Wrap(self.code.wraps.len() as u32 - 1), &[], &ins)?;
+        }
         Ok(())
     }
 

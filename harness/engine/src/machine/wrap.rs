@@ -1,4 +1,4 @@
-//! Indices that wrap around.
+//! Whole numbers that wrap around.
 
 use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
@@ -6,7 +6,7 @@ use crate::code::Term;
 
 impl<A: Rules> Machine<'_, A> {
     /// Notes the lanes whose index is another number than its sums and products give without an end, and all the same one
-    /// of the array: of one outside, the access tells.
+    /// of the array: of one outside, the access tells. Of a float the lanes whose difference is below 0.
     pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
         // Bounds of an index that wraps are all that there are, and so outside.
         if A::UNDECIDED {
@@ -14,7 +14,8 @@ impl<A: Rules> Machine<'_, A> {
         }
         let wrap = &self.code.wraps[wrap as usize];
         let bytes = wrap.buffer.map_or(0, |slot| memory.buffers[slot as usize].bytes.len());
-        let length = wrap.step.length(bytes);
+        let length = wrap.step.as_ref().map(|step| step.length(bytes));
+        let signed = wrap.step.as_ref().is_some_and(|step| step.signed);
         let mut stack: Vec<i128> = Vec::new();
         for lane in 0..self.width {
             if !self.acts(lane) {
@@ -23,8 +24,8 @@ impl<A: Rules> Machine<'_, A> {
             let value = |register: u32, signed: bool| {
                 i128::from(A::bounds(self.ints.get(register)[lane], signed).0)
             };
-            let index = value(registers[0], wrap.step.signed);
-            if index < 0 || index >= i128::from(length) {
+            let index = value(registers[0], signed);
+            if length.is_some_and(|length| index < 0 || index >= i128::from(length)) {
                 continue;
             }
             // A term may be `u32(-1)` or a hash above 2^31, and no type says which.
@@ -32,7 +33,11 @@ impl<A: Rules> Machine<'_, A> {
                 let leaves = registers[1..].iter().map(|register| value(*register, signed));
                 whole(&wrap.terms, leaves, &mut stack)
             });
-            if !meant.contains(&index) {
+            let is_wrong = match length {
+                Some(_) => !meant.contains(&index),
+                None => meant.iter().all(|meant| *meant < 0),
+            };
+            if is_wrong {
                 if self.strayed.is_empty() {
                     self.meant = meant[1].clamp(i64::MIN.into(), i64::MAX.into()) as i64;
                 }
