@@ -286,6 +286,7 @@ impl Request {
         let mut all = BTreeMap::new();
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
+            let words = [0, 1].map(|side| sides[side].words_of(module).unwrap_or_default());
             let items =
                 |side: usize, features: &[String]| -> Result<BTreeMap<_, _>, PackageError> {
                     if !has[side] {
@@ -298,11 +299,10 @@ impl Request {
                 (Ok(old), Ok(new)) => (old, new),
                 (old, new) => {
                     let whole = |side: &Result<_, PackageError>| {
-                        side.as_ref().err().map(|error| first_line(&error.to_string()))
+                        side.as_ref().err().map(|error| with_place(&error.to_string()))
                     };
-                    let words = sides.map(|side| side.words_of(module).map(|(words, _)| words));
                     let pair = match (&old, &new) {
-                        (Err(_), Err(_)) if words[0] == words[1] => Pair::Same,
+                        (Err(_), Err(_)) if words[0].0 == words[1].0 => Pair::Same,
                         _ => Pair::Broken(whole(&old), whole(&new)),
                     };
                     all.insert(name_of(module), pair);
@@ -314,29 +314,37 @@ impl Request {
                 all.insert(name.clone(), there);
             }
             // Text under a condition that doesn't hold is no function's.
-            let words = [0, 1].map(|side| sides[side].words_of(module).unwrap_or_default());
             if words[0].0 == words[1].0 {
                 continue;
             }
+            let overrides = self.overrides_of(module);
+            if !overrides.is_empty() {
+                all.insert(name_of(module), Pair::Overrides(overrides));
+            }
             let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
+            let open: Vec<String> = open.into_iter().cloned().collect();
             let mut edited = BTreeSet::new();
-            for features in subsets(&open.into_iter().cloned().collect::<Vec<_>>()) {
-                let (Ok(old), Ok(new)) = (items(0, &features), items(1, &features)) else {
-                    continue;
+            for features in subsets(&open) {
+                // A side is asked about those that it knows.
+                let of = |side: usize| -> Vec<String> {
+                    features.iter().filter(|name| words[side].1.contains(name)).cloned().collect()
                 };
+                let own = [of(0), of(1)];
+                let (Ok(old), Ok(new)) = (items(0, &own[0]), items(1, &own[1])) else { continue };
                 for name in old.keys().chain(new.keys()) {
                     let (was, is) = (old.get(name).copied(), new.get(name).copied());
-                    if edited.contains(name) || self.is_untouched_under(name, &features) {
+                    if edited.contains(name) || self.is_untouched_under(name, &own) {
                         continue;
                     }
                     edited.insert(name.clone());
                     if !features.is_empty() {
-                        all.insert(name.clone(), Pair::Under(features.clone(), was, is));
+                        let under = Under { features: features.clone(), own: own.clone() };
+                        all.insert(name.clone(), Pair::Under(under, was, is));
                     }
                 }
             }
-            if edited.is_empty() && !(words[0].1.is_empty() && words[1].1.is_empty()) {
-                all.insert(name_of(module), Pair::Hidden);
+            if edited.is_empty() && open.len() > WHOLE {
+                all.insert(name_of(module), Pair::Hidden(open));
             }
         }
         if !self.only.is_empty() {
@@ -346,15 +354,43 @@ impl Request {
     }
 
     /// True if a function's text is the same on both sides with these features on.
-    fn is_untouched_under(&self, name: &str, features: &[String]) -> bool {
+    fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-        let linked = |side| Program::of_items(&featured(side, features), module, &[own]).ok();
-        match (linked(&self.before), linked(&self.after)) {
+        let linked = |side: &Package, features: &[String]| {
+            Program::of_items(&featured(side, features), module, &[own]).ok()
+        };
+        match (linked(&self.before, &features[0]), linked(&self.after, &features[1])) {
             (Some(before), Some(after)) => before.normalized_text() == after.normalized_text(),
             // Features that can't be on together say nothing.
-            (None, None) => !features.is_empty(),
+            (None, None) => features.iter().any(|own| !own.is_empty()),
             _ => false,
         }
+    }
+
+    /// What a host sees of the overrides of a module that no function uses.
+    fn overrides_of(&self, module: &str) -> Vec<String> {
+        let whole = |side| Program::of_module(side, module).ok();
+        let Some((before, after)) = whole(&self.before).zip(whole(&self.after)) else {
+            return Vec::new();
+        };
+        let used = |side: &Package| -> BTreeSet<String> {
+            let items = side.functions_in(module).unwrap_or_default().into_iter();
+            let of = |name: String| {
+                let own = name.rsplit("::").next().unwrap_or(&name).to_owned();
+                let program = Program::of_items(side, module, &[&own]).ok();
+                program.map(|program| program.declared_overrides()).unwrap_or_default()
+            };
+            items.flat_map(|item| of(item.name)).map(|(name, _)| name).collect()
+        };
+        let all = sides::overrides(&before, &after);
+        if all.is_empty() {
+            return all;
+        }
+        let used: BTreeSet<String> = &used(&self.before) | &used(&self.after);
+        let is_open = |sentence: &String| {
+            used.iter().all(|name| !sentence.contains(&format!("override `{name}`")))
+        };
+        all.into_iter().filter(is_open).collect()
     }
 
     fn verdict(&self, name: &str, pair: Pair) -> Compared {
@@ -371,19 +407,24 @@ impl Request {
             }
             Pair::There(Some(_), None) => Compared::of(name, Change::Removed),
             Pair::There(..) => Compared::of(name, Change::Added),
-            Pair::Under(features, was, is) => {
-                let [before, after] =
-                    [&self.before, &self.after].map(|side| featured(side, &features));
+            Pair::Under(Under { features, own: [old, new] }, was, is) => {
+                let (before, after) = (featured(&self.before, &old), featured(&self.after, &new));
                 let under = Self { before, after, ..self.clone() };
                 Compared { under: features, ..under.verdict(name, Pair::There(was, is)) }
             }
+            Pair::Overrides(interface) => {
+                Compared { interface, ..Compared::of(name, Change::Untouched) }
+            }
             Pair::Same => Compared::of(name, Change::Untouched),
-            Pair::Broken(Some(was), Some(is)) if was == is => unjudged(format!("on both sides: {is}")),
+            Pair::Broken(Some(was), Some(is)) if was == is => {
+                unjudged(format!("on both sides: {is}"))
+            }
             Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
             Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
-            Pair::Hidden => unjudged(
-                "its text was edited where no features that its conditions ask about make it a function's".to_owned(),
-            ),
+            Pair::Hidden(open) => unjudged(format!(
+                "no function differs with none, one, two or all of its {} features on: name those of the edit with --feature",
+                open.len()
+            )),
         }
     }
 
@@ -548,7 +589,9 @@ impl Request {
         let unseen = |reason: String| Change::Unjudged { reason: first_line(&reason) };
         let change = self.run_both(&before, &after, (&mut ran, shared));
         let mut change = change.unwrap_or_else(unseen);
+        // An entry point begins anew.
         if matches!(change, Change::Same { .. })
+            && stage.is_none()
             && let Some(changed) = self.in_state(&before, &after, attributes, &mut ran)
         {
             change = changed;
@@ -587,22 +630,44 @@ enum Pair {
     /// A function with its stage, on either side.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
     /// The same with some features on, which the edit needs to be live.
-    Under(Vec<String>, Option<Option<Stage>>, Option<Option<Stage>>),
+    Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
+    /// Overrides that no function uses, as a host sees them.
+    Overrides(Vec<String>),
     /// A module that can't be read, with the reason on either side.
     Broken(Option<String>, Option<String>),
     /// A module that can't be read, with one text on both sides.
     Same,
-    /// A module whose edit no features that were tried make live.
-    Hidden,
+    /// A module whose edit no features that were tried make live, of these.
+    Hidden(Vec<String>),
 }
+
+/// Features that an edit needs, and those of them that each side asks about.
+#[derive(Debug)]
+struct Under {
+    features: Vec<String>,
+    own: [Vec<String>; 2],
+}
+
+/// Features of which each set is tried.
+const WHOLE: usize = 5;
 
 /// A package with some features on.
 fn featured(package: &Package, features: &[String]) -> Package {
     features.iter().fold(package.clone(), |package, name| package.feature(name, true))
 }
 
-/// Sets of features, the smaller ones first: none, each, two of them, and all. Of many the pairs are left out.
+/// Sets of features, the smaller ones first: each set of few; of more none, each, two of them, and all. Of many the pairs are
+/// left out.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
+    if all.len() <= WHOLE {
+        let mut masks: Vec<usize> = (0..1 << all.len()).collect();
+        masks.sort_by_key(|mask| mask.count_ones());
+        let of = |mask: usize| (0..all.len()).filter(move |at| mask >> at & 1 == 1);
+        return masks
+            .into_iter()
+            .map(|mask| of(mask).map(|at| all[at].clone()).collect())
+            .collect();
+    }
     /// Features of which each pair is tried.
     const PAIRED: usize = 8;
     let each = all.iter().map(|one| vec![one.clone()]);
@@ -617,6 +682,16 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
         sets.push(all.to_vec());
     }
     sets
+}
+
+/// The first line of an error with the place in its excerpt, and what to do where a feature has no value.
+fn with_place(error: &str) -> String {
+    let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
+    let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
+    let line = first_line(error);
+    let hint =
+        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
+    format!("{line}{place}{hint}")
 }
 
 /// The first line of an error, without the word.
@@ -1257,8 +1332,20 @@ mod tests {
             (vec![of("f", "A")], 2)
         );
         assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
-        // An edit that no feature makes live isn't silent.
-        let never = "@if(A && !A) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
+        // A condition that is the other way round is no edit, and one that only one side has is.
+        let swap =
+            "fn f(x: f32) -> f32 {\n#ifdef A\n return 2.0 * x;\n#else\n return 3.0 * x;\n#endif\n}";
+        let other = "fn f(x: f32) -> f32 {\n#ifndef A\n return 3.0 * x;\n#else\n return 2.0 * x;\n#endif\n}";
+        assert_eq!(compared(swap, other).change, Change::Untouched);
+        let new = "fn f(x: f32) -> f32 { @if(NEW) { return 2.0 * x; } return x; }";
+        let old = "fn f(x: f32) -> f32 { return x; }";
+        for (was, is) in [(old, new), (new, old)] {
+            let one = compared(was, is);
+            assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+            assert_eq!(one.under, ["NEW"]);
+        }
+        // An edit that no set of many features makes live isn't silent.
+        let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
         let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
             .map(|text| Package::from_source("p", text));
         let all = Request::new(before, after).run().expect("they read");
@@ -1294,6 +1381,86 @@ mod tests {
         assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
         let lost = compared(&uses, &bound).interface;
         assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+    }
+
+    /// A structure's members may change their order or their names, and it its own name.
+    #[test]
+    fn structures_are_compared_by_their_members() {
+        let text = "struct Tmp { a: f32, b: vec2f }
+            fn make(x: f32) -> Tmp { return Tmp(x, vec2f(x, 2.0 * x)); }
+            fn sum(t: Tmp) -> f32 { return t.a + t.b.y; }";
+        for edited in [
+            text.replace("a: f32, b: vec2f", "b: vec2f, a: f32")
+                .replace("Tmp(x, vec2f(x, 2.0 * x))", "Tmp(vec2f(x, 2.0 * x), x)"),
+            text.replace("a: f32", "c: f32").replace("t.a", "t.c"),
+            text.replace("Tmp", "Other"),
+        ] {
+            let all = changes(text, &edited);
+            assert!(all.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{all:?}");
+            let wrong = changes(text, &edited.replace("2.0 * x", "3.0 * x"));
+            assert!(matches!(wrong[0].1, Change::Changed { .. }), "{wrong:?}");
+        }
+        let typed = changes(
+            text,
+            &text
+                .replace("a: f32", "a: u32")
+                .replace("Tmp(x,", "Tmp(1u,")
+                .replace("t.a +", "f32(t.a) +"),
+        );
+        assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
+    }
+
+    /// A count below the elements, a state with an initial value, an override that nothing uses.
+    #[test]
+    fn what_a_first_reader_found_is_told() {
+        let guard = "@group(0) @binding(0) var<uniform> count: u32;
+            @group(0) @binding(1) var<storage, read_write> d: array<f32>;
+            @compute @workgroup_size(64) fn c(@builtin(global_invocation_id) id: vec3u) {
+                if id.x < count && id.x < arrayLength(&d) { d[id.x] *= 2.0; }
+            }";
+        let one = compared(guard, &guard.replace("id.x < count", "id.x <= count"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+        let state = "var<private> s: u32 = 1u;\nfn next() -> u32 { s ^= s >> 17u; return s; }";
+        assert!(matches!(
+            compared(state, &state.replace("17u", "18u")).change,
+            Change::Changed { .. }
+        ));
+        let texels = "@group(0) @binding(0) var t: texture_2d<f32>;
+            @group(0) @binding(1) var s: sampler;
+            @fragment fn f(@location(0) uv: vec2f, @builtin(position) p: vec4f) -> @location(0) vec4f {
+                if textureSample(t, s, uv).a < 0.5 { discard; }
+                return vec4f(select(1.0, 2.0, textureLoad(t, vec2u(p.xy), 0).r > 0.25));
+            }";
+        for (from, to) in [("< 0.5", "<= 0.5"), ("> 0.25", ">= 0.25"), ("> 0.25", "> 0.251")] {
+            let one = compared(texels, &texels.replace(from, to));
+            assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
+        }
+        // An entry point begins anew.
+        let entry = "var<private> n: u32;
+            @fragment fn f() -> @location(0) vec4f { n += 1u; return vec4f(f32(n)); }";
+        let one = compared(entry, &entry.replace("n += 1u", "n = 1u"));
+        assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+        let unused = "override LOD: f32 = 1.0;\nfn f() -> f32 { return 1.0; }";
+        let [before, after] =
+            [unused, &unused.replace("LOD", "BIAS")].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        assert!(all.iter().any(|one| one.interface.len() == 2), "{all:?}");
+        let wanted = "override N: u32;
+            @group(0) @binding(0) var<storage, read_write> d: array<u32>;
+            @compute @workgroup_size(64) fn c(@builtin(global_invocation_id) id: vec3u) {
+                if id.x < arrayLength(&d) { d[id.x] = N; }
+            }";
+        let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+        // A call with a `return` behind a discard is reached.
+        let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
+            @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
+                if x < 0.5 { discard; }
+                var c = a_pick(x);
+                return vec4f(c);
+            }";
+        let one = compared(call, &call.replace("var c", "var d").replace("vec4f(c)", "vec4f(d)"));
+        assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
     }
 
     /// Overrides are told as hosts see them, and have other values than their own; those without one get one.

@@ -389,6 +389,13 @@ impl Request {
         if functions == 0 {
             return Err(HazardError::Nothing { package, skipped });
         }
+        let names = declared.overrides.keys().chain(self.overrides.keys());
+        for name in names {
+            let said = format!("the override `{name}` is");
+            if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
+                return Err(HazardError::Declaration(format!("{function}: {why}")));
+            }
+        }
         if self.only.is_empty() {
             self.expect_names(&inputs, &drawn, &looked, &skipped)?;
         }
@@ -470,12 +477,23 @@ impl Request {
         let (_, own) = scope(name);
         let said = format!("`{own}` is declared");
         if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
-            return Err(HazardError::Declaration(format!("{function}: {why}")));
+            let place = self.package.place_of_input(name);
+            let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+            return Err(HazardError::Declaration(format!("{function}: {why}{place}")));
+        }
+        let place = self.package.place_of_input(name);
+        let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+        let none = match own.split_once('(') {
+            Some(("length", _)) => "no array without a length that a function uses",
+            Some(("workgroups", _)) => "no compute pass that is looked at",
+            _ => "",
+        };
+        if !none.is_empty() {
+            let why = format!("`{name}` is declared, and it is of {none}{place}");
+            return Err(HazardError::Declaration(why));
         }
         let known = used.iter().copied().chain(looked.keys().map(String::as_str));
         let nearest = nearest(name, known).map(str::to_owned);
-        let place = self.package.place_of_input(name);
-        let place = place.map_or_else(String::new, |place| format!(" ({place})"));
         Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
@@ -537,7 +555,9 @@ impl Seen {
     /// The inputs that avert a finding, of a function.
     fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
         let (trial, keys) = self.trial.as_ref()?;
-        let is_it = |one: &Hazard| one.location == hazard.location && one.kind == hazard.kind;
+        let is_it = |one: &Hazard| {
+            (&one.location, &one.text, one.kind) == (&hazard.location, &hazard.text, hazard.kind)
+        };
         Some(trial.needs(*keys.get(self.hazards.iter().position(is_it)?)?))
     }
 }
@@ -592,16 +612,20 @@ fn judged(
     found.into_values().chain(others.into_values()).collect()
 }
 
-/// Findings by the place of their operation, and what goes wrong there.
-type ByPlace = BTreeMap<(String, Kind), Hazard>;
+/// Findings by the place of their operation and its text, as `1.0 / a` begins where `1.0 / a / b` does; and what goes wrong
+/// there.
+type ByPlace = BTreeMap<OfPlace, Hazard>;
+
+/// The place of a finding, the text and the kind.
+type OfPlace = (String, String, Kind);
 
 /// The place of a finding. A number that is NaN for some inputs, and infinite or without a bound for others, is one.
-fn key_of(hazard: &Hazard) -> (String, Kind) {
+fn key_of(hazard: &Hazard) -> OfPlace {
     let kind = match hazard.kind {
         Kind::Infinite | Kind::Unbounded => Kind::Nan,
         kind => kind,
     };
-    (hazard.location.clone(), kind)
+    (hazard.location.clone(), hazard.text.clone(), kind)
 }
 
 /// Adds a finding to those of other functions: a fault says more, and one with fewer arguments is closer to it.
@@ -634,8 +658,6 @@ fn add(found: &mut ByPlace, hazard: Hazard) {
         }
     }
 }
-
-/// Refuses a declared input that no function has.
 
 fn shown(found: &Found) -> Option<(String, String)> {
     #[expect(clippy::cast_possible_truncation, reason = "shown with the digits of an f32")]

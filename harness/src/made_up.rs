@@ -346,6 +346,11 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         sized: false,
         scalars,
     };
+    if let Some(Declaration::Elements { .. }) = declared {
+        return Err(format!(
+            "`{path}` is declared by its elements, and it is {shape}: write `[least, most]`"
+        ));
+    }
     if let Some(Declaration::Named(kind)) = declared {
         let size = match shape {
             Shape::Vector { size, scalar: Scalar::F32 } => *size,
@@ -384,9 +389,12 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         }
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
         let of_size = || {
+            // A count may be less than the elements that there are.
+            let is_named = !ranges.nameless;
             let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
             let extents = ranges.extents.filter(|_| whole || scalar == Scalar::F32)?;
             let size = extents.size(own, lane, shape.lanes().len(), whole);
+            let size = size.filter(|_| is_named);
             let is_unknown = whole && meaning == Meaning::Any;
             let unknown = || extents.unknown(own, lane).filter(|_| is_unknown);
             let size = f64::from(size.or_else(unknown)?);

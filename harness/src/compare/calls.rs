@@ -230,8 +230,6 @@ fn matter(
     (variant, members): (usize, &[(String, String)]),
     (pair, row): (&Pair<'_>, &[u32]),
 ) -> Vec<(String, String)> {
-    /// Contents in which each member has another value.
-    const OTHERS: usize = 3;
     let own = pair.results(row, 1).ok();
     let same = |path: &str, other: usize| -> Option<bool> {
         let takes = |input: &crate::made_up::Input| input.path == path;
@@ -241,10 +239,10 @@ fn matter(
         let (others, own) = (of.results(row, 1).ok()?, own.as_ref()?);
         Some((&others.was, &others.is) == (&own.was, &own.is))
     };
-    let mut others = (0..VARIANTS).filter(|other| *other != variant).take(OTHERS);
+    let others = (0..VARIANTS).chain(NAMELESS).filter(|other| *other != variant);
+    let others: Vec<usize> = others.collect();
     let matters =
-        |(path, _): &&(String, String)| others.any(|other| same(path, other) != Some(true));
-    let mut matters = matters;
+        |(path, _): &&(String, String)| others.iter().any(|other| same(path, *other) != Some(true));
     members.iter().filter(|member| matters(member)).cloned().collect()
 }
 
@@ -384,15 +382,15 @@ fn lanes_that_matter(
     row: &[u32],
     result: &Results,
 ) -> Result<Vec<bool>, ProbeError> {
-    /// Rows from which a word is taken: of the last, which are draws.
-    const OTHERS: usize = 8;
+    /// Rows from which a word is taken, evenly spread: edges and draws.
+    const OTHERS: usize = 16;
     let width = row.len();
     let mut all = Vec::new();
     let others = count.min(OTHERS);
     for lane in 0..width {
         for other in 0..others {
             let mut own = row.to_vec();
-            own[lane] = rows[(count - 1 - other * (count / others)) * width + lane];
+            own[lane] = rows[other * count / others * width + lane];
             all.extend(own);
         }
     }

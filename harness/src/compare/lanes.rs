@@ -46,6 +46,9 @@ impl Shared {
             let arguments = (0..width).map(Some).collect();
             return Some(Self { arguments, results, is_same: true, own: vec![0; width] });
         }
+        if was.stage().is_none() && is.stage().is_none() {
+            return Self::of_names(was, is);
+        }
         if was.stage().is_none()
             || was.stage() != is.stage()
             || was.form.discards != is.form.discards
@@ -80,6 +83,34 @@ impl Shared {
         let results: Vec<_> = given.iter().enumerate().filter_map(place).collect();
         let own = vec![0; arguments.len()];
         (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
+    }
+
+    /// The lanes of two functions that no host calls, by the places of parameters and the names of members: a structure's members
+    /// may change their order, or their names.
+    fn of_names(was: &Function, is: &Function) -> Option<Self> {
+        let arguments = |function: &Function| -> Keyed {
+            let of = |(at, (_, shape)): (usize, &(String, Shape))| {
+                let named = shape.lane_names().into_iter().zip(shape.lanes());
+                named.map(|(lane, scalar)| (format!("{at}{lane}"), scalar)).collect::<Vec<_>>()
+            };
+            function.parameters.iter().enumerate().flat_map(of).collect()
+        };
+        let places = |old: &Keyed, new: &Keyed| -> Option<Vec<usize>> {
+            let of = |one| new.iter().position(|other| other == one);
+            let by_name: Option<Vec<usize>> = old.iter().map(of).collect();
+            let scalars = |all: &Keyed| all.iter().map(|(_, scalar)| *scalar).collect::<Vec<_>>();
+            let by_place = || (scalars(old) == scalars(new)).then(|| (0..old.len()).collect());
+            (old.len() == new.len()).then(|| by_name.or_else(by_place)).flatten()
+        };
+        if was.parameters.len() != is.parameters.len() {
+            return None;
+        }
+        let taken = places(&arguments(was), &arguments(is))?;
+        let given = places(&result_lanes(was), &result_lanes(is))?;
+        let own = vec![0; taken.len()];
+        let arguments = taken.into_iter().map(Some).collect();
+        let results = given.into_iter().enumerate().collect();
+        Some(Self { arguments, results, is_same: false, own })
     }
 
     /// Gives lanes that only the function before the edit has the words of one of its own rows.

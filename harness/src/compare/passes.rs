@@ -39,7 +39,8 @@ impl Request {
         compared.interface = interface(before, after);
         compared.interface.extend(gained_and_lost(before, after));
         let renamed = renamed(before, after);
-        let usual = |package: &Package| Usual::of(package, name);
+        let usual =
+            |side: &Package| Usual::with_overrides(side, name, &ranges.overrides_of(side, name));
         let sides = [usual(&self.before)?, usual(&self.after)?];
         let usual = sides[0].invocations_with(sides[1]);
         compared.dispatched = Some(usual);
@@ -293,7 +294,11 @@ impl Difference {
                 },
             };
             // A structure of an array is the array.
-            if shape.lanes() != old_shape.lanes() {
+            let (is, was) = (shape.lanes(), old_shape.lanes());
+            if is.len() != was.len() {
+                return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
+            }
+            if is != was {
                 return Err(format!("`{short}` is {shape}, and was {old_shape}"));
             }
             let (scalars, names) = (shape.lanes(), shape.lane_names());

@@ -146,11 +146,11 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let changed = new.iter().filter_map(|(name, is)| match of(&old, name) {
         Some(was) if was == *is => None,
         Some(was) => Some(format!("the override `{name}` is {is}, and was {was}")),
-        None => Some(format!("the override `{name}` ({is}) is new")),
+        None => Some(format!("the override `{name}` ({is}) is used, and wasn't")),
     });
     let gone = old.iter().filter(|(name, _)| of(&new, name).is_none());
     changed
-        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) is gone")))
+        .chain(gone.map(|(name, was)| format!("the override `{name}` ({was}) isn't used any more")))
         .collect()
 }
 
@@ -191,7 +191,7 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
 /// The signatures of both sides of an edit. Where they are equal, they differ in resources that a function writes.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
-    if shown[0] != shown[1] {
+    if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {
         return shown;
     }
     sides.map(|one| {

@@ -55,7 +55,16 @@ impl Usual {
     /// # Errors
     /// If the entry point isn't valid, or is none of compute passes.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
-        let (program, bindings, size) = Program::of_pass(package, name, &Overrides::new())?;
+        Self::with_overrides(package, name, &Overrides::new())
+    }
+
+    /// The same with values of overrides.
+    pub(crate) fn with_overrides(
+        package: &Package,
+        name: &str,
+        overrides: &Overrides,
+    ) -> Result<Self, String> {
+        let (program, bindings, size) = Program::of_pass(package, name, overrides)?;
         Ok(Self::of_program(&program, &bindings, size, name))
     }
 

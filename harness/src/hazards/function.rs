@@ -496,11 +496,13 @@ impl Trial {
         for (site, place) in engine.iter().flat_map(Interpreted::places) {
             *reached.entry(place).or_default() += self.main.reached((site, Kind::Nan))[0];
         }
-        found.sort_by(|(_, a), (_, b)| (&a.location, a.kind).cmp(&(&b.location, b.kind)));
+        found.sort_by(|(_, a), (_, b)| {
+            (&a.location, &a.text, a.kind).cmp(&(&b.location, &b.text, b.kind))
+        });
         // A number that is NaN or infinite for some inputs, and without a bound for others, is one finding.
         found.dedup_by(|(_, next), (_, one)| {
             let is_same = next.kind == Kind::Unbounded
-                && next.location == one.location
+                && (&next.location, &next.text) == (&one.location, &one.text)
                 && matches!(one.kind, Kind::Nan | Kind::Infinite);
             if is_same {
                 one.kinds.push(next.kind);

@@ -13,8 +13,9 @@ pub(super) const DRAWS: usize = 64;
 /// Contents of resources, at least, in place of such draws: each is another kind, as zeros are and numbers in order.
 pub(super) const CONTENTS: usize = 6;
 
-/// Rows that are drawn again over the first content, and over each other one.
-pub(super) const HELD: [usize; 2] = [DRAWS, 8];
+/// Rows that are drawn again over the first content, and over each other one: twice as many as have to come to an operation, as
+/// some of them go another way, or come with bad operands.
+pub(super) const HELD: [usize; 2] = [2 * DRAWS, 8];
 
 /// Failing cases whose known inputs are held, one after the other: an end of a range is among the first of them.
 pub(super) const HOLDS: usize = 4;

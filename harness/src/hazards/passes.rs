@@ -90,8 +90,9 @@ impl Content {
 /// Makes passes over a content.
 type Make<'m> = &'m dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String>;
 
-/// The places of what goes wrong, a race's both, and its kind.
-type Key = (BTreeSet<String>, Kind);
+/// The places of what goes wrong, a race's both, its kind, and the text of an operation, as `1.0 / a` begins where
+/// `1.0 / a / b` does.
+type Key = (BTreeSet<String>, Kind, String);
 
 /// The findings over one content.
 #[derive(Debug, Default)]
@@ -99,20 +100,24 @@ struct InContent {
     /// The invocations in which an operation goes wrong; none of a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
+    /// True if one workgroup ran.
+    one_workgroup: bool,
 }
 
 impl InContent {
     /// True if some invocations come to all places of a finding.
-    fn is_reached(&self, (places, kind): &Key) -> bool {
+    fn is_reached(&self, (places, kind, _): &Key) -> bool {
         let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
         match kind {
             // A loop is no operation.
             Kind::Endless => true,
-            // It takes two.
+            // It takes two, unless a host dispatches a single one.
             Kind::Race | Kind::EqualWrites => {
-                let all: Option<Vec<_>> = places.iter().map(reached).collect();
-                let all = all.unwrap_or_default().into_iter().flatten();
-                all.collect::<BTreeSet<_>>().len() > 1
+                let Some(all) = places.iter().map(reached).collect::<Option<Vec<_>>>() else {
+                    return false;
+                };
+                let all: BTreeSet<_> = all.into_iter().flatten().collect();
+                all.len() > 1 || self.one_workgroup
             }
             _ => places.iter().all(|place| reached(place).is_some()),
         }
@@ -120,7 +125,7 @@ impl InContent {
 
     /// True if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
     fn is_wrong(&self, key: &Key) -> bool {
-        let equal = || (key.0.clone(), Kind::EqualWrites);
+        let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
@@ -203,10 +208,10 @@ impl Looked<'_> {
         // The race of unequal writes says it.
         let races: BTreeSet<_> = found
             .keys()
-            .filter(|(_, kind)| *kind == Kind::Race)
-            .map(|(at, _)| at.clone())
+            .filter(|(_, kind, _)| *kind == Kind::Race)
+            .map(|(at, ..)| at.clone())
             .collect();
-        found.retain(|(at, kind), _| *kind != Kind::EqualWrites || !races.contains(at));
+        found.retain(|(at, kind, _), _| *kind != Kind::EqualWrites || !races.contains(at));
         if !found.is_empty() && !too_long && !inputs.is_empty() {
             self.add(&mut contents, Content::others(), None);
         }
@@ -352,18 +357,22 @@ impl Looked<'_> {
             }
         };
         ran.content.reached = reached;
+        // Several pixels are as many as a draw has.
+        let is_one = passes.passes.iter().all(|pass| pass.workgroups == [1; 3]);
+        ran.content.one_workgroup = is_one && !self.are_pixels;
         for one in wrong {
             let location = one.found.span.to_string();
             let kind = one.found.kind;
             // The sanitizer tells those that matter.
             if matches!(kind, Kind::OutOfRange | Kind::Wrapped) {
                 for place in one.statement.into_iter().chain([location]) {
-                    let key = (BTreeSet::from([place]), kind);
+                    let key = (BTreeSet::from([place]), kind, String::new());
                     ran.content.wrong.entry(key).or_default().extend(&one.invocations);
                 }
                 continue;
             }
             let text = one_line(&one.found.text);
+            let of_text = text.clone();
             // NaN or infinite, it is the same number.
             let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
             let own = Hazard {
@@ -372,7 +381,7 @@ impl Looked<'_> {
                 violation: parted(self.name, &one.found),
                 ..hazard(kind, location.clone(), text, one.invocation)
             };
-            let key = (BTreeSet::from([location]), family);
+            let key = (BTreeSet::from([location]), family, of_text);
             if own.class != Class::Dropped {
                 ran.content.wrong.entry(key.clone()).or_default().extend(one.invocations);
             }
@@ -389,7 +398,7 @@ impl Looked<'_> {
                 _ => BTreeSet::from([location.clone()]),
             };
             let own = hazard(kind, location, text, first.unwrap_or_default());
-            let key = (places, kind);
+            let key = (places, kind, String::new());
             ran.content.wrong.entry(key.clone()).or_default();
             ran.hazards.push((key, Hazard { violation: Some(violation), ..own }));
         }
@@ -397,7 +406,7 @@ impl Looked<'_> {
             let place = diagnostic.location();
             let text = place.and_then(|at| at.file.text.get(at.range.clone())).unwrap_or_default();
             let location = place.map_or_else(String::new, ToString::to_string);
-            let key = (BTreeSet::from([location.clone()]), Kind::Endless);
+            let key = (BTreeSet::from([location.clone()]), Kind::Endless, String::new());
             ran.content.reached.entry(location.clone()).or_default().insert(0);
             ran.content.wrong.insert(key.clone(), BTreeSet::new());
             ran.hazards

@@ -154,7 +154,10 @@ impl Resources {
             };
             ranges.length(&binding.path, usual, variant % 2 == 1) as usize
         };
-        ranges.note_sizes(bindings.iter().map(|one| &*one.path), None, &mut all.drawn);
+        let grows =
+            |binding: &&Binding| program.buffer_of(binding, 1) != program.buffer_of(binding, 2);
+        let of_size = bindings.iter().filter(grows).map(|one| &*one.path);
+        ranges.note_sizes(of_size, None, &mut all.drawn);
         let mut elements: BTreeMap<&str, usize> =
             bindings.iter().map(|one| (one.name(), elements_of(one))).collect();
         let length = |binding: &Binding, elements: &BTreeMap<&str, usize>| {
@@ -174,6 +177,13 @@ impl Resources {
                     reason = "saturates"
                 )]
                 let needed = (f64::from(own) + less + least).ceil() as usize;
+                let most = ranges.length(other, u32::MAX, false) as usize;
+                if needed > most {
+                    return Err(format!(
+                        "`{}` is declared to have {own} elements that differ, and length({other}) is at most {most}",
+                        binding.name()
+                    ));
+                }
                 *places = (*places).max(needed);
             }
         }
@@ -195,7 +205,10 @@ impl Resources {
                     let input = Input { path, declared, known, lanes };
                     let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.variant);
                     all.inputs.push(input);
-                    texture_or_sampler(binding, content, other.unwrap_or(variant), ranges.extents)
+                    {
+                        let of = (ranges.extents, ranges.floats());
+                        texture_or_sampler(binding, content, other.unwrap_or(variant), of)
+                    }
                 }
             };
             let fixture = fixture.ok_or_else(|| {
@@ -415,19 +428,27 @@ impl Resources {
         )]
         let (first, count) = (least as i64, count as u64);
         let number = |at: u64| (first + (at % count).cast_signed()) as u32;
-        let mut all: Vec<u32> = (0..u64::from(length)).map(number).collect();
-        match ranges.numbered() {
-            Some(Numbered::Forwards) => {}
-            Some(Numbered::Backwards) => all.reverse(),
+        // Both ends come: from the least upwards, from the most downwards, or over the whole range.
+        let all = 0..u64::from(length);
+        Ok(match ranges.numbered() {
+            Some(Numbered::Forwards) => all.map(number).collect(),
+            Some(Numbered::Backwards) => all.map(|at| number(count - 1 - at % count)).collect(),
             _ if *distinct => {
-                for at in (1..all.len()).rev() {
-                    all.swap(at, source.below(at as u64 + 1) as usize);
-                }
+                // Steps without a common divisor come to each number once.
+                let divides = |step: &u64| gcd(*step, count) == 1;
+                let step = (count / 2 + source.below(count)..).find(divides).unwrap_or(1);
+                all.map(|at| number(count - 1 + (at % count) * (step % count))).collect()
             }
-            _ => all.iter_mut().for_each(|one| *one = number(source.below(count))),
-        }
-        Ok(all)
+            _ => {
+                let drawn = |at| if at == 0 { count - 1 } else { source.below(count) };
+                all.map(drawn).map(number).collect()
+            }
+        })
     }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// The elements of a buffer's array: its own, or that of its last member.
@@ -490,6 +511,18 @@ impl Ranges {
         }
     }
 
+    /// The floats of the text.
+    #[cfg(feature = "engine")]
+    fn floats(&self) -> &[f32] {
+        self.literals.as_ref().map_or(&[], |all| &all.floats)
+    }
+
+    #[cfg(not(feature = "engine"))]
+    #[expect(clippy::unused_self, reason = "there are none without the engine")]
+    fn floats(&self) -> &[f32] {
+        &[]
+    }
+
     fn numbered(&self) -> Option<Numbered> {
         self.extents?.numbered
     }
@@ -543,7 +576,8 @@ pub(crate) fn data(
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
-            let made = texture_or_sampler(binding, Content::Plain(Address::Repeat), variant, None);
+            let made =
+                texture_or_sampler(binding, Content::Plain(Address::Repeat), variant, (None, &[]));
             let none =
                 || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
@@ -604,7 +638,7 @@ fn texture_or_sampler(
     binding: &Binding,
     content: Content,
     variant: usize,
-    extents: Option<Extents>,
+    (extents, literals): (Option<Extents>, &[f32]),
 ) -> Option<Fixture> {
     let mut source = source_of(&binding.path, variant);
     let is_own = content == Content::Own;
@@ -620,6 +654,7 @@ fn texture_or_sampler(
         Some(extents) => extents.noise.then_some(-0.5),
         None => (variant == NOISE).then_some(0.0),
     };
+    let noise = noise.map(|least| Noise { least, literals });
     let sides = match extents {
         // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
@@ -633,6 +668,8 @@ fn texture_or_sampler(
             }
             .map(|side| side.min(MOST_SIDE))
         }
+        // So large that each number of the text has its squares.
+        None if noise.is_some() && !written && !literals.is_empty() => [SIDES[SIDES.len() - 1]; 2],
         None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
     };
     Some(match binding.kind {
@@ -649,6 +686,10 @@ fn texture_or_sampler(
             // Black and white, and all of it the same, as an image may be that a shader divides by.
             let constant = match extents.map_or(Some(variant), |_| None) {
                 Some(BLACK) if is_own => Some(0.0),
+                // A filter keeps a number of the text where all of the texture is that.
+                Some(drawn) if is_own && drawn >= VARIANTS && !literals.is_empty() => {
+                    Some(literals[drawn / VARIANTS % literals.len()])
+                }
                 _ => extents
                     .and_then(|extents| extents.numbered?.constant(Scalar::F32))
                     .map(f32::from_bits),
@@ -702,13 +743,38 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
     (texel * STEPS).round() / STEPS
 }
 
+/// Texels that differ from their neighbours.
+#[derive(Clone, Copy)]
+struct Noise<'l> {
+    /// Of colours.
+    least: f32,
+    /// The numbers of the text.
+    literals: &'l [f32],
+}
+
+impl Noise<'_> {
+    /// A number of the text, a neighbour of it, 0 or 1, of every other square of four texels each way: a filter in its middle
+    /// gives it, too.
+    fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
+        const SIDE: u32 = 4;
+        if self.literals.is_empty() {
+            return None;
+        }
+        let bits = [x / SIDE, y / SIDE, z].into_iter().fold(own.to_bits() ^ 1, hashed);
+        let near = |x: f32| [x, x.next_up(), x.next_down()];
+        let all: Vec<f32> = self.literals.iter().flat_map(|x| near(*x)).chain([0.0, 1.0]).collect();
+        let own = hashed(bits, channel);
+        (bits & 1 == 0).then(|| all[(own >> 8) as usize % all.len()])
+    }
+}
+
 /// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
 /// curved, too, so that levels differ; and may be transparent. They may be noise instead, so that each order of neighbours
 /// comes; or lie within a part of their range, the contrast.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
-    (texels, noise, contrast): (Texels, Option<f32>, f32),
+    (texels, noise, contrast): (Texels, Option<Noise<'_>>, f32),
     samples: u32,
     own: Option<(&mut Source, bool)>,
 ) -> Texture {
@@ -724,7 +790,11 @@ fn texture(
         (bits >> 8) as f32 / (1 << 24) as f32
     };
     let wave = |x: u32, y: u32, z: u32| {
-        if let Some(least) = noise {
+        let of_text = |channel| noise?.of_text(own, [x, y, z, channel]);
+        if let [Some(r), Some(g), Some(b), Some(a)] = [0, 1, 2, 3].map(of_text) {
+            return glam::Vec4::new(r, g, b, a);
+        }
+        if let Some(Noise { least, .. }) = noise {
             let texel =
                 glam::Vec4::from_array([0, 1, 2, 3].map(|channel| drawn([x, y, z], channel)));
             let color = held_by_halves(texel.truncate() * (1.0 - least) + least);
@@ -764,7 +834,10 @@ fn texture(
             }
         }
         Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| match noise {
-            Some(_) => drawn([x, y, z], 0),
+            Some(noise) => noise
+                .of_text(own, [x, y, z, 0])
+                .unwrap_or_else(|| drawn([x, y, z], 0))
+                .clamp(0.0, 1.0),
             None => 0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32,
         }),
         Texels::Sint => {

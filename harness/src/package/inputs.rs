@@ -116,6 +116,26 @@ impl Declaration {
             }
             _ => return Err(wrong()),
         };
+        // Elements of arrays that are made up, at most; and workgroups.
+        const MOST: f64 = 4_194_304.0;
+        let is_size = is_length || name.contains("workgroups(");
+        let is_count = |x: f64| x.fract() == 0.0 && (1.0..=MOST).contains(&x);
+        let fits = |x: f64| x.abs() <= f64::from(f32::MAX);
+        match &declared {
+            Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
+                let what = if is_length { "elements" } else { "workgroups" };
+                return Err(format!(
+                    "the input `{name}` has from 1 to {MOST} {what}, and this is {value}"
+                ));
+            }
+            Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
+                return Err(wrong());
+            }
+            Self::Range(least, most) if !(fits(*least) && fits(*most)) => {
+                return Err(format!("the input `{name}` is {value}, and no f32 reaches so far"));
+            }
+            _ => {}
+        }
         match declared {
             Self::Range(least, most)
                 if !(least <= most && least.is_finite() && most.is_finite()) =>

@@ -32,8 +32,14 @@ impl Program {
             add("result", result.binding.as_ref(), result.ty);
         }
         if entry.stage == ShaderStage::Compute {
-            let [x, y, z] = entry.workgroup_size;
-            all.push((name.to_owned(), format!("@workgroup_size({x}, {y}, {z})")));
+            let given = entry.workgroup_size_overrides.unwrap_or_default();
+            let size = [0, 1, 2].map(|k| {
+                let range =
+                    given[k].map(|size| module.global_expressions.get_span(size).to_range());
+                let text = range.flatten().and_then(|range| self.text().get(range));
+                text.map_or_else(|| entry.workgroup_size[k].to_string(), str::to_owned)
+            });
+            all.push((name.to_owned(), format!("@workgroup_size({})", size.join(", "))));
         }
         all
     }

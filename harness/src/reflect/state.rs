@@ -6,15 +6,18 @@ use naga::{AddressSpace, Expression, GlobalVariable, Literal, ScalarKind, Span, 
 
 use super::{NAMED, Program};
 
+/// Private variables with the values that they are given.
+pub(crate) type State = Vec<(String, String)>;
+
 impl Program {
     /// True if functions leave each other something in private variables: those that have no initial value.
     pub(crate) fn has_state(&self) -> bool {
         self.checked.module.global_variables.iter().any(|(_, one)| is_state(one))
     }
 
-    /// The program in the middle of its run, as it were: what functions leave each other isn't 0. Beside it the variables with
+    /// The program in the middle of its run, as it were: what functions leave each other isn't what it was at first. Beside it the variables with
     /// their values, which depend on their types alone. `None` if there are none of numbers and vectors.
-    pub(crate) fn with_state(&self) -> Option<(Arc<Self>, Vec<(String, String)>)> {
+    pub(crate) fn with_state(&self) -> Option<(Arc<Self>, State)> {
         /// Fractions, by the component: none is another's, and none is plain.
         const FLOATS: [f32; 4] = [0.618, 0.271, 0.839, 0.467];
         /// Bits of all places (the fractions of the roots of 2, 3, 5 and 7).
@@ -22,7 +25,8 @@ impl Program {
         let mut module = self.checked.module.clone();
         let mut shown = Vec::new();
         for (_, variable) in module.global_variables.iter_mut() {
-            if !is_state(variable) {
+            // An initial value is what the first call finds.
+            if variable.space != AddressSpace::Private {
                 continue;
             }
             let (size, scalar) = match module.types[variable.ty].inner {

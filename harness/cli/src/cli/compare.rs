@@ -194,6 +194,9 @@ fn write_one(
         Change::Untouched if untouched => {
             writeln!(out, "{DIM}untouched  {function}{DIM:#}{count}")?;
         }
+        Change::Untouched if !interface.is_empty() => {
+            writeln!(out, "{BAD}interface{BAD:#}  {HEAD}{function}{HEAD:#}{count}")?;
+        }
         Change::Untouched => {}
         Change::Same { cases } => {
             writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}{count}")?;

@@ -238,6 +238,8 @@ impl<'m> Lower<'m> {
                 }
                 let called = &self.module.functions[function];
                 let name = called.name.clone().expect("WGSL names it");
+                // What begins the call isn't the statement's before it.
+                self.enter_statement(scope, span);
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
                 if let Some(result) = result {
