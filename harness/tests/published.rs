@@ -1,6 +1,6 @@
 //! Kernels after published sets, whose faults are known by construction: Indigo's graph patterns and axes (Liu, Azami, Walters,
 //! Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of `DataRaceBench` that map to WGSL, and
-//! expressions of Hamming's book that lose digits. All of it is written anew. The sample is every tenth kernel; `SUITES=whole`
+//! expressions of Hamming's book that lose digits. All of it is written anew. The sample is every thirtieth kernel; `SUITES=whole`
 //! runs all, and prints the scores that *What it promises* has.
 
 use std::collections::BTreeSet;
@@ -33,7 +33,7 @@ const MARK: &str = "// here";
 
 impl Kernel {
     fn new(name: String, text: String, planted: Planted) -> Self {
-        let marked = text.lines().enumerate().filter(|(_, line)| line.ends_with(MARK));
+        let marked = text.lines().enumerate().filter(|(_, line)| line.trim_end().ends_with(MARK));
         let lines = marked.map(|(at, _)| at + 1).collect();
         Self { name, text, lines, planted }
     }
@@ -365,9 +365,9 @@ fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All, or each tenth with the first of each planted kind.
+/// All, or each thirtieth.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
-    const SHARE: usize = 10;
+    const SHARE: usize = 30;
     let wanted = |at: usize| is_whole() || at % SHARE == 3;
     all.into_iter().enumerate().filter(|(at, _)| wanted(*at)).map(|(_, kernel)| kernel).collect()
 }
@@ -434,7 +434,9 @@ fn planted_faults_are_found_with_data() {
                 passes = passes.with("list", Storage::new(vec![0_u32; 300]));
             }
             let parents: Vec<u32> = (0..VERTICES).map(|v| v / 2).collect();
-            passes = passes.with("out", words(&parents));
+            if uses(&kernel.text, "out") {
+                passes = passes.with("out", words(&parents));
+            }
             groups = match () {
                 () if kernel.text.contains("let v = w.x") => 104,
                 () if kernel.text.contains("/ 8u;") => 13,

@@ -75,6 +75,8 @@ pub(crate) struct Extents {
     shorter: Option<usize>,
     /// True if arrays without a length, and textures, are longer than the dispatch.
     pub(super) long: bool,
+    /// Of two contents in which each buffer has an order of its own, the number.
+    pub(super) mixed: Option<usize>,
 }
 
 impl Extents {
@@ -93,6 +95,10 @@ impl Extents {
     /// Another one: its floats are below 0, so that an element that isn't there is seen among them.
     #[cfg(feature = "engine")]
     pub(crate) const NEGATIVE: usize = 4;
+
+    /// In these the arrays of each buffer have an order of their own.
+    #[cfg(feature = "engine")]
+    const MIXED: [usize; 2] = [Self::NEGATIVE, 6];
 
     /// In these a line of elements has several rows. No race of another variant comes of it.
     #[cfg(feature = "engine")]
@@ -191,7 +197,10 @@ impl Extents {
         // A draw's buffers have an element for each pixel.
         let shorter = (Self::SHORTER.contains(&own) && size != [1; 3]).then_some(own);
         let long = variant / Self::ZEROS == 4;
-        Self { elements, workgroups, numbered, least, noise, negative, shorter, long }
+        let mixed = (variant < Self::ZEROS)
+            .then_some(own)
+            .and_then(|own| Self::MIXED.iter().position(|mixed| *mixed == own));
+        Self { elements, workgroups, numbered, least, noise, negative, shorter, long, mixed }
     }
 
     /// A whole number of which the name says nothing. From 2 to 4 upwards some have others than their neighbours, so that one
@@ -205,6 +214,20 @@ impl Extents {
         // Other bits for each of the three.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
+    }
+
+    /// The same for a buffer by its place among all: in some contents each has another order, so that one that is sorted leads
+    /// into one that isn't, as the edges of a graph do.
+    #[cfg(feature = "engine")]
+    pub(super) fn of_buffer(self, place: usize) -> Self {
+        const ORDERS: [[Numbered; 3]; 2] = [
+            [Numbered::Forwards, Numbered::Bits, Numbered::Backwards],
+            [Numbered::Forwards, Numbered::Backwards, Numbered::Bits],
+        ];
+        match self.mixed {
+            Some(mixed) => Self { numbered: Some(ORDERS[mixed][place % 3]), ..self },
+            None => self,
+        }
     }
 
     /// Refuses more elements than buffers are made up for: 2^22, of which each may have some words.

@@ -192,12 +192,18 @@ impl Resources {
                 all.lengths.insert(binding.name().to_owned(), length);
             }
         }
-        for binding in bindings {
+        for (place, binding) in bindings.iter().enumerate() {
             let elements = elements[binding.name()];
+            let ranges = &ranges.of_buffer(place);
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     let of = (program, binding, elements);
-                    Some(Buffer::from_bytes(all.buffer(of, ranges, (variant, mix))?).into())
+                    let mix = mix.map(|mix| Mix {
+                        extents: mix.extents.map(|extents| extents.of_buffer(place)),
+                        ..*mix
+                    });
+                    let bytes = all.buffer(of, ranges, (variant, mix.as_ref()))?;
+                    Some(Buffer::from_bytes(bytes).into())
                 }
                 _ => {
                     let (declared, known, lanes) = (false, false, 0);
@@ -509,6 +515,15 @@ impl Ranges {
                 _ => {}
             }
         }
+    }
+
+    /// The same for a buffer by its place among all.
+    fn of_buffer(&self, place: usize) -> Self {
+        #[cfg(feature = "engine")]
+        let extents = self.extents.map(|extents| extents.of_buffer(place));
+        #[cfg(not(feature = "engine"))]
+        let extents = self.extents.filter(|_| place < usize::MAX);
+        Self { extents, ..self.clone() }
     }
 
     /// The floats of the text.
