@@ -779,7 +779,12 @@ impl Hazard {
         let needs: Vec<String> = self.needs.iter().map(named).collect();
         let fails = self.fails.as_ref().map(|fails| format!("it fails {fails}"));
         let needs = match (self.class, &*needs) {
-            (Class::Requirement, []) => Some("needs other inputs: none averts it alone".to_owned()),
+            (Class::Requirement, []) if self.kind == Kind::Endless => {
+                Some("needs other inputs".to_owned())
+            }
+            (Class::Requirement, []) => {
+                Some("needs other inputs: no single one that was tried averts it".to_owned())
+            }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
         };

@@ -207,18 +207,19 @@ enum Command {
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
-                            Exit codes: 0 there is none, or there are rarer ones alone; 1 there are some, lowered ones \
-                            included, or a module can't be read; 2 nothing could be looked at, or a declaration isn't true.")]
+                            Exit codes: 0 there is no fault, and no requirement where --deny names these; 1 there is, or a \
+                            module\ncan't be read; 2 nothing could be looked at, or a declaration isn't true.")]
     Hazards(hazards::Args),
     /// Tell what an edit changed: every function before and after it, with no test written
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Arguments come from their types and names, as in `karat hazards`. Functions \
-                            whose text is the same but\nfor comments and blanks aren't run; results are \
+                            Arguments come from their types, three in four from where their names say. \
+                            Functions whose text is the\nsame but for comments and blanks aren't run; results are \
                             compared bit by bit.\n\
-                            Exit codes: 0 nothing changed; 1 a result, a signature or the set of functions \
-                            did, or one can't be\ncompared; 2 a package or the revision can't be read."
+                            Exit codes: 0 nothing changed but that functions were added; 1 a result, a signature, an \
+                            interface or the\nset of functions did, or something can't be compared; 2 the revision can't \
+                            be read."
     )]
     Compare(compare::Args),
     /// Call a function and print its value on every path

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 
 use super::limits::{
-    ALL_HOLDS, CONTENTS, DRAWS, ENDLESS_TRIED, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES,
+    ALL_HOLDS, CONTENTS, DRAWS, ENDING, ENDLESS_TRIED, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES,
     MEMBERS, SEED, VARIED,
 };
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
@@ -203,6 +203,17 @@ impl Trial {
             let is_endless = engine.may_not_end(&row, LONG);
             if is_endless {
                 self.endless(tally, &engine, &diagnostic, (row, resources));
+                // The others say what else goes wrong.
+                let rows = rows.chunks_exact(width.max(1)).take(ENDING);
+                let ending = rows.filter(|row| !engine.may_not_end(row, LONG)).flatten();
+                let ending: Vec<u32> = ending.copied().collect();
+                let count = ending.len().checked_div(width).unwrap_or_default();
+                if count > 0
+                    && let Ok(seen) = engine.hazards_but(count, &ending, EACH)
+                {
+                    tally.cut += all - count;
+                    return Ok(Some((ending, seen)));
+                }
             }
             if is_endless || width == 0 {
                 break;
@@ -561,7 +572,8 @@ impl Trial {
             }
         }
         let mut inputs = self.inputs();
-        inputs.dedup_by(|a, b| a.path == b.path);
+        let mut known = BTreeSet::new();
+        inputs.retain(|one| known.insert(one.path.clone()));
         for input in inputs.iter().filter(|one| is_free(one)).take(INPUTS_TRIED) {
             let takes = |one: &Input| one.path == input.path;
             let mut others = (0..self.variants).filter(|other| other != variant);

@@ -39,6 +39,10 @@ pub(super) const MET: usize = 256;
 /// Inputs whose loops are long, and end, that are left out one by one: each costs another run of those that are left.
 pub(super) const LONG_CASES: usize = 3;
 
+/// Inputs that are run one by one, behind one whose loop doesn't end, for those whose loops do: one that doesn't costs a few
+/// milliseconds.
+pub(super) const ENDING: usize = 256;
+
 /// Other inputs with which a loop is run that may not end, and the rounds after which it doesn't: four times as many as a
 /// trial waits for.
 pub(super) const ENDLESS_TRIED: (usize, u64) = (DRAWS, 1 << 14);

@@ -109,9 +109,7 @@ impl Kind {
             }
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
-            Self::Endless => {
-                "the loop was stopped after thousands of rounds, and nothing else was looked at"
-            }
+            Self::Endless => "the loop was stopped after thousands of rounds",
         }
     }
 }

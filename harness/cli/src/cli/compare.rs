@@ -53,7 +53,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let paths = karat::path::named("--paths", &args.paths)?;
     ensure!(!paths.is_empty(), "--paths names no path");
     let overrides = call::bind::overrides(&args.overrides)?;
-    let mut known: Vec<&String> = overrides.keys().collect();
+    for name in overrides.keys() {
+        // Before anything runs: it may be a slip.
+        let has =
+            |package: &Package| Request::new(package.clone(), package.clone()).has_override(name);
+        ensure!(packages.iter().any(has), "nothing that is compared has an override `{name}`");
+    }
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
         // Lives as long as its package is read.
@@ -64,7 +69,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         let before = args.package.featured(before);
         let request = Request::new(before, after.clone());
-        known.retain(|name| !request.has_override(name));
         let request =
             overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));
         let request = request.only(args.only.iter().map(String::as_str));
@@ -101,9 +105,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         compared?;
         wrote?;
         all[first..].sort_by(|a, b| a.function.cmp(&b.function));
-    }
-    if let Some(name) = known.first() {
-        bail!("nothing that is compared has an override `{name}`");
     }
     let wanted: Vec<String> = args.only.iter().map(|name| format!("`{name}`")).collect();
     ensure!(

@@ -7,12 +7,13 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
+use karat::unstable::diagnostic::shown;
 use karat::unstable::hazards::{Class, Hazard, HazardError, Hazards, Kind, Unseen};
 use karat::unstable::made_up::Drawn;
 use karat::unstable::output::{counted, tell};
 
 use super::patience::PATIENCE;
-use super::project::Project;
+use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
@@ -86,6 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // Of several packages each has inputs of its own; one that none has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
+        tell_beside(package);
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
             match look(args, package, &inputs)? {
@@ -128,6 +130,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let good = is_read && all.iter().all(|(hazards, _)| is_good(hazards));
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// Tells of a `karat.toml` beside a folder of modules, which looks as if it were read.
+fn tell_beside(package: &Package) {
+    let root = package.root();
+    let beside = root.parent().map(|around| around.join(project::MANIFEST));
+    let (Some(beside), true) = (beside, root.is_dir()) else { return };
+    if beside.is_file() && !root.join(project::MANIFEST).is_file() {
+        let (beside, root) = (shown(&beside), shown(&root));
+        tell(&format!("`{beside}` isn't read: a package's lies in its folder, `{root}`"));
+    }
 }
 
 /// Keeps hazards of some kinds, or all if none is named. Returns how many of others there were.
