@@ -205,7 +205,7 @@ impl Trial {
                 self.endless(tally, &engine, &diagnostic, (row, resources));
                 // The others say what else goes wrong.
                 let rows = rows.chunks_exact(width.max(1)).take(ENDING);
-                let ending = rows.filter(|row| !engine.may_not_end(row, LONG)).flatten();
+                let ending = rows.filter(|row| !engine.may_not_end(row, ENDLESS_TRIED.1)).flatten();
                 let ending: Vec<u32> = ending.copied().collect();
                 let count = ending.len().checked_div(width).unwrap_or_default();
                 if count > 0

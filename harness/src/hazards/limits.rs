@@ -39,9 +39,9 @@ pub(super) const MET: usize = 256;
 /// Inputs whose loops are long, and end, that are left out one by one: each costs another run of those that are left.
 pub(super) const LONG_CASES: usize = 3;
 
-/// Inputs that are run one by one, behind one whose loop doesn't end, for those whose loops do: one that doesn't costs a few
+/// Inputs that are run one by one, behind one whose loop doesn't end, for those whose loops do: one that doesn't costs some
 /// milliseconds.
-pub(super) const ENDING: usize = 256;
+pub(super) const ENDING: usize = DRAWS;
 
 /// Other inputs with which a loop is run that may not end, and the rounds after which it doesn't: four times as many as a
 /// trial waits for.
