@@ -1,6 +1,6 @@
 //! Kernels after published sets, whose faults are known by construction: Indigo's graph patterns and axes (Liu, Azami, Walters,
 //! Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of `DataRaceBench` that map to WGSL, and
-//! expressions of Hamming's book that lose digits. All of it is written anew. The sample is every thirtieth kernel; `SUITES=whole`
+//! expressions of Hamming's book that lose digits. All of it is written anew. The sample is every 23rd kernel; `SUITES=whole`
 //! runs all, and prints the scores that *What it promises* has.
 
 use std::collections::BTreeSet;
@@ -365,10 +365,10 @@ fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All, or each thirtieth.
+/// All, or each 23rd: no multiple of the variants that stand beside each other.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
-    const SHARE: usize = 30;
-    let wanted = |at: usize| is_whole() || at % SHARE == 3;
+    const SHARE: usize = 23;
+    let wanted = |at: usize| is_whole() || at % SHARE == 1;
     all.into_iter().enumerate().filter(|(at, _)| wanted(*at)).map(|(_, kernel)| kernel).collect()
 }
 
