@@ -367,7 +367,7 @@ impl Request {
         }
     }
 
-    /// What a host sees of the overrides of a module that no function uses.
+    /// The overrides of a module that no function uses, as a host sees them.
     fn overrides_of(&self, module: &str) -> Vec<String> {
         let whole = |side| Program::of_module(side, module).ok();
         let Some((before, after)) = whole(&self.before).zip(whole(&self.after)) else {
@@ -624,7 +624,7 @@ impl Request {
     }
 }
 
-/// What there is of a name on both sides of an edit.
+/// The two sides of a name.
 #[derive(Debug)]
 enum Pair {
     /// A function with its stage, on either side.
@@ -1353,7 +1353,7 @@ mod tests {
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// Entry points are matched by attributes; what hosts name or supply is told.
+    /// Attributes match the inputs of entry points, and the comparison names each part that a host supplies.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1463,7 +1463,7 @@ mod tests {
         assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
     }
 
-    /// Overrides are told as hosts see them, and have other values than their own; those without one get one.
+    /// The comparison shows overrides as hosts see them, and runs them with other values than their own.
     #[test]
     fn overrides_are_compared() {
         let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
@@ -1513,7 +1513,7 @@ mod tests {
             assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
-        // What can't be read or linked, and is as it was, is no edit.
+        // A module that can't be read or linked, and has its old text, is no edit.
         let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
         assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
@@ -1522,7 +1522,7 @@ mod tests {
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
-    /// What others have left in private variables is an input.
+    /// The values that other functions left in private variables are inputs.
     #[test]
     fn private_state_is_an_input() {
         let text = "var<private> state: vec2u;

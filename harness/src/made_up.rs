@@ -225,7 +225,7 @@ impl Ranges {
         Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
     }
 
-    /// What is declared of a path such as `params.groups`.
+    /// The declaration of a path such as `params.groups`.
     pub(crate) fn get(&self, path: &str) -> Option<&Declaration> {
         let own = path.rsplit('.').next().unwrap_or(path);
         self.declared.get(path).or_else(|| self.declared.get(own))

@@ -1441,7 +1441,7 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// What a host gives is declared: elements that differ, lengths, workgroups, directions, one function's own numbers.
+/// Each kind of declaration mends its own function: elements that differ, lengths, workgroups, directions, one function's own numbers.
 #[test]
 fn what_hosts_give_is_declared() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -1498,7 +1498,7 @@ fn what_hosts_give_is_declared() {
     let same = told("[inputs]\nplaces = { range = [0, \"length(sum) - 1\"] }");
     assert!(same.contains("m::scatter"), "{same:?}");
     assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
-    // What nothing meets, and what no value fits.
+    // Declarations that nothing meets, and that no value fits.
     for (declared, part) in [
         ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3)"),
         ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2)"),

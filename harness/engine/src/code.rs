@@ -185,7 +185,7 @@ pub(crate) enum Count {
 pub(crate) struct Wrap {
     /// Where the elements are, if they are in a buffer.
     pub(crate) buffer: Option<u32>,
-    /// What it is an index of; `None`: it becomes a float.
+    /// The array that it is an index of; `None`: it becomes a float.
     pub(crate) step: Option<Step>,
     /// How it is computed, operands first.
     pub(crate) terms: Vec<Term>,

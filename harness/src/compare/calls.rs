@@ -33,9 +33,8 @@ const LEAST: usize = 64;
 /// Rounds in which a changed input is made simpler.
 const ROUNDS: usize = 64;
 
-/// Contents of buffers behind the usual ones, to which names say nothing. Numbers that are no number of values that are
-/// tried first, so that all is drawn; they have the lengths of the first. In
-/// the second numbers are below 0.
+/// Contents of buffers behind the usual ones, drawn without regard to names; in the second, numbers are below 0. A content has
+/// edges up to its own number, so these are beyond all edges, and as multiples of the usual ones they have the first one's lengths.
 const NAMELESS: [usize; 2] = [10 * VARIANTS, 11 * VARIANTS];
 
 /// The inputs that a comparison ran over.
@@ -204,7 +203,7 @@ struct Made {
 }
 
 impl Made {
-    /// What one of them reads and the other doesn't is made up for the one that reads it.
+    /// Makes up the resources of each side. A resource that one side alone reads is made up for that side.
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,

@@ -72,7 +72,7 @@ impl Shared {
             old.iter().map(|one| new.iter().position(|other| other == one)).collect();
         let [given, gives] = results;
         let (given, gives) = (keyed(0, given), keyed(1, gives));
-        // What both write has its name alone.
+        // Resources that both write have no attribute, and go by their names.
         let named = |all: &Keyed| {
             all.iter().filter(|(key, _)| !key.contains('@')).cloned().collect::<Vec<_>>()
         };
@@ -182,7 +182,7 @@ fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     named.map(|(lane, scalar)| (full(lane), scalar)).collect()
 }
 
-/// What a value without a name is called.
+/// The name of a result without one.
 const RESULT: &str = "result";
 
 /// The attribute in place of the path that has it: `in.uv.x` is `@location(0).x`.

@@ -1,4 +1,4 @@
-//! What a host has to do with a function or an entry point on both sides of an edit: its resources, attributes and overrides.
+//! The interface between a host and a function on both sides of an edit: resources, attributes, overrides.
 
 use std::collections::BTreeSet;
 

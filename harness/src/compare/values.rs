@@ -43,7 +43,7 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Whether it shows what a larger one shows: it has half of its binary digits.
+    /// True if it shows as much as a larger distance: it has half of its binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
@@ -72,7 +72,7 @@ pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
 /// may not mean, and both before a last digit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Clarity {
-    /// Digits that nobody sees.
+    /// Digits below what a picture shows.
     #[default]
     Slight,
     /// Something is NaN or infinite on one side.
@@ -83,7 +83,7 @@ pub(super) enum Clarity {
 
 /// How well a word shows a change; `None` if there is none.
 pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
-    /// What two pictures beside each other show, of the larger number.
+    /// The least difference that two pictures beside each other show, of the larger number: a quarter of an 8-bit step.
     const VISIBLE: f32 = 1e-3;
     distance(scalar, was, is)?;
     if !scalar.is_float() {

@@ -79,7 +79,7 @@ struct Taken {
 struct AllTaken {
     all: Vec<Taken>,
     sites: Sites,
-    /// Where pixels are discarded; and the cases that were, of which nobody sees what they come to behind it.
+    /// The sites of `discard`, and the cases that came to one: no output shows their later operations.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }

@@ -56,7 +56,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// What it is called, as in `karat.toml` and JSON but for blanks.
+    /// Its name, as in `karat.toml` and JSON but for blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

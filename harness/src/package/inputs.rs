@@ -1,4 +1,4 @@
-//! `[inputs]` of `karat.toml`: what a host gives a function or a pass.
+//! `[inputs]` of `karat.toml`: the numbers that a host gives a function or a pass.
 //!
 //! | key | of |
 //! |---|---|
@@ -19,7 +19,7 @@
 
 use toml::Value;
 
-/// What is declared of a name.
+/// The declaration of a name.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Declaration {
     /// From the first to the second.
@@ -54,7 +54,7 @@ pub(crate) enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// What a name's value says, or why it says nothing.
+    /// Reads the value of a name; an error is a sentence.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {

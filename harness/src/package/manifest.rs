@@ -41,7 +41,7 @@ pub(super) struct Manifest {
     preprocess: Vec<String>,
     /// What is declared not to work on a column of the matrix of translations.
     matrix: Vec<KnownRows>,
-    /// What inputs are, values of overrides, and hazards that are accepted.
+    /// Declarations of inputs, values of overrides, and hazards that are accepted.
     hazards: Hazards,
     /// Compilers besides naga, and limits.
     pub(super) compilers: Compilers,

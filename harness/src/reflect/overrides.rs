@@ -67,7 +67,7 @@ impl Program {
         self.overrides.iter().map(|(name, value)| (key(name), *value)).collect()
     }
 
-    /// True of an override that has no value unless somebody gives it one.
+    /// True if an override has no initial value.
     #[cfg(feature = "engine")]
     pub(crate) fn wants_override(&self, name: &str) -> bool {
         let Ok(name) = self.text_name(name) else { return false };

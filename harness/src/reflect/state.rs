@@ -1,4 +1,4 @@
-//! What functions leave each other in private variables: the state of a random number generator, a hit that was found.
+//! The values that functions leave each other in private variables: the state of a random number generator, a hit that was found.
 
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ impl Program {
         self.checked.module.global_variables.iter().any(|(_, one)| is_state(one))
     }
 
-    /// The program in the middle of its run, as it were: what functions leave each other isn't what it was at first. Beside it the variables with
-    /// their values, which depend on their types alone. `None` if there are none of numbers and vectors.
+    /// The program in the middle of its run: its private variables have other values than at first. Beside it these variables
+    /// with their values, which depend on their types alone. `None` if there are none of numbers and vectors.
     pub(crate) fn with_state(&self) -> Option<(Arc<Self>, State)> {
         /// Fractions, by the component: none is another's, and none is plain.
         const FLOATS: [f32; 4] = [0.618, 0.271, 0.839, 0.467];

@@ -238,7 +238,7 @@ impl<'m> Lower<'m> {
                 }
                 let called = &self.module.functions[function];
                 let name = called.name.clone().expect("WGSL names it");
-                // What begins the call isn't the statement's before it.
+                // The first instructions of the call have its own site, and not that of the statement before.
                 self.enter_statement(scope, span);
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
