@@ -1,12 +1,13 @@
 //! What can go wrong inside of the library's functions is mended, or accepted with a reason.
 
-use karat::unstable::hazards::{Class, Hazard, Kind};
+use karat_inspect::hazards::{Class, Hazard, Kind};
 use shaders::PBR;
 
 /// The library has no fault without a reason. The documents' formulas light up: `hazards` finds the faults that their tests show.
 #[test]
 fn the_library_has_none_that_is_not_argued() {
-    let hazards = PBR.hazards().with_accepted().run().expect("each declaration is true");
+    let hazards =
+        karat_inspect::hazards(&PBR).with_accepted().run().expect("each declaration is true");
     let open: Vec<_> = hazards.faults().collect();
     assert!(open.is_empty(), "{open:#?}");
     assert!(hazards.functions > 180, "{} functions were looked at", hazards.functions);

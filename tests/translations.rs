@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use karat::Package;
-use karat::unstable::matrix::{Column, Matrix, Status};
+use karat_inspect::matrix::{Column, Matrix, Status};
 use shaders::PBR;
 
 /// The routes that CI runs.
@@ -70,7 +70,7 @@ fn differences(written: &Words, made: &Words) -> Vec<String> {
 
 fn matrix() -> Matrix {
     let columns = COLUMNS.map(|name| name.parse::<Column>().expect("a column"));
-    let request = PBR.matrix().columns(columns);
+    let request = karat_inspect::matrix(&PBR).columns(columns);
     let request = if frames::are_suites_whole() { request } else { request.only(SAMPLE) };
     let vulkan = karat::path::adapter(karat::Path::VULKAN).map(|adapter| adapter.family());
     let request = match vulkan.as_deref() {
@@ -139,7 +139,7 @@ fn each_row_gets_as_far_as_the_page_says() {
     let gl = || elsewhere.iter().all(|column| column != "gl");
     assert!(!outside.is_empty() || !gl(), "naga divides as WGSL does now: delete this");
     let bounded =
-        |cell: &karat::unstable::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
+        |cell: &karat_inspect::matrix::Cell| cell.allowed.as_ref().map_or(0, |a| a.bounded);
     let bounded: usize = matrix.rows.iter().flat_map(|row| &row.cells).map(bounded).sum();
     let least = if frames::are_suites_whole() { 400_000 } else { 200_000 };
     assert!(bounded > least, "WGSL bounds {bounded} results only");
@@ -181,7 +181,7 @@ fn another_page_is_seen() {
 fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &str) {
     let package = Package::from_modules("bugs", [("bugs", module)]);
     let columns = ["vulkan", column].map(|name| name.parse().expect("a column"));
-    let matrix = package.matrix().columns(columns).run().expect("it is valid");
+    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is valid");
     matrix.expect("vulkan", Status::Valid);
     if column == "vulkan:glsl" {
         // GLSL leaves values undefined that may be right here; those of the other rows have to be.
@@ -279,7 +279,7 @@ fn entry_points_of_any_name_run_on_each_route() {
     let columns =
         ["vulkan", "vulkan:wgsl", "vulkan:spirv"].map(|name| name.parse().expect("a column"));
     let package = Package::from_modules("names", [("names", &*text)]);
-    let matrix = package.matrix().columns(columns).run().expect("it is valid");
+    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is valid");
     for column in ["vulkan:wgsl", "vulkan:spirv"] {
         matrix.expect(column, Status::Agrees);
     }

@@ -27,19 +27,12 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("validators", setup::install_validators)
         && steps.run("build", suite::build)
         && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
-        && steps.run("without the engine", without_the_engine)
         && steps.run("glams", glams::run)
         && steps.run("long suites", || command::run(&mut suite::long()))
         && steps.run("divergences", matrix::divergences)
         && steps.run("packages without Rust", || dist::run(None))
         && steps.run("swiftshader", on_swiftshader);
     steps.finish()
-}
-
-/// The library without its path `cpu`, as who tests on drivers alone may have it.
-fn without_the_engine() -> Result<()> {
-    let library = ["clippy", "--package", "karat", "--no-default-features", "--locked"];
-    command::run(command::cargo(&library).args(["--", "-D", "warnings"]))
 }
 
 /// The whole suite without Mesa: SwiftShader for Vulkan, and nothing for GL.

@@ -157,9 +157,10 @@ fn examples(lines: &[String]) -> usize {
     lines.iter().filter(is_example).count()
 }
 
-/// The path of a source below the library's, which is two crates.
+/// The path of a source below the library's, which is two crates, or below that of what needs no test.
 fn in_library(path: &str) -> Option<&str> {
-    path.strip_prefix("harness/core/src/").or_else(|| path.strip_prefix("harness/src/"))
+    let folders = ["harness/core/src/", "harness/src/", "harness/inspect/src/"];
+    folders.iter().find_map(|folder| path.strip_prefix(folder))
 }
 
 /// Public items that documentation shows.

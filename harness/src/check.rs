@@ -8,9 +8,10 @@
 mod agreement;
 mod allowances;
 mod allowed;
+pub(crate) mod arguments;
 mod batch;
 mod called;
-mod cause;
+pub(crate) mod cause;
 mod companion;
 mod conclusion;
 pub(crate) mod condition;
@@ -25,12 +26,10 @@ mod explanation;
 pub(crate) mod flush;
 mod goal;
 mod golden;
-#[cfg(feature = "engine")]
 mod hazards;
 mod inputs;
 mod integral;
 mod invariance;
-#[cfg(feature = "engine")]
 mod kinds;
 mod limit;
 mod mismatch;
@@ -58,15 +57,10 @@ mod validity;
 mod verdict;
 pub(crate) mod wgsl_test;
 
-#[cfg(feature = "engine")]
 pub use crate::interpret::hazards::Kind as HazardKind;
 #[doc(inline)]
 pub use crate::value::Reference;
-#[cfg(feature = "engine")]
-#[cfg(feature = "engine")]
-pub(crate) use cause::cause_of;
 use demand::Demand;
-pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };

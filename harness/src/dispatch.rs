@@ -3,19 +3,12 @@
 //! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
 //! after the other.
 
-#[cfg(feature = "engine")]
-mod arbitrary;
-#[cfg(feature = "engine")]
-mod pixels;
 mod runner;
 mod violation;
 
 use std::sync::Arc;
 
-#[cfg(feature = "engine")]
-pub use arbitrary::Usual;
-pub(crate) use violation::Examined;
-pub use violation::{Violation, ViolationAccess, ViolationKind, Watched};
+pub use violation::{Examined, Violation, ViolationAccess, ViolationKind, Watched};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};
@@ -142,32 +135,37 @@ pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
 /// One dispatch, as its author says it.
 #[derive(Clone, Debug)]
-pub(crate) struct Wanted {
+pub struct Wanted {
     /// `module::entry_point`
-    pub(crate) name: String,
-    pub(crate) workgroups: [u32; 3],
+    pub name: String,
+    /// Workgroups in each direction.
+    pub workgroups: [u32; 3],
 }
 
 /// Dispatches whose shaders are valid and whose fixtures fit them.
 #[derive(Debug)]
 pub struct Passes {
-    pub(crate) passes: Vec<Pass>,
-    pub(crate) resources: Vec<Held>,
+    /// In their order.
+    pub passes: Vec<Pass>,
+    /// What they share.
+    pub resources: Vec<Held>,
 }
 
 /// One dispatch.
 #[derive(Debug)]
-pub(crate) struct Pass {
+pub struct Pass {
     /// `module::entry_point`
-    pub(crate) name: String,
-    pub(crate) program: Arc<Program>,
+    pub name: String,
+    /// The linked text.
+    pub program: Arc<Program>,
     /// The entry point's name in the text.
-    pub(crate) entry_point: String,
-    pub(crate) workgroups: [u32; 3],
+    pub entry_point: String,
+    /// Workgroups in each direction.
+    pub workgroups: [u32; 3],
     /// What it uses, with the number of the resource.
-    pub(crate) bindings: Vec<(Binding, usize)>,
+    pub bindings: Vec<(Binding, usize)>,
     /// Of a draw, whose `workgroups` are pixels of a fragment function, the scalars of what that returns.
-    pub(crate) drawn: Option<Vec<Scalar>>,
+    pub drawn: Option<Vec<Scalar>>,
 }
 
 impl Pass {
@@ -191,7 +189,6 @@ impl Pass {
     }
 
     /// An invocation by its number, workgroup after workgroup of this size.
-    #[cfg(feature = "engine")]
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (split(number / width, self.workgroups), split(number % width, size));
@@ -200,7 +197,6 @@ impl Pass {
 }
 
 /// A number among so many in each direction: `(x, y, z)`.
-#[cfg(feature = "engine")]
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -208,9 +204,11 @@ fn split(number: usize, counts: [u32; 3]) -> String {
 
 /// A resource that passes share.
 #[derive(Debug)]
-pub(crate) struct Held {
-    pub(crate) name: String,
-    pub(crate) fixture: Fixture,
+pub struct Held {
+    /// The variable's path.
+    pub name: String,
+    /// What it holds.
+    pub fixture: Fixture,
 }
 
 impl Pass {
@@ -221,7 +219,11 @@ impl Pass {
 }
 
 impl Passes {
-    pub(crate) fn new(
+    /// Passes over fixtures, and over those of which a test says no more than their size.
+    ///
+    /// # Errors
+    /// If an entry point or a resource is missing, or one too many.
+    pub fn new(
         package: &Package,
         wanted: &[Wanted],
         (given, same): (&Fixtures, &[(String, String)]),
@@ -295,8 +297,7 @@ impl Passes {
     }
 
     /// One pass over resources. The entry point is named as in the text.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn over(
+    pub fn over(
         program: Arc<Program>,
         entry_point: &str,
         workgroups: [u32; 3],
@@ -357,7 +358,7 @@ impl Passes {
 
     /// A resource that is written, by the name of its variable or of its fixture; and the type of what
     /// it holds.
-    pub(crate) fn written(&self, name: &str) -> Result<(usize, Shape), DispatchError> {
+    pub fn written(&self, name: &str) -> Result<(usize, Shape), DispatchError> {
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
@@ -383,7 +384,7 @@ impl Passes {
     }
 
     /// The name of a texel by its number, `[3, 1]`, and of a volume or layers `[3, 1, 0]`; `None` of what has one index.
-    pub(crate) fn texel(&self, resource: usize, number: usize) -> Option<String> {
+    pub fn texel(&self, resource: usize, number: usize) -> Option<String> {
         let view = self.resources[resource].fixture.view()?;
         let level = view.levels.first()?;
         let (across, down) = (level.width as usize, level.height as usize);
@@ -397,7 +398,7 @@ impl Passes {
     }
 
     /// The lanes of what a resource that is written holds, by its words.
-    pub(crate) fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
+    pub fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         Some(pass.program.lanes_of_words(binding, words))
     }
@@ -410,7 +411,7 @@ impl Passes {
     }
 
     /// The content of a buffer before all passes: its name, its type and its lanes.
-    pub(crate) fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
+    pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
@@ -433,7 +434,7 @@ impl Passes {
     }
 
     /// Invocations of all passes.
-    pub(crate) fn invocations(&self) -> u64 {
+    pub fn invocations(&self) -> u64 {
         self.passes.iter().map(Pass::invocations).sum()
     }
 
@@ -455,7 +456,7 @@ impl Passes {
     }
 
     /// Where the last entry point is declared.
-    pub(crate) fn span(&self) -> Option<Span> {
+    pub fn span(&self) -> Option<Span> {
         self.passes.last()?.span()
     }
 

@@ -1,26 +1,20 @@
 //! The interface between checks and what runs shaders.
 
-#[cfg(feature = "engine")]
 mod accuracy;
 mod caller;
-#[cfg(feature = "engine")]
 mod cpu;
-#[cfg(feature = "engine")]
 mod endless;
 mod jobs;
 mod process;
 mod serve;
-#[cfg(all(test, feature = "engine"))]
-mod share;
-#[cfg(all(test, feature = "engine"))]
+#[cfg(test)]
 mod soundness;
 
 use std::borrow::Cow;
 use std::fmt::Debug;
 
-#[cfg(feature = "engine")]
 pub(crate) use accuracy::measured;
-pub(crate) use caller::{Caller, Results, Running, View};
+pub use caller::{Caller, Results, Running, View};
 pub use serve::serve;
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
@@ -149,10 +143,7 @@ fn expect_able(
 }
 
 /// Dispatches passes on an executor that has what they need.
-pub(crate) fn dispatch(
-    executor: &dyn Executor,
-    passes: &Passes,
-) -> Result<Afterwards, DispatchError> {
+pub fn dispatch(executor: &dyn Executor, passes: &Passes) -> Result<Afterwards, DispatchError> {
     for pass in &passes.passes {
         let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
         expect_able(executor, &pass.name, &pass.program, &bindings)?;
@@ -214,10 +205,7 @@ impl Executor for Device {
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
         let prepared = Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?);
-        #[cfg(feature = "engine")]
-        return endless::guarded(self, call, prepared);
-        #[cfg(not(feature = "engine"))]
-        Ok(prepared)
+        endless::guarded(self, call, prepared)
     }
 
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
@@ -249,7 +237,6 @@ fn opened(opened: Opened) -> &'static dyn Executor {
     match opened {
         Opened::Device(device) => device,
         Opened::Process(process) => process,
-        #[cfg(feature = "engine")]
         Opened::Cpu(path) => cpu::of(path),
     }
 }
@@ -317,15 +304,6 @@ pub(crate) fn left_open(
         }
         error => Err(error),
     }
-}
-
-/// Nothing knows what would be measured.
-#[cfg(not(feature = "engine"))]
-pub(crate) fn measured(
-    _: &dyn Executor,
-    _: bool,
-) -> Result<std::sync::Arc<crate::interpret::Accuracy>, ProbeError> {
-    Err(crate::interpret::missing())
 }
 
 /// What an executor is, by the name that verdict and replay have for it.

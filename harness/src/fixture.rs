@@ -11,7 +11,8 @@
 pub(crate) mod buffer;
 mod cube_map;
 mod error;
-mod level;
+pub(crate) mod given;
+pub(crate) mod level;
 mod member;
 mod sampler;
 mod texture;
@@ -19,6 +20,7 @@ mod texture;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
 pub use error::FixtureError;
+pub(crate) use given::{check_used, resolve};
 pub(crate) use level::Level;
 pub(crate) use member::with_members;
 pub use sampler::{Address, Compare, Filter, Sampler};
@@ -220,39 +222,3 @@ into_fixture!(CubeMap, Texture, Sampler, Uniform, Storage, Buffer);
 
 /// Fixtures by the name of their variable: `environment`, or `sky::environment`.
 pub type Fixtures = Vec<(String, Fixture)>;
-
-fn named(binding: &Binding, name: &str) -> bool {
-    binding.path == name || binding.name() == name
-}
-
-/// Refuses a fixture that no variable is called by, and a second one of a variable: either would be ignored.
-pub(crate) fn check_used(bindings: &[Binding], fixtures: &Fixtures) -> Result<(), FixtureError> {
-    let unknown = |name: &String| !bindings.iter().any(|binding| named(binding, name));
-    if let Some((name, _)) = fixtures.iter().find(|(name, _)| unknown(name)) {
-        return Err(FixtureError::unused(name, bindings.iter().map(Binding::name)));
-    }
-    let given = |binding: &Binding| fixtures.iter().rposition(|(name, _)| named(binding, name));
-    let used: Vec<usize> = bindings.iter().filter_map(given).collect();
-    for (place, (name, _)) in fixtures.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
-        let other = |binding: &&Binding| named(binding, name) && given(binding) > Some(place);
-        if let Some(binding) = bindings.iter().find(other) {
-            return Err(FixtureError::Twice { variable: binding.path.clone() }.at(binding));
-        }
-    }
-    Ok(())
-}
-
-/// The fixture of each variable, the last one given where there are several.
-pub(crate) fn resolve<'a>(
-    bindings: &'a [Binding],
-    fixtures: &'a Fixtures,
-) -> Result<Vec<(&'a Binding, &'a Fixture)>, FixtureError> {
-    let one = |binding: &'a Binding| {
-        let (variable, kind) = (binding.path.clone(), binding.kind);
-        match fixtures.iter().rev().find(|(name, _)| named(binding, name)) {
-            None => Err(FixtureError::Missing { variable, kind }),
-            Some((_, fixture)) => fixture.expect(binding).map(|()| (binding, fixture)),
-        }
-    };
-    bindings.iter().map(|binding| one(binding).map_err(|error| error.at(binding))).collect()
-}

@@ -6,16 +6,16 @@
 mod alone;
 mod coverage;
 mod dispatch;
-pub(crate) mod hazards;
+pub mod hazards;
 mod order;
 mod outside;
 mod parting;
-pub(crate) mod passes;
+pub mod passes;
 mod quads;
 mod runner;
 mod sanitizer;
 mod supply;
-pub(crate) mod trace;
+pub mod trace;
 mod written;
 
 use std::borrow::Cow;
@@ -31,7 +31,6 @@ use karat_engine::{
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::Pass;
-#[cfg(feature = "routes")]
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{self, Path, PathError, Via};
@@ -40,22 +39,21 @@ use crate::reflect::{ADAPTER, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
-pub(crate) use alone::Alone;
-pub(crate) use coverage::{Coverage, evaluations, of_outside};
+pub use alone::Alone;
+pub use coverage::{Coverage, evaluations, of_outside};
 pub use coverage::{Missed, Uncovered};
-#[cfg(feature = "routes")]
-pub(crate) use dispatch::dispatch_briefly;
-pub(crate) use dispatch::dispatch_rounding;
-pub(crate) use order::{OrderOf, SUBGROUP, Tried, in_order_of};
+pub use dispatch::dispatch_briefly;
+pub use dispatch::dispatch_rounding;
+pub use order::{OrderOf, SUBGROUP, Tried, in_order_of};
 pub(crate) use parting::parting;
 use quads::Quads;
-pub(crate) use runner::{Run, Runner};
-pub(crate) use sanitizer::{examine, examine_made_up};
-pub(crate) use written::written;
+pub use runner::{Run, Runner};
+pub use sanitizer::{examine, examine_made_up};
+pub use written::written;
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]
-pub(crate) struct Interpreted {
+pub struct Interpreted {
     lowered: Lowered,
     resources: Resources,
     /// The scalars of a case's arguments and of its result.
@@ -87,7 +85,7 @@ const MANY_ROUNDS: u64 = 4096;
 
 impl Interpreted {
     /// Lowers a function. What the engine doesn't execute is an error with its place.
-    pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+    pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::with(probed, fixtures, &Settings::default())
     }
 
@@ -182,8 +180,7 @@ impl Interpreted {
 
     /// The lanes of the results that WGSL leaves open: they depend on a read or a write outside of an array or a texture; or
     /// on a derivative, or a texture that is sampled by one, whose errors have no bound (15.7.4).
-    #[cfg(feature = "routes")]
-    pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
+    pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
             quads.open(arguments, &mut open, |rows| self.words(cases, rows))?;
@@ -201,7 +198,7 @@ impl Interpreted {
 
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
     /// that are rounded to them, as a reference has those.
-    pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+    pub fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
     }
 
@@ -288,7 +285,7 @@ impl Interpreted {
     }
 
     /// What made a bound infinite: the operation in the author's file, and its text.
-    pub(crate) fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
+    pub fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
         author(&self.program, self.lowered.cause(*interval)?.span.to_range()?)
     }
@@ -407,9 +404,12 @@ impl Sites {
 
 /// What WGSL allows a lane to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Bound {
+pub enum Bound {
+    /// Of a float.
     Float(Interval),
+    /// Of a whole number.
     Int(Range),
+    /// Of a truth value.
     Bool(Truth),
 }
 
@@ -423,7 +423,7 @@ impl Bound {
     }
 
     /// True if WGSL allows a result.
-    pub(crate) fn allows(&self, value: f64) -> bool {
+    pub fn allows(&self, value: f64) -> bool {
         self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
@@ -433,7 +433,7 @@ impl Bound {
     }
 
     /// The least and the largest; `None`: anything at all.
-    pub(crate) fn ends(&self) -> Option<(f64, f64)> {
+    pub fn ends(&self) -> Option<(f64, f64)> {
         match self {
             Self::Float(x) => x.is_bounded().then(|| (f64::from(x.lo()), f64::from(x.hi()))),
             #[expect(clippy::cast_precision_loss, reason = "they are of 32 bits")]
@@ -447,8 +447,7 @@ impl Bound {
 
 /// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
 /// that is.
-#[cfg(feature = "routes")]
-pub(crate) fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
+pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let options = |_: usize| Options { outside, ..dispatch::options() };
         let afterwards = dispatch::dispatched(passes, &options)?;

@@ -42,7 +42,7 @@
 //! | entry points that draw | [`Package::frame`], [`Frame`], [`Goldens`] |
 //! | compute passes | [`Package::compute`], [`Compute`](compute::Compute) |
 //! | a driver that is wrong | [`Check::tolerance_on`], [`Check::fails_on`], [`Check::refused_on`], [`Path`] |
-//! | no tests at all, and doubts | [`Package::hazards`], [`Package::is_valid`] |
+//! | no tests at all, and doubts | [`Package::is_valid`], and the crate `karat-inspect` |
 //!
 //! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.
 //!
@@ -51,8 +51,6 @@
 //! shader, is in [`unstable`].
 
 pub mod check;
-#[cfg(feature = "engine")]
-mod compare;
 pub mod compute;
 mod dispatch;
 pub mod draw;
@@ -60,18 +58,8 @@ mod executor;
 pub mod fixture;
 pub mod frame;
 pub mod golden;
-#[cfg(feature = "engine")]
-mod hazards;
-#[cfg(feature = "engine")]
-mod interpret;
-#[cfg(not(feature = "engine"))]
-#[path = "interpret/none.rs"]
 mod interpret;
 mod job;
-#[cfg(any(feature = "engine", feature = "routes"))]
-mod made_up;
-#[cfg(feature = "routes")]
-mod matrix;
 pub mod package;
 pub mod path;
 mod probe;

@@ -18,7 +18,8 @@ mod fingerprint;
 pub(crate) mod function_item;
 pub(crate) mod functions;
 mod imports;
-mod inputs;
+pub(crate) mod inputs;
+pub(crate) mod inside;
 mod lets;
 mod lexer;
 mod library;
@@ -50,7 +51,6 @@ pub(crate) use discard::Discards;
 pub use error::PackageError;
 pub use feature::Feature;
 pub(crate) use feature::Features;
-pub(crate) use inputs::{Declaration, End, scope};
 pub(crate) use lets::{LetStatement, let_statements};
 pub(crate) use lexer::texts;
 pub(crate) use library::LinkedModule;
@@ -59,13 +59,8 @@ pub(crate) use limits::{Limit, Limits};
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::{Linked, Unmet, as_naga_takes, unknown_to_naga};
 pub(crate) use manifest::Declared;
-#[cfg(feature = "routes")]
-pub(crate) use manifest::KnownRows;
-#[cfg(feature = "engine")]
-pub(crate) use manifest::{AcceptedHazard, Hazards as DeclaredHazards};
 pub(crate) use plain::plain;
 pub(crate) use portable::Portable;
-#[cfg(feature = "engine")]
 pub(crate) use splice::DISCARDED;
 
 use cargo::Found;
@@ -467,18 +462,6 @@ impl Package {
         }
     }
 
-    /// What `karat.toml` declares of hazards.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn declared_hazards(&self) -> Result<DeclaredHazards, PackageError> {
-        Ok(manifest::Manifest::of(self)?.hazards())
-    }
-
-    /// What `karat.toml` declares of the matrix of translations.
-    #[cfg(feature = "routes")]
-    pub(crate) fn known_rows(&self) -> Result<Vec<KnownRows>, PackageError> {
-        Ok(manifest::Manifest::of(self)?.known_rows())
-    }
-
     /// The paths of all modules, sorted.
     ///
     /// ```
@@ -570,17 +553,6 @@ impl Package {
             Some((name, _)) => Err(self.twice("dependencies", name)),
             None => Ok(()),
         }
-    }
-
-    /// The words of a module's own file, and the features that its conditions ask about and that aren't set.
-    #[cfg(feature = "engine")]
-    pub(crate) fn words_of(&self, module: &str) -> Option<(Vec<String>, Vec<String>)> {
-        let (overlay, manifest) = (Overlay::of(self).ok()?, manifest::Manifest::of(self).ok()?);
-        let file = self.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?;
-        let words = texts(&file.text).into_iter().map(str::to_owned).collect();
-        let is_set = |name: &String| self.features.iter().any(|(known, _)| known == name);
-        let open = directives::asked(&file.text).into_iter().filter(|name| !is_set(name));
-        Some((words, open.collect()))
     }
 
     /// The file of a module, if it is one that can be read.

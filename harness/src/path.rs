@@ -15,30 +15,27 @@
 //! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
 //!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
 
-#[cfg(feature = "engine")]
 pub(crate) mod cpu;
-mod deadline;
-mod device;
+pub(crate) mod deadline;
+pub(crate) mod device;
 mod driver;
 mod name;
+pub(crate) mod opened;
 pub(crate) mod process;
 #[cfg(feature = "routes")]
 mod route;
 #[cfg(not(feature = "routes"))]
 #[path = "path/no_route.rs"]
 mod route;
+pub(crate) mod selection;
 mod selector;
-
-use std::collections::BTreeMap;
-use std::sync::{Mutex, OnceLock};
 
 pub(crate) use crate::reflect::Ability;
 pub(crate) use deadline::{Guard, guard, guard_opening};
-#[cfg(feature = "routes")]
-pub(crate) use deadline::{Moment, watched};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};
+pub(crate) use opened::{Opened, open};
 pub(crate) use process::Greeting;
 pub(crate) use process::{JOBS, Process};
 pub(crate) use selector::Selected;
@@ -216,82 +213,6 @@ fn guess(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
-/// A path that is open.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Opened {
-    Device(&'static Device),
-    Process(&'static Process),
-    /// The engine, which is always there, in the arithmetic of a path.
-    #[cfg(feature = "engine")]
-    Cpu(Path),
-}
-
-impl Opened {
-    pub(crate) fn path(self) -> Path {
-        match self {
-            Self::Device(device) => device.path(),
-            Self::Process(process) => process.path(),
-            #[cfg(feature = "engine")]
-            Self::Cpu(path) => path,
-        }
-    }
-
-    pub(crate) fn adapter(self) -> Adapter {
-        match self {
-            Self::Device(device) => device.adapter().clone(),
-            Self::Process(process) => process.adapter(),
-            #[cfg(feature = "engine")]
-            Self::Cpu(path) => cpu::adapter(path),
-        }
-    }
-
-    /// The device, if it is one.
-    pub(crate) fn device(self) -> Option<&'static Device> {
-        match self {
-            Self::Device(device) => Some(device),
-            _ => None,
-        }
-    }
-}
-
-/// Opens a path, once a process. Others may be opened meanwhile.
-pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
-    type Once = OnceLock<Result<Opened, PathError>>;
-    static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
-    settings::current()?;
-    #[cfg(feature = "engine")]
-    if path.api() == Api::Cpu
-        && path.driver().is_none()
-        && (path == Path::CPU || path.via().is_arithmetic())
-    {
-        return Ok(Opened::Cpu(path));
-    }
-    if path.via().is_arithmetic() {
-        let message =
-            format!("only `cpu:{}` has this arithmetic: drivers have their own", path.via());
-        return Err(PathError::Route { path, message });
-    }
-    let once: &'static Once = {
-        let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
-        opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
-    };
-    // A path that is open stays open as long as the process.
-    let opened = once.get_or_init(|| match path.api() {
-        Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
-        _ => {
-            let subject = "its opening".to_owned();
-            let device = panics::caught(|| Device::open(path))
-                .unwrap_or_else(|panicked| Err(PathError::Panicked { path, subject, panicked }));
-            Ok(Opened::Device(Box::leak(Box::new(device?))))
-        }
-    });
-    // A program that its author mends is tried again.
-    if opened.is_err() && path.api() == Api::Process {
-        OPENED.lock().expect("no thread panics while it holds the lock").remove(&path);
-    }
-    opened.clone()
-}
-
 /// The adapter of a path.
 ///
 /// ```no_run
@@ -352,9 +273,7 @@ pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
         // No driver was asked for, and there is none.
-        Err(PathError::None { .. }) if unasked && cfg!(feature = "engine") => {
-            open(Path::CPU).map(|engine| vec![engine])
-        }
+        Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
 }
@@ -497,7 +416,6 @@ mod tests {
             let error = names(wrong).expect_err(wrong).to_string();
             assert!(error.starts_with(message), "{error}");
         }
-        #[cfg(feature = "engine")]
         for (paths, required) in
             [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
         {

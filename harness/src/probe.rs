@@ -24,14 +24,11 @@ mod upload;
 
 pub use inputs::Inputs;
 pub(crate) use kept::{Kept, count};
-#[cfg(feature = "engine")]
 pub(crate) use kernel::RESULTS;
 pub(crate) use kernel::{CONSTANTS, Kernel, UNIFORM_WORDS, WORKGROUP};
-#[cfg(feature = "routes")]
-pub(crate) use lets::Let;
-pub(crate) use lets::lets;
+pub use lets::Let;
+pub use lets::lets;
 pub use prepared::{Call, Prepared, Reader, Started};
-#[cfg(feature = "engine")]
 pub(crate) use rounds::VECTOR;
 pub(crate) use runner::{BATCH, Runner};
 pub(crate) use texels::Codec;
@@ -50,9 +47,12 @@ use crate::value::Shape;
 /// A function, linked, reflected, and with its kernel.
 #[derive(Clone, Debug)]
 pub struct Probed {
-    pub(crate) program: Arc<Program>,
-    pub(crate) function: Function,
-    pub(crate) kernel: Kernel,
+    /// The text that it stands in.
+    pub program: Arc<Program>,
+    /// Its signature.
+    pub function: Function,
+    /// What calls it.
+    pub kernel: Kernel,
 }
 
 impl Probed {
@@ -157,7 +157,7 @@ impl Probed {
 
     /// The same where each parameter that has a float is given with its derivatives, be they taken or
     /// not.
-    pub(crate) fn varying(self) -> Self {
+    pub fn varying(self) -> Self {
         let parameters = self.function.parameters.iter();
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
         let varying: Vec<bool> = parameters.map(|(_, shape)| floats(shape)).collect();

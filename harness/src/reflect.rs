@@ -4,22 +4,17 @@
 //! interprets shaders starts from it.
 
 mod ability;
-#[cfg(feature = "engine")]
 mod adapter;
-#[cfg(feature = "engine")]
 mod attributes;
 mod binding;
 mod covering;
 mod dependence;
-#[cfg(feature = "engine")]
 mod element;
 mod handles;
-#[cfg(feature = "engine")]
 mod inputs;
 mod kept;
 mod layout;
 mod limits;
-#[cfg(feature = "engine")]
 mod literals;
 mod locals;
 mod message;
@@ -33,7 +28,6 @@ mod pipelines;
 mod resource;
 mod rounds;
 mod signature;
-#[cfg(feature = "engine")]
 mod state;
 mod subgroups;
 mod validation;
@@ -47,25 +41,23 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 pub use ability::Ability;
-#[cfg(feature = "engine")]
 pub(crate) use adapter::ADAPTER;
 pub use binding::Binding;
 pub(crate) use covering::COVERING;
 pub use dependence::Dependence;
-#[cfg(feature = "engine")]
 pub use inputs::Input;
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};
-#[cfg(feature = "engine")]
-pub(crate) use literals::Literals;
+pub use literals::Literals;
 use message::{causes, to_author};
 pub use opinion::{Opinion, Refused};
 pub(crate) use outputs::Output;
-pub(crate) use overrides::Overrides;
-pub(crate) use parsed::parsed_with;
+pub use overrides::Overrides;
+pub use parsed::parsed_with;
 pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
-pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, Watched, count_rounds};
+pub use rounds::Watched;
+pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, count_rounds};
 pub use signature::Function;
 pub(crate) use signature::Passed;
 pub(crate) use validation::validate;
@@ -256,15 +248,13 @@ impl Program {
     }
 
     /// The same with more declarations behind it, which no author wrote.
-    #[cfg(feature = "engine")]
-    pub(crate) fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
+    pub fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
         let mut linked = self.linked.clone();
         linked.spliced.append(text);
         Self::compiled(linked)
     }
 
     /// A kernel of this program, by its text: naga's IR, and what its validator knows.
-    #[cfg(feature = "engine")]
     pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
         let module = parsed_with(text, &self.overrides)?;
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
@@ -279,7 +269,7 @@ impl Program {
     }
 
     /// Values of overrides, by their names in the text.
-    pub(crate) fn overrides(&self) -> &Overrides {
+    pub fn overrides(&self) -> &Overrides {
         &self.overrides
     }
 
@@ -340,13 +330,12 @@ impl Program {
     }
 
     /// What naga's validator knows of the module.
-    #[cfg(feature = "engine")]
     pub(crate) fn info(&self) -> &ModuleInfo {
         &self.checked.info
     }
 
     /// The name in the text of a declaration by its author's path.
-    pub(crate) fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
+    pub fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }
 

@@ -55,18 +55,20 @@ pub struct Missing {
 
 /// A question: a text, and its entry points.
 #[derive(Clone, Debug, Default, serde::Serialize)]
-pub(crate) struct Question {
-    pub(crate) text: String,
+pub struct Question {
+    /// The text.
+    pub text: String,
     /// Asks an implementation in WebGPU's compatibility mode, in place of one with all features.
-    pub(crate) compatibility: bool,
-    pub(crate) pipelines: Vec<Pipeline>,
+    pub compatibility: bool,
+    /// Pipelines that are made of it.
+    pub pipelines: Vec<Pipeline>,
 }
 
 /// An entry point, as what a pipeline with an automatic layout is made of.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub(crate) struct Pipeline {
+pub struct Pipeline {
     /// Its name in the text.
-    pub(crate) entry_point: String,
+    pub entry_point: String,
     /// `compute`, `vertex` or `fragment`.
     pub(crate) stage: &'static str,
     /// Attributes of a vertex stage, with WebGPU's names of formats.
@@ -87,15 +89,20 @@ pub(crate) struct Attribute {
 
 /// Why there is no verdict on a text: a fault of the program that was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum NoVerdict {
+pub enum NoVerdict {
+    /// The process is lost.
     #[error(transparent)]
     Process(#[from] Broken),
+    /// It answers in no words that Karat knows.
     #[error("its answer can't be read: {0}")]
     Garbage(String),
+    /// It gives no answer to this one.
     #[error("it answered about another text")]
     Other,
+    /// It has failed at this one twice.
     #[error("it answered twice")]
     Twice,
+    /// It can't make a device for this one.
     #[error("this browser's device lacks a feature: {0}")]
     Lacks(String),
 }
@@ -129,7 +136,7 @@ impl Tint {
     }
 
     /// Its verdict on each text, in the order of the questions.
-    pub(crate) fn ask(&self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
+    pub fn ask(&self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
         match &self.kind {
             Kind::Program(program) => program::ask(program, questions),
             kind => {

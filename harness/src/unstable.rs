@@ -14,15 +14,12 @@ pub use karat_core::{diagnostic, output, settings, stats};
 
 /// Checks of functions whose types are known at run time, and tests in WGSL.
 pub mod check {
+    pub use crate::check::arguments::arguments;
+    pub use crate::check::cause::cause_of;
     pub use crate::check::condition::Condition;
     pub use crate::check::dynamic::{ExpectWords, Words};
+    pub use crate::check::flush::Flushed;
     pub use crate::check::wgsl_test::{TestGroup, WgslTest};
-}
-
-/// Comparison of each function before and after an edit.
-#[cfg(feature = "engine")]
-pub mod compare {
-    pub use crate::compare::*;
 }
 
 /// Dispatches of compute passes, as data.
@@ -54,7 +51,10 @@ pub mod executor {
 
 /// Fixtures of which a test says no more than their size.
 pub mod fixture {
+    pub use crate::fixture::Fixtures;
     pub use crate::fixture::buffer::blank;
+    pub use crate::fixture::given::{bytes, laid_out, levels, resolve, without_mips};
+    pub use crate::fixture::level::Level;
 }
 
 /// Goldens as files: pending ones, acceptance, provenance.
@@ -69,12 +69,6 @@ pub mod golden {
     pub use crate::golden::table::{Column, Table, TableFacts};
 }
 
-/// The search for hazards inside of functions, without a test.
-#[cfg(feature = "engine")]
-pub mod hazards {
-    pub use crate::hazards::*;
-}
-
 /// Image files.
 pub mod image {
     pub use karat_core::image::{
@@ -83,21 +77,14 @@ pub mod image {
     };
 }
 
+/// Functions and passes in the engine: what goes wrong inside, what inputs come to.
+pub mod interpret {
+    pub use crate::interpret::*;
+}
+
 /// Jobs that executors run, as data.
 pub mod job {
     pub use crate::job::*;
-}
-
-/// Arguments and resources by declared ranges, names and types.
-#[cfg(any(feature = "engine", feature = "routes"))]
-pub mod made_up {
-    pub use crate::made_up::*;
-}
-
-/// Every translation of a package: translated, validated, executed, compared.
-#[cfg(feature = "routes")]
-pub mod matrix {
-    pub use crate::matrix::*;
 }
 
 /// Maps of the differences between two frames.
@@ -109,7 +96,10 @@ pub mod metric {
 pub mod package {
     pub use crate::package::function_item::FunctionItem;
     pub use crate::package::functions::LeftOut;
+    pub use crate::package::inputs::{Declaration, End, scope};
+    pub use crate::package::inside::*;
     pub use crate::package::scan::is_of_tools;
+    pub use crate::package::stage::Stage;
 }
 
 /// Compute passes over resources whose types aren't known when a program is compiled.
@@ -119,7 +109,11 @@ pub mod compute {
 
 /// Abilities of paths, and the greeting of a program that runs jobs.
 pub mod path {
+    pub use crate::path::deadline::{Moment, watched};
+    pub use crate::path::device::Device;
+    pub use crate::path::opened::device;
     pub use crate::path::process::Greeting;
+    pub use crate::path::selection::{expect_sound, selects};
     pub use crate::reflect::Ability;
 }
 
@@ -159,7 +153,6 @@ pub mod tolerance {
 }
 
 /// Each intermediate of one call.
-#[cfg(feature = "engine")]
 pub mod trace {
     pub use crate::interpret::trace::{Step, Value, trace};
 }

@@ -51,6 +51,9 @@ const LARGE: [&str; 11] = [
 /// Rows of the table that are the crate `karat-core`.
 const CORE: usize = 12;
 
+/// Rows at its end that are the crate `karat-inspect`.
+const INSPECT: usize = 5;
+
 /// Dependencies of the library: what a user's tests compile.
 const MOST_DEPENDENCIES: usize = 25;
 
@@ -163,10 +166,15 @@ fn names(text: &str, depth: usize) -> Names {
     names
 }
 
-/// The sources of the library, which is two crates: each file, and where it is below `src`, without its ending.
+/// The sources of the library, which is two crates.
 fn library() -> Vec<(PathBuf, PathBuf)> {
+    files(&["core/src", "src"])
+}
+
+/// The sources in folders: each file, and where it is below its folder, without its ending.
+fn files(folders: &[&str]) -> Vec<(PathBuf, PathBuf)> {
     let mut all = Vec::new();
-    for folder in ["core/src", "src"] {
+    for folder in folders {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
         let mut files = Vec::new();
         sources(&root, &mut files);
@@ -178,10 +186,10 @@ fn library() -> Vec<(PathBuf, PathBuf)> {
     all
 }
 
-/// What each module of the library names.
+/// What each module of the library and of `karat-inspect` names.
 fn modules() -> BTreeMap<String, Names> {
     let mut modules: BTreeMap<String, Names> = BTreeMap::new();
-    for (file, relative) in library() {
+    for (file, relative) in files(&["core/src", "src", "inspect/src"]) {
         let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();
         // `tests.rs` is a module behind `#[cfg(test)]`.
         if parts[0] == "lib" || parts.last().is_some_and(|last| last == "tests") {
@@ -203,6 +211,10 @@ fn every_module_has_its_place() {
         let file = format!("core/src/{module}.rs");
         let in_core = Path::new(env!("CARGO_MANIFEST_DIR")).join(file).exists();
         assert_eq!(in_core, at < CORE, "the first {CORE} rows are `karat-core`, not `{module}`");
+        let file = format!("inspect/src/{module}.rs");
+        let in_inspect = Path::new(env!("CARGO_MANIFEST_DIR")).join(file).exists();
+        let last = at >= order.len() - INSPECT;
+        assert_eq!(in_inspect, last, "the last {INSPECT} are `karat-inspect`, not `{module}`");
     }
     order.sort();
     assert_eq!(known, order);

@@ -10,8 +10,8 @@ use karat::draw::Mesh;
 use karat::golden::FrameTolerance;
 use karat::image::Precision;
 use karat::prelude::*;
-use karat::unstable::compare::{Change, Request};
 use karat::{Goldens, Image};
+use karat_inspect::compare::{Change, Request};
 
 use crate::disagreement;
 

@@ -83,7 +83,7 @@ fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &T
     lanes.map(ratio).fold(0.0, f64::max)
 }
 
-#[cfg(all(test, feature = "engine"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::package::Package;

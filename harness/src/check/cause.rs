@@ -74,8 +74,8 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// [`cause`] of cases whose arguments are given by their numbers.
-pub(crate) fn cause_of<'b>(
+/// `cause` of cases whose arguments are given by their numbers.
+pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
     arguments: Of<'b>,

@@ -555,17 +555,6 @@ fn decimal(value: f64) -> String {
     }
 }
 
-/// Splits the words of all arguments by the function's parameters.
-pub(crate) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, String)> {
-    let mut arguments = Vec::new();
-    for (name, shape) in &function.parameters {
-        let (own, others) = words.split_at(shape.lanes().len());
-        words = others;
-        arguments.push((name.clone(), shape.format(own)));
-    }
-    arguments
-}
-
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", failed(&self.function, self.check, &self.assertion))?;

@@ -21,7 +21,6 @@ impl Session<'_> {
                     failure.explanation = explanation;
                 }
             }
-            #[cfg(feature = "engine")]
             Explained::ByHazards(kinds) => failure.explanation = self.hazards_of(row, kinds),
         }
     }

@@ -39,7 +39,7 @@ fn is_subnormal(scalar: Scalar, word: u32) -> bool {
 }
 
 /// The rows that an implementation may take a row for, without the row itself.
-pub(crate) struct Flushed<'r> {
+pub struct Flushed<'r> {
     row: &'r [u32],
     /// The lanes that are subnormal, in groups that are flushed together.
     lanes: Vec<Vec<usize>>,
@@ -48,7 +48,8 @@ pub(crate) struct Flushed<'r> {
 }
 
 impl<'r> Flushed<'r> {
-    pub(crate) fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
+    /// Those of a row of arguments.
+    pub fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
         let lanes = scalars.iter().zip(row).enumerate();
         let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));
         let lanes: Vec<usize> = lanes.map(|(lane, _)| lane).collect();

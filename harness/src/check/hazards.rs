@@ -21,7 +21,7 @@ impl<V> Check<'_, Calls<V>> {
     /// where another pixel of the quad has gone elsewhere.
     ///
     /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
-    /// See [`hazards`](mod@crate::unstable::hazards) for what is found without a domain.
+    /// The crate `karat-inspect` finds such things without a domain.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -1,8 +1,8 @@
 //! Results that stay the same when the arguments are transformed, or change by a known factor.
 
+use super::arguments::arguments;
 use super::batch::Batch;
 use super::demand::Demand;
-use super::disagreement::arguments;
 use super::plan::Plan;
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Session};

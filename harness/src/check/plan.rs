@@ -15,7 +15,6 @@ pub(super) struct Plan<'a> {
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
     /// Hazards that are meant.
-    #[cfg(feature = "engine")]
     pub(super) accepted: Vec<super::kinds::Accepted>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
@@ -30,7 +29,6 @@ impl<'a> Plan<'a> {
             seed: None,
             tolerance_on,
             known_issues,
-            #[cfg(feature = "engine")]
             accepted: Vec::new(),
             recorded: true,
         }

@@ -93,7 +93,7 @@ fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     Some([[from.clone(), with(to, below)], [with(from, above), to.clone()]])
 }
 
-#[cfg(all(test, feature = "engine"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::domain::Integers;

@@ -1,8 +1,9 @@
 //! What the verbs about properties share: results of several dispatches, judged case by case.
 
+use super::arguments::arguments;
 use super::batch::Batch;
 use super::cause::cause;
-use super::disagreement::{CaseFailure, arguments};
+use super::disagreement::CaseFailure;
 use super::path_tally::PathTally;
 use super::sample::Sample;
 use super::session::Session;

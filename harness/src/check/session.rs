@@ -4,11 +4,12 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::arguments::arguments;
 use super::batch::{Batch, Rows, SEARCHED};
 use super::called::{Called, Fitting};
 use super::cause::cause;
 use super::demand::{Demand, number};
-use super::disagreement::{Expectation, arguments};
+use super::disagreement::Expectation;
 use super::effort::Effort;
 use super::goal::Goal;
 use super::path_tally::PathTally;
@@ -58,7 +59,6 @@ pub(super) enum Explained {
     /// By the interval that WGSL allows for its arguments.
     ByBounds,
     /// By the operations that go wrong inside.
-    #[cfg(feature = "engine")]
     ByHazards(super::kinds::Kinds),
 }
 
@@ -92,7 +92,6 @@ pub(super) struct Session<'a> {
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
     /// Hazards that are meant.
-    #[cfg(feature = "engine")]
     pub(super) accepted: &'a [super::kinds::Accepted],
 }
 
@@ -157,7 +156,6 @@ impl<'a> Session<'a> {
             fixtures,
             memory,
             recorded: plan.recorded,
-            #[cfg(feature = "engine")]
             accepted: &plan.accepted,
         })
     }

@@ -73,7 +73,6 @@ impl Plan<'_> {
         let mut run = |Report { subject, paths, read, .. }: &mut Report| {
             read.extend(self.probe.module_file());
             self.expect_reasons()?;
-            #[cfg(feature = "engine")]
             self.expect_hazards_asked(asserted)?;
             let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
             let own: String = own.collect();

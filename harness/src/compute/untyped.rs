@@ -142,7 +142,6 @@ pub fn violations(
 ///
 /// # Errors
 /// If the passes aren't valid, the engine doesn't execute them, or there is no such invocation.
-#[cfg(feature = "engine")]
 pub fn trace(
     compute: &Compute<'_>,
     invocation: [u32; 3],
@@ -164,7 +163,6 @@ pub fn trace(
 ///
 /// # Errors
 /// If Karat's engine can't run them.
-#[cfg(feature = "engine")]
 pub fn hazards(
     compute: &Compute<'_>,
 ) -> Result<Vec<(crate::interpret::hazards::Kind, String, String)>, ComputeError> {

@@ -21,7 +21,7 @@ impl Device {
     }
 
     /// The same where loops needn't be watched: each ends before the driver would leave it.
-    pub(crate) fn dispatch_with(
+    pub fn dispatch_with(
         &self,
         passes: &Passes,
         watched: bool,

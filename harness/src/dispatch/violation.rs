@@ -39,8 +39,7 @@ impl ViolationKind {
     }
 
     /// True of an index that isn't the element's that is meant.
-    #[cfg(feature = "engine")]
-    pub(crate) fn is_of_index(self) -> bool {
+    pub fn is_of_index(self) -> bool {
         matches!(self, Self::Outside | Self::Wrapped)
     }
 }
@@ -101,8 +100,7 @@ pub struct Violation {
 
 impl Violation {
     /// One of no element.
-    #[cfg(feature = "engine")]
-    pub(crate) fn new(
+    pub fn new(
         entry_point: &str,
         kind: ViolationKind,
         (headline, count): (String, u64),
@@ -116,15 +114,15 @@ impl Violation {
 
 /// The findings of the sanitizer in passes.
 #[derive(Debug, Default)]
-pub(crate) struct Examined {
+pub struct Examined {
     /// Each with its message.
-    pub(crate) violations: Vec<(Violation, Diagnostic)>,
-    pub(crate) watched: Watched,
+    pub violations: Vec<(Violation, Diagnostic)>,
+    /// How much of them was looked at.
+    pub watched: Watched,
     /// A loop that was stopped.
-    pub(crate) endless: Option<Diagnostic>,
+    pub endless: Option<Diagnostic>,
     /// True if all loops together went round more often than is tried over made-up resources.
-    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "the engine runs loops"))]
-    pub(crate) too_long: bool,
+    pub too_long: bool,
 }
 
 /// How much of passes was looked through by the sanitizer.

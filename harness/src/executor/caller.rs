@@ -10,11 +10,13 @@ use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 
 /// A function on one executor.
-pub(crate) struct Caller<'e> {
-    pub(crate) probed: Cow<'e, Probed>,
+pub struct Caller<'e> {
+    /// The function with its kernel.
+    pub probed: Cow<'e, Probed>,
     /// The resources that it reads.
     pub(crate) fixtures: &'e Fixtures,
-    pub(crate) path: Path,
+    /// The path of its executor.
+    pub path: Path,
     /// Words of all arguments.
     pub(crate) words: usize,
     /// Words of a result.
@@ -24,7 +26,7 @@ pub(crate) struct Caller<'e> {
 
 /// Calls that run.
 #[must_use]
-pub(crate) struct Running<'p> {
+pub struct Running<'p> {
     caller: &'p Caller<'p>,
     started: Started<'p>,
     calls: usize,
@@ -33,7 +35,7 @@ pub(crate) struct Running<'p> {
 
 /// The results of one dispatch, as long as they are lent.
 #[derive(Clone, Copy)]
-pub(crate) struct View<'r> {
+pub struct View<'r> {
     pub(crate) words: &'r [u32],
     /// Words from one case to the next.
     pub(crate) stride: usize,
@@ -42,7 +44,7 @@ pub(crate) struct View<'r> {
 }
 
 /// The results of one dispatch.
-pub(crate) struct Results {
+pub struct Results {
     words: Vec<u32>,
     stride: usize,
     width: usize,
@@ -50,7 +52,7 @@ pub(crate) struct Results {
 
 impl<'e> Caller<'e> {
     /// Gets a function ready, with room for so many calls in a dispatch.
-    pub(crate) fn new(
+    pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,
         fixtures: &'e Fixtures,
@@ -102,7 +104,7 @@ impl<'e> Caller<'e> {
     ///
     /// # Panics
     /// If `rows` hasn't the words of all arguments for so many calls.
-    pub(crate) fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
+    pub fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
         assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);
         for first in (0..calls).step_by(self.capacity()) {
@@ -171,7 +173,7 @@ impl Results {
     }
 }
 
-#[cfg(all(test, feature = "engine"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::package::Package;

@@ -198,7 +198,7 @@ fn located(
     place.map_or_else(String::new, |place| format!(" ({place})"))
 }
 
-#[cfg(all(test, feature = "engine"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixture::{Buffer, Fixtures, Texture};

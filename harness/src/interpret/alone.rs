@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use karat_engine::{F32, Observer, Options, Program as Lowered, Resources, Runs};
 
-#[cfg(feature = "routes")]
 use super::Quads;
 use super::trace::Traced;
 use super::{lowering, refused, stopped, supply};
@@ -16,7 +15,7 @@ use crate::settings;
 
 /// A kernel in the engine, with what it reads.
 #[derive(Debug)]
-pub(crate) struct Alone {
+pub struct Alone {
     lowered: Lowered,
     resources: Resources,
     program: Arc<Program>,
@@ -29,7 +28,6 @@ pub(crate) struct Alone {
     /// Bytes of the buffer of arguments, at least.
     least: usize,
     /// The arguments that its derivatives are of.
-    #[cfg(feature = "routes")]
     quads: Option<Quads>,
     /// Rounds of loops that a case may make.
     fuel: u64,
@@ -38,7 +36,11 @@ pub(crate) struct Alone {
 }
 
 impl Alone {
-    pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+    /// A function in drivers' own rounding.
+    ///
+    /// # Errors
+    /// If the engine can't run it.
+    pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
@@ -75,7 +77,6 @@ impl Alone {
             words_in,
             words_out,
             least,
-            #[cfg(feature = "routes")]
             quads: function.form.fragment.then(|| Quads::of(function)),
             fuel,
             flush,
@@ -89,8 +90,7 @@ impl Alone {
 
     /// Which of the words depend on what is read or written outside of an array, or on a derivative: WGSL leaves open what
     /// that is.
-    #[cfg(feature = "routes")]
-    pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
+    pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
             quads.open(arguments, &mut open, |rows| self.words(cases, rows))?;

@@ -21,7 +21,7 @@ use crate::reflect::Program;
 
 /// The places of operations, and what inputs do there.
 #[derive(Debug, Default)]
-pub(crate) struct Coverage {
+pub struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
@@ -136,7 +136,7 @@ impl AllTaken {
 
 impl Coverage {
     /// Adds what calls of a function come to.
-    pub(crate) fn add_calls(
+    pub fn add_calls(
         &mut self,
         probed: &Probed,
         fixtures: &Fixtures,
@@ -165,7 +165,7 @@ impl Coverage {
     }
 
     /// Adds what the invocations of passes over made-up resources come to.
-    pub(crate) fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
+    pub fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
             let taken = AllTaken::none(lowered, &pass.program);
             lowered.dispatch::<F32>(pass.workgroups, resources, &made_up_options(), &taken)?;
@@ -191,7 +191,7 @@ impl Coverage {
 
     /// The lines that no input came to, and conditions that each input decided alike, of operations that the other side of
     /// an edit has fewer of.
-    pub(crate) fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
+    pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
         for seen in self.more_than(other, |_| true) {
@@ -213,7 +213,7 @@ impl Coverage {
     }
 
     /// The places whose indices leave their arrays here, and not on the other side.
-    pub(crate) fn outside_beside(&self, other: &Self) -> Vec<Span> {
+    pub fn outside_beside(&self, other: &Self) -> Vec<Span> {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
@@ -246,7 +246,7 @@ impl Observer<F32> for Evaluations {
 }
 
 /// The operations of the longest of a few calls, which run together; `None` if their loops go round too often to be counted.
-pub(crate) fn evaluations(
+pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
     (count, rows): (usize, &[u32]),
@@ -275,7 +275,7 @@ pub(crate) fn evaluations(
 }
 
 /// The lanes of the results of calls that depend on what is read or written outside of arrays.
-pub(crate) fn of_outside(
+pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,
     (count, rows): (usize, &[u32]),

@@ -15,14 +15,13 @@ const MOST_INVOCATIONS: u32 = 1024;
 
 /// Dispatches passes whose loops go round less than some ten thousand times together, which takes a moment, and
 /// returns what they write.
-#[cfg(feature = "routes")]
-pub(crate) fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
+pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
 /// Dispatches passes in an arithmetic of the path `cpu`, and returns what they write.
-pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
+pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
 }
@@ -31,7 +30,6 @@ pub(crate) fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards,
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
 /// The same where each pass runs in its own way.
-#[cfg(feature = "routes")]
 pub(super) fn dispatched(
     passes: &Passes,
     options_of: OfPass<'_>,

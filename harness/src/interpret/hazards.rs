@@ -116,32 +116,34 @@ impl Kind {
 
 /// A hazard in a case: where it is born, and whether the result shows it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Found {
-    pub(crate) kind: Kind,
+pub struct Found {
+    /// What goes wrong.
+    pub kind: Kind,
     /// The number of its site in the program.
-    pub(crate) site: usize,
-    pub(crate) span: Span,
+    pub site: usize,
+    /// Where, in its author's file.
+    pub span: Span,
     /// The operation, as the author wrote it.
-    pub(crate) text: String,
+    pub text: String,
     /// Whether the result is finite all the same, so that something behind it hides it.
-    pub(crate) hidden: bool,
+    pub hidden: bool,
     /// For lost digits: the value in `f32` and in `f64`.
-    pub(crate) values: Option<(f32, f64)>,
+    pub values: Option<(f32, f64)>,
     /// What the operation was computed from, in `f32`.
-    pub(crate) operands: Vec<f32>,
+    pub operands: Vec<f32>,
     /// Of a derivative the pixel that isn't there.
-    pub(crate) missing: Option<Missing>,
+    pub missing: Option<Missing>,
 }
 
 /// Pixels of a quad of which one takes a derivative.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Missing {
+pub struct Missing {
     /// That one, as a person calls it.
-    pub(crate) reached: String,
+    pub reached: String,
     /// One that doesn't.
-    pub(crate) missing: String,
+    pub missing: String,
     /// The condition or the jump where that one went another way.
-    pub(crate) parted: Option<Span>,
+    pub parted: Option<Span>,
 }
 
 /// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
@@ -155,13 +157,13 @@ fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
 }
 
 /// The findings in each case.
-pub(crate) struct Hazards {
+pub struct Hazards {
     /// Of each kind the first, case by case.
-    pub(crate) cases: Vec<Vec<Found>>,
+    pub cases: Vec<Vec<Found>>,
     /// True if there were more operations than are kept.
-    pub(crate) cut: bool,
+    pub cut: bool,
     /// By the number of a site the cases that came to it with good operands.
-    pub(crate) reached: BTreeMap<usize, usize>,
+    pub reached: BTreeMap<usize, usize>,
 }
 
 /// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
@@ -212,7 +214,7 @@ impl Precision {
 const PATIENCE: u64 = 4096;
 
 /// Rounds after which a loop that made-up arguments lead into is said not to end: a case takes tenths of a second.
-pub(crate) const LONG: u64 = 1 << 18;
+pub const LONG: u64 = 1 << 18;
 
 /// Rounds of loops that have a bound.
 const MOST_ROUNDS: u64 = 65_536;
@@ -486,7 +488,7 @@ impl<'e> Twins<'e> {
 
 impl Interpreted {
     /// The findings in each of some cases: of each kind those that are left out, up to the first that isn't.
-    pub(crate) fn hazards_but(
+    pub fn hazards_but(
         &self,
         cases: usize,
         rows: &[u32],
@@ -522,7 +524,7 @@ impl Interpreted {
     }
 
     /// True if a case is still in a loop after so many rounds, so that it may never end.
-    pub(crate) fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
+    pub fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
             Ok(_) => false,
@@ -719,7 +721,7 @@ impl Interpreted {
     }
 
     /// The places of all operations in the author's files, with the numbers of their sites.
-    pub(crate) fn places(&self) -> Vec<(usize, String)> {
+    pub fn places(&self) -> Vec<(usize, String)> {
         let sites = Sites::of(&self.lowered);
         let place = |site: &Site| {
             let (span, _) = super::author_of(&self.program, site)?;

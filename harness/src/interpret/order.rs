@@ -6,7 +6,7 @@ use super::dispatch::{Prepared, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
 /// Invocations of a subgroup where no order says another number.
-pub(crate) const SUBGROUP: u32 = Schedule::SUBGROUP;
+pub const SUBGROUP: u32 = Schedule::SUBGROUP;
 
 /// Invocations of a subgroup that devices of WebGPU have, beside the usual ones.
 pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
@@ -21,7 +21,7 @@ const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations of passes.
 #[derive(Clone, Debug)]
-pub(crate) struct OrderOf {
+pub struct OrderOf {
     of_pass: Vec<Schedule>,
 }
 
@@ -131,7 +131,7 @@ impl OrderOf {
     }
 
     /// True if only the size of subgroups is another one.
-    pub(crate) fn is_of_size(&self) -> bool {
+    pub fn is_of_size(&self) -> bool {
         let usual = Schedule::default();
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
@@ -218,10 +218,7 @@ impl Chance {
 }
 
 /// The words that passes leave in an order of their invocations; `None`: the usual one.
-pub(crate) fn in_order_of(
-    passes: &Passes,
-    order: Option<&OrderOf>,
-) -> Result<Afterwards, DispatchError> {
+pub fn in_order_of(passes: &Passes, order: Option<&OrderOf>) -> Result<Afterwards, DispatchError> {
     let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
     prepared.dispatched(&|number| options_in(number, order, &options()))
 }
@@ -233,7 +230,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
 
 /// How many orders were tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Tried {
+pub struct Tried {
     /// Beside the usual one, those that lead to the same counted once.
     pub(crate) orders: u64,
     /// True if there are no others.

@@ -74,20 +74,24 @@ impl Observer<F32> for Faults {
 }
 
 /// An operation of a pass that goes wrong, and the invocations in which it does.
-pub(crate) struct FoundInPass {
-    pub(crate) found: Found,
+pub struct FoundInPass {
+    /// What goes wrong, and where.
+    pub found: Found,
     /// The first of them.
-    pub(crate) invocation: String,
-    pub(crate) invocations: BTreeSet<usize>,
+    pub invocation: String,
+    /// All of them, by their number.
+    pub invocations: BTreeSet<usize>,
     /// The place of its statement, by which the sanitizer names an access.
-    pub(crate) statement: Option<String>,
+    pub statement: Option<String>,
 }
 
 /// The operations of passes: those that go wrong, and the invocations that come to each place, if these are asked for.
 #[derive(Default)]
-pub(crate) struct Operations {
-    pub(crate) wrong: Vec<FoundInPass>,
-    pub(crate) reached: BTreeMap<String, BTreeSet<usize>>,
+pub struct Operations {
+    /// Operations that go wrong.
+    pub wrong: Vec<FoundInPass>,
+    /// The invocations that come to each, by its place.
+    pub reached: BTreeMap<String, BTreeSet<usize>>,
 }
 
 /// The operations of a test's passes that go wrong, in `f32`.
@@ -96,7 +100,7 @@ pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError
 }
 
 /// The operations of passes over made-up resources.
-pub(crate) fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
+pub fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
     watched(passes, &made_up_options(), true)
 }
 

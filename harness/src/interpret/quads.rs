@@ -23,7 +23,6 @@ impl Quads {
     }
 
     /// Adds the lanes of the results that depend on how steep the slopes are.
-    #[cfg(feature = "routes")]
     pub(super) fn open<E>(
         &self,
         rows: &[u32],
@@ -43,7 +42,6 @@ impl Quads {
     }
 
     /// The rows with slopes that are so many times as steep; values are as they were.
-    #[cfg(feature = "routes")]
     fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
         let of_argument = |(scalars, varies): &(Vec<Scalar>, bool)| {
             let slopes = if *varies { 2 } else { 0 };

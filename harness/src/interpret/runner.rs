@@ -30,11 +30,11 @@ const TURNS_OF_ONE: usize = 1 << 22;
 const SIMPLE: u64 = 3;
 
 /// A run of passes in one order.
-pub(crate) struct Run {
+pub struct Run {
     /// `None`: the usual order.
-    pub(crate) order: Option<OrderOf>,
+    pub order: Option<OrderOf>,
     /// What is left; `None`: a loop didn't end, or not all of the passes ran.
-    pub(crate) left: Option<Afterwards>,
+    pub left: Option<Afterwards>,
     /// The findings that no run before had.
     pub(crate) examined: Examined,
 }
@@ -51,7 +51,7 @@ enum Next {
 }
 
 /// Runs passes in one order after the other.
-pub(crate) struct Runner<'p> {
+pub struct Runner<'p> {
     passes: &'p Passes,
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
@@ -66,7 +66,8 @@ pub(crate) struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    pub(crate) fn new(passes: &'p Passes) -> Self {
+    /// Passes in the order in which invocations are counted.
+    pub fn new(passes: &'p Passes) -> Self {
         Self {
             passes,
             prepared: Prepared::new(passes, &karat_engine::Settings::default()).map_err(Some),
@@ -81,7 +82,7 @@ impl<'p> Runner<'p> {
     }
 
     /// The same with so many orders that are drawn, and no others.
-    pub(crate) fn few(self, orders: u64) -> Self {
+    pub fn few(self, orders: u64) -> Self {
         Self { wanted: orders, explores: false, ..self }
     }
 

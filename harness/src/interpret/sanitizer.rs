@@ -32,7 +32,7 @@ pub(super) fn made_up_options() -> Options {
 }
 
 /// [`examine`] of passes over made-up resources.
-pub(crate) fn examine_made_up(passes: &Passes) -> Examined {
+pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
 
@@ -44,7 +44,7 @@ const TURNS_MADE_UP: usize = 1 << 16;
 
 /// Runs passes in the usual order, in subgroups of the usual size and of the smallest, and returns the findings. The
 /// result says which passes the engine couldn't execute.
-pub(crate) fn examine(passes: &Passes) -> Examined {
+pub fn examine(passes: &Passes) -> Examined {
     examine_with(passes, &options(), false)
 }
 

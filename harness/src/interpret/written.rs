@@ -5,7 +5,7 @@ use crate::dispatch::{DispatchError, Passes};
 use crate::reflect::BindingKind;
 
 /// For each lane of a buffer or a texture, in order, whether a pass writes it.
-pub(crate) fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
+pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
     let mut marks: Vec<u8> = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
         let observed = lowered.observe_races(pass.workgroups, resources, &options(), None)?;

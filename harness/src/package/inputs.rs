@@ -21,7 +21,7 @@ use toml::Value;
 
 /// The declaration of a name.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Declaration {
+pub enum Declaration {
     /// From the first to the second.
     Range(f64, f64),
     /// One of these.
@@ -43,7 +43,7 @@ pub(crate) enum Declaration {
 
 /// An end of the numbers of an array.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum End {
+pub enum End {
     /// A number.
     Number(f64),
     /// The elements of an array, less a number.
@@ -200,7 +200,7 @@ pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration
 }
 
 /// The function that a key is about alone, and the rest of it: `scan::main` and `groups`, `scan` of `workgroups(scan)`.
-pub(crate) fn scope(key: &str) -> (Option<&str>, &str) {
+pub fn scope(key: &str) -> (Option<&str>, &str) {
     if key.contains('(') {
         return (None, key);
     }

@@ -12,6 +12,7 @@ use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
 use super::inputs::{self, Declaration, scope};
+use super::inside::{AcceptedHazard, Hazards, KnownRows};
 use super::limits::Limits;
 use super::values::{self, Values};
 use super::workspace::{self, Kind};
@@ -61,35 +62,6 @@ struct Dependency {
 
 /// Names that mean something else in an import.
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
-
-/// What is declared for the search for hazards.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Hazards {
-    pub(crate) inputs: BTreeMap<String, Declaration>,
-    /// Values of overrides, in each function that has one.
-    pub(crate) overrides: BTreeMap<String, f64>,
-    pub(crate) accepted: Vec<AcceptedHazard>,
-}
-
-/// Hazards that are accepted, as it is written.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct AcceptedHazard {
-    pub(crate) functions: Vec<String>,
-    /// The operation; none: all of them.
-    pub(crate) text: Option<String>,
-    pub(crate) reason: String,
-}
-
-/// Rows of the matrix of translations that are declared not to get to a status, as it is written.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct KnownRows {
-    pub(crate) rows: Vec<String>,
-    pub(crate) columns: Vec<String>,
-    pub(crate) status: String,
-    pub(crate) reason: String,
-}
 
 impl KnownRows {
     /// What it says of one module's own rows, by their names in that module.
@@ -170,28 +142,6 @@ impl Package {
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())
-    }
-}
-
-impl Package {
-    /// The place of an input's declaration in the folder's `karat.toml`: `karat.toml:3`.
-    #[cfg(feature = "engine")]
-    pub(crate) fn place_of_input(&self, name: &str) -> Option<String> {
-        #[derive(Deserialize)]
-        struct Inputs {
-            #[serde(default)]
-            inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
-        }
-        let read = Manifest::of(self).ok()?.read?;
-        let text = self.unsaved_text(&read.file).map(|text| text.to_string());
-        let text = text.or_else(|| std::fs::read_to_string(&read.file).ok())?;
-        let all = toml::from_str::<Inputs>(&text).ok()?.inputs;
-        let key = all.into_keys().find(|key| {
-            let rest = name.strip_prefix(key.get_ref().as_str());
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        })?;
-        let line = text[..key.span().start].matches('\n').count() + 1;
-        Some(format!("{}:{line}", shown(&read.file)))
     }
 }
 
@@ -450,13 +400,11 @@ impl Manifest {
     }
 
     /// What is declared of the matrix of translations.
-    #[cfg(feature = "routes")]
     pub(super) fn known_rows(self) -> Vec<KnownRows> {
         self.matrix
     }
 
     /// What is declared of hazards.
-    #[cfg(feature = "engine")]
     pub(super) fn hazards(self) -> Hazards {
         self.hazards
     }

@@ -29,12 +29,12 @@ impl Drop for Guard {
 }
 
 /// An event in the life of a guard, for its watcher.
-pub(crate) enum Moment<'a> {
+pub enum Moment<'a> {
+    /// Work begins that has a deadline.
     Begins,
     /// A sentence on what didn't finish, before the process ends.
-    Overdue(
-        #[cfg_attr(not(feature = "routes"), expect(dead_code, reason = "routes listen"))] &'a str,
-    ),
+    Overdue(&'a str),
+    /// The work has ended in time.
     Ends,
 }
 
@@ -47,8 +47,7 @@ thread_local! {
 }
 
 /// Runs `work`, and tells the watcher of its guards.
-#[cfg(feature = "routes")]
-pub(crate) fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
+pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
     /// Puts back what was there, also where the work panics.
     struct Before(Option<Watcher>);
     impl Drop for Before {

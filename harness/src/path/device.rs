@@ -28,7 +28,7 @@ const CALLBACK: Duration = Duration::from_millis(5);
 
 /// A device of one path.
 #[derive(Debug)]
-pub(crate) struct Device {
+pub struct Device {
     path: Path,
     adapter: Adapter,
     pub(crate) device: wgpu::Device,
@@ -78,12 +78,8 @@ impl Device {
     pub(super) fn open(path: Path) -> Result<Self, PathError> {
         let unavailable = |reason: String| PathError::Unavailable { path, reason };
         if path.api() == Api::Cpu {
-            let reason = if cfg!(feature = "engine") {
-                "Karat's engine calls functions and does nothing else: a driver is needed here"
-            } else {
-                "karat is built without its engine: write features = [\"engine\"] at its dependency in \
-                 Cargo.toml"
-            };
+            let reason =
+                "Karat's engine calls functions and does nothing else: a driver is needed here";
             return Err(unavailable(reason.to_owned()));
         }
         if let Some(reason) = route::missing(path) {
@@ -212,11 +208,13 @@ impl Device {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
 
-    pub(crate) fn path(&self) -> Path {
+    /// Its name.
+    pub fn path(&self) -> Path {
         self.path
     }
 
-    pub(crate) fn adapter(&self) -> &Adapter {
+    /// What the driver says of itself.
+    pub fn adapter(&self) -> &Adapter {
         &self.adapter
     }
 

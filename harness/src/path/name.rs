@@ -174,7 +174,6 @@ impl Path {
     }
 
     /// The same by another route.
-    #[cfg(feature = "engine")]
     pub(crate) const fn through(self, via: Via) -> Self {
         Self { via, ..self }
     }

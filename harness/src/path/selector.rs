@@ -71,7 +71,6 @@ impl Selector {
     }
 
     /// Whether it selects a path.
-    #[cfg(feature = "routes")]
     pub(crate) fn selects(&self, path: Path, adapter: &Adapter) -> bool {
         self.fits(path, adapter).is_some()
     }

@@ -21,7 +21,6 @@ pub(crate) const CONSTANTS: usize = 64;
 const CALLS: usize = 16;
 
 /// The variable of results.
-#[cfg(feature = "engine")]
 pub(crate) const RESULTS: &str = "karat_out";
 
 /// Name of the generated entry point.
@@ -35,9 +34,9 @@ pub(super) const CELL: u32 = 4;
 
 /// A kernel and the layout of its buffers.
 #[derive(Clone, Debug)]
-pub(crate) struct Kernel {
+pub struct Kernel {
     /// Linked text followed by the kernel: readable WGSL.
-    pub(crate) text: String,
+    pub text: String,
     /// Words of one case's arguments.
     pub(super) words_in: usize,
     /// Words of one case's result, without the canary that follows it.
@@ -103,8 +102,7 @@ impl Kernel {
     }
 
     /// The call of a function that runs alone, in each pixel of a draw: their rows are its cases, row after row.
-    #[cfg(feature = "engine")]
-    pub(crate) fn of_pixels(&self) -> Self {
+    pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
         kernel.text = kernel.write(&[]).expect("writing to a String never fails");
@@ -121,12 +119,12 @@ impl Kernel {
     }
 
     /// The first of three bindings in group 0: arguments, results, batch.
-    pub(crate) fn first_binding(&self) -> u32 {
+    pub fn first_binding(&self) -> u32 {
         self.first_binding
     }
 
     /// The words of one case's arguments, and of its results without the canary.
-    pub(crate) fn words(&self) -> (usize, usize) {
+    pub fn words(&self) -> (usize, usize) {
         (self.words_in, self.words_out)
     }
 
@@ -137,7 +135,7 @@ impl Kernel {
     }
 
     /// Where the arguments come from.
-    pub(crate) fn inputs(&self) -> Inputs {
+    pub fn inputs(&self) -> Inputs {
         self.inputs
     }
 

@@ -12,25 +12,25 @@ use crate::diagnostic::Span;
 use crate::package::{LetStatement, Package, let_statements};
 
 /// A let-binding.
-pub(crate) struct Let {
-    pub(crate) name: String,
+pub struct Let {
+    /// Its own name.
+    pub name: String,
     /// Its name, in the author's file.
-    pub(crate) span: Option<Span>,
+    pub span: Option<Span>,
     /// Whether it is in a loop: then what is returned is its last value.
-    pub(crate) repeats: bool,
+    pub repeats: bool,
     /// Which of the function's bindings of this name it is, and of how many.
-    #[cfg_attr(not(any(feature = "routes", test)), expect(dead_code, reason = "a translation's"))]
-    pub(crate) of_name: (usize, usize),
+    pub of_name: (usize, usize),
     /// What returns it, called with the function's arguments. `None`: it is a pointer, stands in the
-    /// head of a `for`, or comes behind [`MOST`] others.
-    pub(crate) probed: Option<Probed>,
+    /// head of a `for`, or comes behind `MOST` others.
+    pub probed: Option<Probed>,
 }
 
 /// Bindings of one function that are looked at, each with a pipeline on both columns.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of its text.
-pub(crate) fn lets(probed: &Probed) -> Vec<Let> {
+pub fn lets(probed: &Probed) -> Vec<Let> {
     let (program, text) = (&probed.program, probed.program.text());
     let path = &probed.function().name;
     let statements = let_statements(text, program.name_of(path));

@@ -8,7 +8,7 @@ use super::{NAMED, Program};
 impl Program {
     /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of its
     /// workgroup; empty if there is no such entry point.
-    pub(crate) fn attributes(&self, name: &str) -> Vec<(String, String)> {
+    pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;
         let Some(entry) = module.entry_points.iter().find(|entry| entry.name == name) else {
@@ -46,7 +46,7 @@ impl Program {
 
     /// For each direction, whether an entry point asks for its place: for a component of the number of its invocation in
     /// the dispatch, or of its workgroup. `None` if it takes such a vector as a whole, and so may ask for each.
-    pub(crate) fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
+    pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);
         let module = &self.checked.module;

@@ -1,13 +1,10 @@
 //! The resource variables of functions and entry points.
 
-#[cfg(feature = "engine")]
 use std::sync::Arc;
 
-#[cfg(feature = "engine")]
 use super::Overrides;
 use super::{BindingKind, NAMED, Program, Stage};
 use crate::diagnostic::Span;
-#[cfg(feature = "engine")]
 use crate::package::Package;
 use crate::value::Shape;
 
@@ -41,7 +38,6 @@ impl Binding {
 }
 
 /// A program, the resources of its compute entry point, and the invocations of a workgroup.
-#[cfg(feature = "engine")]
 pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 
 impl Program {
@@ -49,7 +45,7 @@ impl Program {
     ///
     /// The elements of the longest array that buffers have, if each array has a length that the shader says; `None` if they
     /// have none, or storage textures have what the host says.
-    pub(crate) fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
+    pub fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
         fn longest(shape: &Shape) -> usize {
             match shape {
                 Shape::Array { element, length } => longest(element).max(*length as usize),
@@ -74,8 +70,7 @@ impl Program {
 
     /// # Errors
     /// If it isn't valid, or is none, or an override has no value.
-    #[cfg(feature = "engine")]
-    pub(crate) fn of_pass(
+    pub fn of_pass(
         package: &Package,
         name: &str,
         overrides: &Overrides,
@@ -130,7 +125,7 @@ impl Program {
 
     /// The resources of a compute entry point, by its name in the text, and the invocations of its
     /// workgroup.
-    pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
+    pub fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
         let (bindings, index) = self.resources_of(name, naga::ShaderStage::Compute)?;
         let size = self.workgroup_size(&self.checked.module.entry_points[index]);
         let size = size.map(|count| u32::try_from(count).unwrap_or(u32::MAX));
@@ -138,8 +133,7 @@ impl Program {
     }
 
     /// The resources of a fragment entry point, by its name in the text.
-    #[cfg(feature = "engine")]
-    pub(crate) fn fragment_entry_point(&self, name: &str) -> Option<Vec<Binding>> {
+    pub fn fragment_entry_point(&self, name: &str) -> Option<Vec<Binding>> {
         self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
     }
 
@@ -193,7 +187,7 @@ impl Program {
     }
 
     /// The bytes that a buffer's type takes, with one element of an array without a length.
-    pub(crate) fn least_bytes(&self, binding: &Binding) -> usize {
+    pub fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;
         inner.size(self.checked.module.to_ctx()) as usize
     }
@@ -236,7 +230,7 @@ impl Program {
     }
 
     /// The first binding number of group 0 that the program leaves free.
-    pub(crate) fn free_binding(&self) -> u32 {
+    pub fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)
         });

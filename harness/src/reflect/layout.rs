@@ -97,7 +97,6 @@ fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -
 
 /// The byte at which each member of a value begins, by its path (`.light.power`, `[].power`), and the strides
 /// of arrays (`.lights[]`).
-#[cfg(feature = "engine")]
 pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> Vec<(String, u32)> {
     match &module.types[ty].inner {
         TypeInner::Struct { members, .. } => {

@@ -7,9 +7,11 @@ use super::Program;
 /// Numbers that programs compare with, bound by, subtract or switch on: an input that is one of them, or next to it, takes
 /// another way.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Literals {
-    pub(crate) floats: Vec<f32>,
-    pub(crate) wholes: Vec<i64>,
+pub struct Literals {
+    /// Floats of the text.
+    pub floats: Vec<f32>,
+    /// Whole numbers of the text.
+    pub wholes: Vec<i64>,
 }
 
 impl Literals {
@@ -43,7 +45,7 @@ impl Literals {
     }
 
     /// Takes those of another program, too.
-    pub(crate) fn and(mut self, other: &Self) -> Self {
+    pub fn and(mut self, other: &Self) -> Self {
         other.floats.iter().for_each(|x| self.float(*x));
         other.wholes.iter().for_each(|x| self.whole(*x));
         self
@@ -52,7 +54,7 @@ impl Literals {
 
 impl Program {
     /// The numbers that functions compare with.
-    pub(crate) fn literals(&self) -> Literals {
+    pub fn literals(&self) -> Literals {
         let module = &self.checked.module;
         let mut all = Literals::default();
         let own = module.functions.iter().map(|(_, function)| function);

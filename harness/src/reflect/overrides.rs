@@ -12,14 +12,11 @@ use crate::package::Package;
 use crate::value::Scalar;
 
 /// Values by the name of the override, or by its `@id`.
-pub(crate) type Overrides = BTreeMap<String, f64>;
+pub type Overrides = BTreeMap<String, f64>;
 
 impl Program {
     /// The program with these values. Each override needs one, or an initialiser.
-    pub(crate) fn overridden(
-        self: &Arc<Self>,
-        given: &Overrides,
-    ) -> Result<Arc<Self>, ReflectError> {
+    pub fn overridden(self: &Arc<Self>, given: &Overrides) -> Result<Arc<Self>, ReflectError> {
         let declared = &self.checked.module.overrides;
         if given.is_empty() && declared.iter().all(|(_, declared)| declared.init.is_some()) {
             return Ok(Arc::clone(self));
@@ -68,16 +65,14 @@ impl Program {
     }
 
     /// True if an override has no initial value.
-    #[cfg(feature = "engine")]
-    pub(crate) fn wants_override(&self, name: &str) -> bool {
+    pub fn wants_override(&self, name: &str) -> bool {
         let Ok(name) = self.text_name(name) else { return false };
         let mut all = self.checked.module.overrides.iter();
         all.any(|(_, one)| one.name.as_ref() == Some(&name) && one.init.is_none())
     }
 
     /// Each override by its author's name, as it is declared: `@id(3) f32 = 1.0`.
-    #[cfg(feature = "engine")]
-    pub(crate) fn declared_overrides(&self) -> Vec<(String, String)> {
+    pub fn declared_overrides(&self) -> Vec<(String, String)> {
         let module = &self.checked.module;
         let of = |declared: &Override| {
             let text = declared.name.as_deref().expect(NAMED);
@@ -111,8 +106,7 @@ impl Program {
     }
 
     /// A fault of given values of its overrides, in a sentence; an override without a value isn't.
-    #[cfg(feature = "routes")]
-    pub(crate) fn misfit(&self, given: &Overrides) -> Option<String> {
+    pub fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
             values.insert(self.text_name(name).ok()?, *value);
@@ -122,7 +116,7 @@ impl Program {
     }
 
     /// True if something in a package has an override of this name or number.
-    pub(crate) fn some_has_override(package: &Package, name: &str) -> bool {
+    pub fn some_has_override(package: &Package, name: &str) -> bool {
         let modules = package.modules().unwrap_or_default();
         modules.iter().any(|module| {
             let program = Self::of_module(&package.for_validating(module), module);
@@ -131,7 +125,7 @@ impl Program {
     }
 
     /// True if it has an override that its author, or its number, calls so.
-    pub(crate) fn has_override(&self, name: &str) -> bool {
+    pub fn has_override(&self, name: &str) -> bool {
         self.text_name(name).is_ok()
     }
 

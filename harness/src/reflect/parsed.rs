@@ -32,7 +32,7 @@ pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
 }
 
 /// The kernel with values of overrides, by their names in its text.
-pub(crate) fn parsed_with(text: &str, overrides: &Overrides) -> Result<Arc<Module>, String> {
+pub fn parsed_with(text: &str, overrides: &Overrides) -> Result<Arc<Module>, String> {
     let module = parsed(text)?;
     if overrides.is_empty() {
         return Ok(module);

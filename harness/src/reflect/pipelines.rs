@@ -12,7 +12,7 @@ use crate::tint::{Attribute, Pipeline};
 
 impl Program {
     /// All entry points of stages that WebGPU has; none if an override has no value.
-    pub(crate) fn pipelines(&self) -> Vec<Pipeline> {
+    pub fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
         // Only the author's program knows the value of an override that has none: any other one may be wrong.
         if module.overrides.iter().any(|(_, one)| one.init.is_none()) {

@@ -123,7 +123,6 @@ impl Format {
     }
 
     /// A texel as its author writes its value: as many channels as it keeps.
-    #[cfg(feature = "engine")]
     pub(crate) fn shown(self, texel: [u32; 4]) -> String {
         let shown = |word: &u32| match self.texels() {
             Texels::Sint => word.cast_signed().to_string(),
@@ -135,8 +134,7 @@ impl Format {
     }
 
     /// The step between two numbers that it holds, of formats that hold fractions of a whole number; of others 0.
-    #[cfg(feature = "routes")]
-    pub(crate) fn step(self) -> f32 {
+    pub fn step(self) -> f32 {
         let name = self.name();
         let most = match () {
             () if name.contains("8unorm") => 255.0,

@@ -15,7 +15,7 @@ use naga::{
     BinaryOperator, Block, Expression, Function, GlobalVariable, Handle, Literal, Module, Statement,
 };
 
-pub(crate) use watched::Watched;
+pub use watched::Watched;
 
 use super::Program;
 use crate::diagnostic::Span;
@@ -25,8 +25,7 @@ pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
     /// How many barriers there are in an entry point and in what it calls.
-    #[cfg(feature = "routes")]
-    pub(crate) fn barriers(&self, entry_point: &str) -> usize {
+    pub fn barriers(&self, entry_point: &str) -> usize {
         let module = &self.checked.module;
         let entry = module.entry_points.iter().find(|entry| entry.name == entry_point);
         let (mut open, mut seen) = (Vec::from_iter(entry.map(|entry| &entry.function)), Vec::new());
@@ -45,7 +44,7 @@ impl Program {
     }
 
     /// The functions that one, or an entry point, calls, by their authors' paths.
-    pub(crate) fn calls(&self, path: &str) -> BTreeSet<String> {
+    pub fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
         let found =
             functions.iter().map(|(_, one)| one).find(|one| one.name.as_deref() == Some(name));

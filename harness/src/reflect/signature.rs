@@ -31,30 +31,30 @@ pub struct Function {
     /// The resources that it uses, directly or through what it calls.
     pub bindings: Vec<Binding>,
     /// How it is called.
-    pub(crate) form: Form,
+    pub form: Form,
 }
 
 /// How a function is called.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Form {
+pub struct Form {
     /// True if the result is a structure that says whether the pixel was discarded, and the value if it wasn't.
-    pub(crate) discards: bool,
+    pub discards: bool,
     /// What it returns; `None`: nothing.
     pub(crate) returns: Option<Shape>,
     /// How each parameter is passed.
     pub(crate) passed: Vec<Passed>,
     /// The textures and samplers that it takes, which are variables of whoever calls it: the place of each
     /// among all parameters, its name and its type.
-    pub(crate) taken: Vec<(usize, String, String)>,
+    pub taken: Vec<(usize, String, String)>,
     /// Whether each case runs by itself, as what it writes would be seen by others.
-    pub(crate) alone: bool,
+    pub alone: bool,
     /// True if only fragment shaders may call it: each case is a quad of pixels, and one of them if it runs alone. Then
     /// the others are helpers, and so is a pixel that is discarded.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which is called like any function.
-    pub(crate) stage: Option<Stage>,
+    pub stage: Option<Stage>,
     /// Parameters, and members of them, that are builtin values: `input.pixel`, `position`.
-    pub(crate) builtins: Vec<(String, String)>,
+    pub builtins: Vec<(String, String)>,
 }
 
 /// How a parameter is passed.
@@ -81,7 +81,7 @@ impl Passed {
 
 impl Function {
     /// The shapes that one invocation's call gives: the result, and what pointers point to.
-    pub(crate) fn outputs(&self) -> Vec<(String, Shape)> {
+    pub fn outputs(&self) -> Vec<(String, Shape)> {
         let returned = self.form.returns.iter().map(|shape| ("result".to_owned(), shape.clone()));
         let pointers = self.parameters.iter().zip(&self.form.passed);
         let pointers = pointers.filter(|(_, passed)| **passed != Passed::Value);
@@ -96,7 +96,7 @@ impl Function {
 
     /// What it may write of its resources. One that only reads them, though they are declared
     /// `read_write`, doesn't run alone, and has none.
-    pub(crate) fn written(&self) -> impl Iterator<Item = &Binding> {
+    pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
     }
@@ -293,7 +293,7 @@ impl Program {
 
     /// The shape of a resource that is written, after a call. Without the number of its bytes, or of its
     /// texels, an array without a length has no elements. `None`: no host can read it.
-    pub(crate) fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
+    pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {
                 Texels::Sint => Scalar::I32,
@@ -383,7 +383,6 @@ impl Program {
     }
 
     /// Whether an expression of a function, by its index, is `-x`.
-    #[cfg(feature = "engine")]
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         let negate = naga::UnaryOperator::Negate;
@@ -391,7 +390,6 @@ impl Program {
     }
 
     /// How many numbers an expression of a function is, by its index; 1 if that isn't known.
-    #[cfg(feature = "engine")]
     pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
         let components = |inner: &naga::TypeInner| match inner {
             naga::TypeInner::Vector { size, .. } => *size as usize,
@@ -402,7 +400,6 @@ impl Program {
     }
 
     /// The name that a `let` of a function gives an expression, by its index.
-    #[cfg(feature = "engine")]
     pub(crate) fn let_name(&self, function: &str, expression: usize) -> Option<&str> {
         let (function, _) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
@@ -410,14 +407,12 @@ impl Program {
     }
 
     /// Whether an expression of a function is an `i32`, or a vector of them.
-    #[cfg(feature = "engine")]
     pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
         let scalar = self.type_of(function, expression).and_then(naga::TypeInner::scalar);
         scalar.is_some_and(|scalar| scalar.kind == naga::ScalarKind::Sint)
     }
 
     /// The type of an expression of a function, by its index.
-    #[cfg(feature = "engine")]
     fn type_of(&self, function: &str, expression: usize) -> Option<&naga::TypeInner> {
         let (function, info) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
@@ -425,7 +420,6 @@ impl Program {
     }
 
     /// A function or an entry point by its name in the text, and what naga's validator knows of it.
-    #[cfg(feature = "engine")]
     fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
         let super::Checked { module, info, .. } = &*self.checked;
         let mut functions = module.functions.iter();
@@ -545,8 +539,7 @@ impl Program {
     }
 
     /// The byte at which each member of a buffer lies, by its path in the variable.
-    #[cfg(feature = "engine")]
-    pub(crate) fn places(&self, binding: &Binding) -> Vec<(String, u32)> {
+    pub fn places(&self, binding: &Binding) -> Vec<(String, u32)> {
         super::layout::places(&self.checked.module, binding.ty, "", 0)
     }
 

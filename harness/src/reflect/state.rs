@@ -11,13 +11,13 @@ pub(crate) type State = Vec<(String, String)>;
 
 impl Program {
     /// True if functions leave each other something in private variables: those that have no initial value.
-    pub(crate) fn has_state(&self) -> bool {
+    pub fn has_state(&self) -> bool {
         self.checked.module.global_variables.iter().any(|(_, one)| is_state(one))
     }
 
     /// The program in the middle of its run: its private variables have other values than at first. Beside it these variables
     /// with their values, which depend on their types alone. `None` if there are none of numbers and vectors.
-    pub(crate) fn with_state(&self) -> Option<(Arc<Self>, State)> {
+    pub fn with_state(&self) -> Option<(Arc<Self>, State)> {
         /// Fractions, by the component: none is another's, and none is plain.
         const FLOATS: [f32; 4] = [0.618, 0.271, 0.839, 0.467];
         /// Bits of all places (the fractions of the roots of 2, 3, 5 and 7).

@@ -8,7 +8,7 @@ use super::NoVerdict;
 
 /// Tint's answer about a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Answer {
+pub struct Answer {
     /// Messages about the text, in Tint's order: notes follow what they explain.
     pub(crate) messages: Vec<Message>,
     /// Entry points that can't be a pipeline, with the reason.
@@ -24,7 +24,7 @@ impl Answer {
     }
 
     /// Why Tint rejects the text or one of its entry points, in a line; `None`: it accepts all.
-    pub(crate) fn reason(&self) -> Option<&str> {
+    pub fn reason(&self) -> Option<&str> {
         let mut errors = self.messages.iter().filter(|one| one.severity == Severity::Error);
         let text = errors.next().map(|message| &message.text);
         let text = text.or_else(|| self.pipelines.first().map(|(_, reason)| reason))?;

@@ -13,8 +13,8 @@
 
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::domain::Part;
-use karat::unstable::made_up::{Ranges, suggested};
 use karat::value::{Scalar, Shape};
+use karat_inspect::made_up::{Ranges, suggested};
 use toml::Value;
 
 use crate::relations;

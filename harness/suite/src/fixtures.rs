@@ -20,10 +20,10 @@ use glam::{IVec4, UVec4};
 use karat::fixture::{Buffer, Compare, Fixture};
 use karat::unstable::diagnostic::read_file;
 use karat::unstable::domain::{Dynamic, Numbering, Stream};
-use karat::unstable::made_up::Ranges;
 use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 use karat::value::{Scalar, Shape};
 use karat::{CubeMap, Image, Sampler, Texture};
+use karat_inspect::made_up::Ranges;
 use toml::Value;
 
 use crate::domains::{is_number, lanes, no_such, parts};

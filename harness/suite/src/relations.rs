@@ -170,7 +170,7 @@ fn vectors(
 mod tests {
     use super::*;
     use crate::domains::parts;
-    use karat::unstable::made_up::Ranges;
+    use karat_inspect::made_up::Ranges;
 
     fn of(parameters: &[(&str, Shape)], text: &str) -> Result<String, String> {
         let parameters: Vec<_> =

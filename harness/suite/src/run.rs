@@ -12,12 +12,12 @@ use karat::golden::FrameTolerance;
 use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
 use karat::unstable::diagnostic::{Diagnostic, Span, shown};
 use karat::unstable::domain::{Dynamic, Part};
-use karat::unstable::made_up::Ranges;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::record::Subject;
 use karat::unstable::reflect::{Binding, Program, Stage};
 use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
+use karat_inspect::made_up::Ranges;
 use toml::Value;
 
 use crate::compute::Stop;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use karat::unstable::matrix::{Column, Matrix, Status, Stop, restarted};
+use karat_inspect::matrix::{Column, Matrix, Status, Stop, restarted};
 use serde::{Deserialize, Serialize};
 
 #[path = "../list.rs"]
@@ -144,7 +144,8 @@ fn make(wanted: &Wanted, journal: &Path) -> Result<Matrix, String> {
         package.module_features(module, &features)
     };
     let package = wanted.with.iter().fold(package, with);
-    let request = package.matrix().columns(Column::usual()).cases(CASES).journal(journal);
+    let request =
+        karat_inspect::matrix(&package).columns(Column::usual()).cases(CASES).journal(journal);
     request.run().map_err(|error| error.to_string())
 }
 

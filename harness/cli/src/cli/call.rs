@@ -12,11 +12,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::fixture::Fixtures;
-use karat::unstable::made_up::{MadeUp, Ranges};
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Function, Stage};
 use karat::unstable::value::hexfloat;
 use karat::{Path, Tolerance};
+use karat_inspect::made_up::{MadeUp, Ranges};
 
 use super::project::Project;
 use super::table::{BAD, DIM, HEAD};

@@ -9,11 +9,11 @@ use std::sync::mpsc;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::unstable::compare::{
-    Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
-};
 use karat::unstable::output::{counted, tell, visible};
 use karat::unstable::process;
+use karat_inspect::compare::{
+    Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
+};
 
 use super::project::Project;
 use super::search;

@@ -8,9 +8,9 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
-use karat::unstable::hazards::{Class, Hazard, HazardError, Hazards, Kind, Unseen};
-use karat::unstable::made_up::Drawn;
 use karat::unstable::output::{counted, tell};
+use karat_inspect::hazards::{Class, Hazard, HazardError, Hazards, Kind, Unseen};
+use karat_inspect::made_up::Drawn;
 
 use super::patience::PATIENCE;
 use super::project::{self, Project};
@@ -163,12 +163,12 @@ fn look(
     // Drawn on a terminal alone.
     let bar = ProgressBar::new(0).with_message(package.name());
     bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
-    let request = package.hazards().only(args.only.iter().map(String::as_str));
+    let request = karat_inspect::hazards(package).only(args.only.iter().map(String::as_str));
     let request = if args.accepted { request.with_accepted() } else { request };
     let overrides = call::bind::overrides(&args.overrides)?;
     let request =
         overrides.iter().fold(request, |all, (name, value)| all.with_override(name, *value));
-    let declare = |request: karat::unstable::hazards::Request, (name, range): &&Input| {
+    let declare = |request: karat_inspect::hazards::Request, (name, range): &&Input| {
         request.input(name, range.clone())
     };
     let request = inputs.iter().fold(request, declare).cases(args.cases as usize);

@@ -12,8 +12,8 @@ use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::tolerance::{Abs, Rel};
 use karat::unstable::image::write_whole;
-use karat::unstable::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
 use karat::unstable::record::{Record, Recorded};
+use karat_inspect::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
@@ -122,7 +122,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     }
     let overrides = call::bind::overrides(&args.overrides)?;
     for name in overrides.keys() {
-        let has = |package: &karat::Package| package.matrix().has_override(name);
+        let has = |package: &karat::Package| karat_inspect::matrix(package).has_override(name);
         ensure!(
             packages.iter().any(has),
             "--override {name}: no function and no entry point uses an override `{name}`"
@@ -133,8 +133,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         // Drawn on a terminal alone.
         let bar = ProgressBar::new(0).with_message(package.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
-        let request = package
-            .matrix()
+        let request = karat_inspect::matrix(package)
             .columns(columns.iter().copied())
             .cases(args.cases)
             .within(Rel(args.within).or(Abs(args.within)))

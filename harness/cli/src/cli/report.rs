@@ -236,7 +236,8 @@ impl OutputArgs {
             // What was left out on purpose isn't untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
             let untested = whole.then(|| untested(records, &packages)).transpose()?.map(names);
-            let look = || packages.iter().map(|package| package.hazards().run()).collect();
+            let look =
+                || packages.iter().map(|package| karat_inspect::hazards(package).run()).collect();
             let hazards = self.hazards.then(look).transpose()?;
             let (review, matrix) = (self.review.as_deref(), self.matrix.as_deref());
             let beside = Beside { untested, hazards, review, matrix };

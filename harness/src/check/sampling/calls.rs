@@ -1,7 +1,7 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
+use crate::check::arguments::arguments;
 use crate::check::called::Called;
-use crate::check::disagreement::arguments;
 use crate::check::parallel;
 use crate::check::{Failure, Mismatch};
 use crate::domain::Source;

@@ -11,7 +11,7 @@ use crate::reflect::Program;
 impl Program {
     /// The most rounds that all loops of a call make together, whichever function is called;
     /// `None` where the IR shows no bound.
-    pub(crate) fn most_rounds(&self) -> Option<u64> {
+    pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
         // naga's functions stand after those that they call.

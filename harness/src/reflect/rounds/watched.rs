@@ -13,10 +13,11 @@ use crate::reflect::Program;
 const OWN: &str = "karat_rounds";
 
 /// A frame's program whose invocations tell which loop made their rounds too many.
-pub(crate) struct Watched {
-    pub(crate) program: Program,
+pub struct Watched {
+    /// The text that counts.
+    pub program: Program,
     /// The author's place of each loop.
-    pub(crate) loops: Vec<Option<Span>>,
+    pub loops: Vec<Option<Span>>,
 }
 
 impl Watched {
@@ -28,7 +29,7 @@ impl Program {
     /// A copy in which an invocation that has made `limit` rounds in all its loops writes their
     /// number to the storage buffer at this binding of group 0, at the index of the loop, and leaves
     /// the loop if it is to.
-    pub(crate) fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
+    pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
             .flat_map(loops_of)

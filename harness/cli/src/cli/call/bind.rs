@@ -6,10 +6,10 @@ use std::path::Path;
 use anyhow::{Context, anyhow, bail};
 use karat::fixture::Fixtures;
 use karat::unstable::diagnostic::nearest;
-use karat::unstable::made_up::MadeUp;
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::BindingKind;
 use karat::value::Scalar;
+use karat_inspect::made_up::MadeUp;
 use toml::Value;
 
 /// The values of overrides: `GAIN=2`.

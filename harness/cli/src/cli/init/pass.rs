@@ -1,10 +1,10 @@
 //! A first `[[compute]]` for a compute entry point: resources that follow from what is dispatched.
 
 use karat::Package;
-use karat::unstable::dispatch::Usual;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, TextureKind};
 use karat::value::{Scalar, Shape};
+use karat_inspect::Usual;
 
 /// Elements of arrays without a length, at least.
 const LEAST: u32 = 64;

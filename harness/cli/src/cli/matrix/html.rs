@@ -7,7 +7,7 @@ use anyhow::Context;
 use base64::Engine;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use karat::unstable::matrix::{Cell, Matrix, Row};
+use karat_inspect::matrix::{Cell, Matrix, Row};
 use serde_json::{Value, json};
 
 const HTML: &str = include_str!("page/page.html");

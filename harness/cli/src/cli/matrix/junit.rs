@@ -1,7 +1,7 @@
 //! The matrix as JUnit XML: a suite a package, a case for each row on each column.
 
 use anyhow::Context;
-use karat::unstable::matrix::{Cell, Finding, Matrix, Row, Status};
+use karat_inspect::matrix::{Cell, Finding, Matrix, Row, Status};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
 /// The file. A row that is wrong, or doesn't get as far as is required, is a failure. One that

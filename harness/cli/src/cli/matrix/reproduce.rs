@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::unstable::image::write_whole;
-use karat::unstable::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
+use karat_inspect::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
 use serde_json::json;
 
 /// Writes a folder for each cell that differs, is rejected or broke a validator. Those that were written.

@@ -5,9 +5,9 @@ mod plot;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use karat::unstable::hazards::Hazards;
 use karat::unstable::output::counted;
 use karat::unstable::record::{Errors, PathRecord, Record, Run, Subject};
+use karat_inspect::hazards::Hazards;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};

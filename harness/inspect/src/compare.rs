@@ -1,0 +1,1587 @@
+//! What an edit changed: every function of a package before and after it, with no test written.
+//!
+//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of their
+//! types: three in four lie where their names say, one in four anywhere. Both sides get one input: an entry point's inputs
+//! are matched by their attributes, resources by their names or bindings. Compute passes are dispatched over made-up
+//! resources. The comparison is bit by bit; all NaNs are one value. A function without a result isn't judged. Where each
+//! result is the same, the comparison lists lines of the edit that no input covers: their results are unknown.
+//!
+//! Text under a condition that doesn't hold is compared under the fewest features that make it live.
+//!
+//! ```no_run
+//! use karat::Package;
+//!
+//! let (before, after) = (Package::open("old").unwrap(), Package::open("new").unwrap());
+//! for one in karat_inspect::compare::Request::new(before, after).run().unwrap() {
+//!     println!("{}: {:?}", one.function, one.change);
+//! }
+//! ```
+
+mod calls;
+mod lanes;
+mod passes;
+mod sides;
+mod values;
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, PoisonError};
+
+use karat::fixture::Fixtures;
+use karat::package::{Package, PackageError};
+use karat::path::Path;
+use karat::unstable::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
+use karat::unstable::interpret::{Coverage, of_outside};
+use karat::unstable::package::{Stage, words_of};
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::{Overrides, Program};
+use karat_core::panics;
+use serde::Serialize;
+
+use crate::made_up::{self, Drawn, Ranges};
+use calls::Ran;
+use lanes::Shared;
+use sides::{Side, attributes, gained_and_lost, interface, renamed};
+use values::Clarity;
+
+use rayon::prelude::*;
+
+pub use karat::unstable::interpret::{Missed, Uncovered};
+
+/// Inputs of each function: what runs in a moment on any path.
+const CASES: usize = 4096;
+
+/// Two packages, of which one is an edit of the other.
+///
+/// ```
+/// use karat::Package;
+/// use karat_inspect::compare::{Change, Request};
+///
+/// let package = |text| Package::from_source("m", text);
+/// let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let after = package("fn half(x: f32) -> f32 { return 0.6 * x; }");
+/// let compared = Request::new(before, after).run()?;
+/// assert!(!matches!(compared[0].change, Change::Same { .. }));
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
+#[derive(Clone, Debug)]
+#[must_use = "nothing is compared until `.run()`"]
+pub struct Request {
+    before: Package,
+    after: Package,
+    only: Vec<String>,
+    cases: usize,
+    paths: Vec<Path>,
+    overrides: Overrides,
+}
+
+/// A function of either package.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// `fresnel::schlick`
+    pub function: String,
+    /// `file:line:column`, after the edit where it is there.
+    pub location: String,
+    /// Features that are off, and that the edit needs to be live: both sides have them on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub under: Vec<String>,
+    /// What the edit did.
+    #[serde(flatten)]
+    pub change: Change,
+    /// Resources that a host has to supply in another way, a sentence each: another `@binding`, another place of a
+    /// buffer's member.
+    pub interface: Vec<String>,
+    /// The ranges that arguments and members were drawn from; empty where nothing was run.
+    pub drawn: Drawn,
+    /// Inputs that weren't run, because they are too much work.
+    pub cut: usize,
+    /// Invocations in each direction of a compute pass, whose cases are the words that it leaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dispatched: Option<[u32; 3]>,
+    /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<Violation>,
+    /// The same the other way round: what the edit takes away.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mended: Vec<Violation>,
+    /// Where nothing changed: lines of the edit, before it or after it, that no input came to, and conditions that each input
+    /// decided alike. Of these nothing is known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub uncovered: Vec<Uncovered>,
+}
+
+/// What an edit did to a function.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "change", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Change {
+    /// Neither it nor what it uses was edited, but for comments and blanks.
+    Untouched,
+    /// It was edited, and each result has the same bits.
+    Same {
+        /// Inputs that were tried on each path.
+        cases: usize,
+    },
+    /// Some results changed.
+    Changed {
+        /// Each path with a change.
+        paths: Vec<PathChange>,
+    },
+    /// It takes or returns something else.
+    Signature {
+        /// As it was.
+        before: String,
+        /// As it is.
+        after: String,
+    },
+    /// It is new.
+    Added,
+    /// It is gone.
+    Removed,
+    /// It can't be compared.
+    Unjudged {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// How results changed on one path.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PathChange {
+    /// The path.
+    pub path: String,
+    /// Inputs whose results changed, of how many.
+    pub cases: (usize, usize),
+    /// The largest change in `f32` steps; `None` where something became NaN or ceased to be it, or
+    /// isn't a float.
+    pub ulp: Option<u64>,
+    /// The largest change relative to the value before; `None` likewise.
+    pub relative: Option<f64>,
+    /// The simplest arguments found whose result shows the change as well: plain numbers that differ by a thousandth, else NaN,
+    /// else a digit. Behind them the members of buffers that aren't elements of arrays. Arguments and members that change
+    /// nothing there are left out.
+    pub arguments: Vec<(String, String)>,
+    /// The result for these before the edit.
+    pub before: String,
+    /// And after it.
+    pub after: String,
+    #[serde(skip)]
+    clarity: Clarity,
+    /// Of a compute pass: the first word that changed of each resource, the one that `before` and `after` are about first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub words: Vec<WordChange>,
+}
+
+/// A word of a resource that a compute pass leaves in another way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WordChange {
+    /// The resource's name.
+    pub resource: String,
+    /// The word by its name, before the edit: `counts[3] = 1`.
+    pub before: String,
+    /// Its value after it.
+    pub after: String,
+}
+
+impl Compared {
+    fn of(function: &str, change: Change) -> Self {
+        let (location, interface, drawn, uncovered, under) = Default::default();
+        let (function, dispatched, cut) = (function.to_owned(), None, 0);
+        let (violations, mended) = Default::default();
+        Self {
+            function,
+            location,
+            under,
+            change,
+            interface,
+            drawn,
+            cut,
+            dispatched,
+            violations,
+            mended,
+            uncovered,
+        }
+    }
+}
+
+impl Request {
+    /// Compares a package with an edited one, on the path `cpu` unless others are named.
+    pub fn new(before: Package, after: Package) -> Self {
+        let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
+        Self { before, after, only, cases: CASES, paths, overrides }
+    }
+
+    /// Only functions whose name contains one of these.
+    pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Inputs of each function, 4,096 unless it is said.
+    pub fn cases(self, cases: usize) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Runs functions on these paths.
+    pub fn paths(self, paths: Vec<Path>) -> Self {
+        Self { paths, ..self }
+    }
+
+    /// Gives an `override` a value on both sides, by its name or its `@id`, in each function that has one.
+    pub fn set_override(mut self, name: &str, value: f64) -> Self {
+        self.overrides.insert(name.to_owned(), value);
+        self
+    }
+
+    /// True if something on either side has an override of this name or `@id`.
+    #[must_use]
+    pub fn has_override(&self, name: &str) -> bool {
+        [&self.before, &self.after].iter().any(|side| Program::some_has_override(side, name))
+    }
+
+    /// Compares, in the order of names.
+    ///
+    /// # Errors
+    /// If a package can't be read.
+    pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
+        self.run_with(&|_, _, _| {})
+    }
+
+    /// [`run`](Self::run), which tells each verdict as soon as all before it are there, with their count, and of how many.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        told: &(dyn Fn(&Compared, usize, usize) + Sync),
+    ) -> Result<Vec<Compared>, PackageError> {
+        let all = self.pairs()?;
+        let of = all.len();
+        let done = Mutex::new((0, BTreeMap::new()));
+        let all: Vec<_> = all.into_iter().enumerate().collect();
+        let compared = all.into_par_iter().map(|(at, (name, pair))| {
+            let one = panics::caught(|| self.verdict(&name, pair)).unwrap_or_else(|panicked| {
+                let reason = format!("Karat panics at it: {panicked}");
+                Compared::of(&name, Change::Unjudged { reason })
+            });
+            // In the order of names, so that the same verdicts are the same text.
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            let (next, waiting) = &mut *done;
+            waiting.insert(at, one.clone());
+            while let Some(one) = waiting.remove(next) {
+                *next += 1;
+                told(&one, *next, of);
+            }
+            one
+        });
+        Ok(compared.collect())
+    }
+
+    /// All functions of both sides, by their names. A module that can't be read on a side stands for its functions.
+    fn pairs(&self) -> Result<BTreeMap<String, Pair>, PackageError> {
+        let sides = [&self.before, &self.after];
+        let [before, after] = [self.before.modules()?, self.after.modules()?];
+        let modules: BTreeSet<&String> = before.iter().chain(&after).collect();
+        let name_of = |module: &String| match module.is_empty() {
+            true => self.after.name(),
+            false => module.clone(),
+        };
+        let mut all = BTreeMap::new();
+        for module in modules {
+            let has = [before.contains(module), after.contains(module)];
+            let words = [0, 1].map(|side| words_of(sides[side], module).unwrap_or_default());
+            let items =
+                |side: usize, features: &[String]| -> Result<BTreeMap<_, _>, PackageError> {
+                    if !has[side] {
+                        return Ok(BTreeMap::new());
+                    }
+                    let items = featured(sides[side], features).functions_in(module)?.into_iter();
+                    Ok(items.map(|item| (item.name, item.entry_point)).collect())
+                };
+            let (old, new) = match (items(0, &[]), items(1, &[])) {
+                (Ok(old), Ok(new)) => (old, new),
+                (old, new) => {
+                    let whole = |side: &Result<_, PackageError>| {
+                        side.as_ref().err().map(|error| with_place(&error.to_string()))
+                    };
+                    let pair = match (&old, &new) {
+                        (Err(_), Err(_)) if words[0].0 == words[1].0 => Pair::Same,
+                        _ => Pair::Broken(whole(&old), whole(&new)),
+                    };
+                    all.insert(name_of(module), pair);
+                    continue;
+                }
+            };
+            for name in old.keys().chain(new.keys()) {
+                let there = Pair::There(old.get(name).copied(), new.get(name).copied());
+                all.insert(name.clone(), there);
+            }
+            // Text under a condition that doesn't hold is no function's.
+            if words[0].0 == words[1].0 {
+                continue;
+            }
+            let overrides = self.overrides_of(module);
+            if !overrides.is_empty() {
+                all.insert(name_of(module), Pair::Overrides(overrides));
+            }
+            let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
+            let open: Vec<String> = open.into_iter().cloned().collect();
+            let mut edited = BTreeSet::new();
+            for features in subsets(&open) {
+                // A side is asked about those that it knows.
+                let of = |side: usize| -> Vec<String> {
+                    features.iter().filter(|name| words[side].1.contains(name)).cloned().collect()
+                };
+                let own = [of(0), of(1)];
+                let (Ok(old), Ok(new)) = (items(0, &own[0]), items(1, &own[1])) else { continue };
+                for name in old.keys().chain(new.keys()) {
+                    let (was, is) = (old.get(name).copied(), new.get(name).copied());
+                    if edited.contains(name) || self.is_untouched_under(name, &own) {
+                        continue;
+                    }
+                    edited.insert(name.clone());
+                    if !features.is_empty() {
+                        let under = Under { features: features.clone(), own: own.clone() };
+                        all.insert(name.clone(), Pair::Under(under, was, is));
+                    }
+                }
+            }
+            if edited.is_empty() && open.len() > WHOLE {
+                all.insert(name_of(module), Pair::Hidden(open));
+            }
+        }
+        if !self.only.is_empty() {
+            all.retain(|name, _| self.only.iter().any(|part| name.contains(part.as_str())));
+        }
+        Ok(all)
+    }
+
+    /// True if a function's text is the same on both sides with these features on.
+    fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+        let linked = |side: &Package, features: &[String]| {
+            Program::of_items(&featured(side, features), module, &[own]).ok()
+        };
+        match (linked(&self.before, &features[0]), linked(&self.after, &features[1])) {
+            (Some(before), Some(after)) => before.normalized_text() == after.normalized_text(),
+            // Features that can't be on together say nothing.
+            (None, None) => features.iter().any(|own| !own.is_empty()),
+            _ => false,
+        }
+    }
+
+    /// The overrides of a module that no function uses, as a host sees them.
+    fn overrides_of(&self, module: &str) -> Vec<String> {
+        let whole = |side| Program::of_module(side, module).ok();
+        let Some((before, after)) = whole(&self.before).zip(whole(&self.after)) else {
+            return Vec::new();
+        };
+        let used = |side: &Package| -> BTreeSet<String> {
+            let items = side.functions_in(module).unwrap_or_default().into_iter();
+            let of = |name: String| {
+                let own = name.rsplit("::").next().unwrap_or(&name).to_owned();
+                let program = Program::of_items(side, module, &[&own]).ok();
+                program.map(|program| program.declared_overrides()).unwrap_or_default()
+            };
+            items.flat_map(|item| of(item.name)).map(|(name, _)| name).collect()
+        };
+        let all = sides::overrides(&before, &after);
+        if all.is_empty() {
+            return all;
+        }
+        let used: BTreeSet<String> = &used(&self.before) | &used(&self.after);
+        let is_open = |sentence: &String| {
+            used.iter().all(|name| !sentence.contains(&format!("override `{name}`")))
+        };
+        all.into_iter().filter(is_open).collect()
+    }
+
+    fn verdict(&self, name: &str, pair: Pair) -> Compared {
+        let unjudged = |reason: String| Compared::of(name, Change::Unjudged { reason });
+        match pair {
+            Pair::There(Some(None), Some(None)) => self.compare(name, None),
+            Pair::There(Some(was), Some(is)) if was == is => self.compare(name, is),
+            Pair::There(Some(was), Some(is)) => {
+                let shown = |stage: Option<Stage>| {
+                    let function = || format!("fn {name}");
+                    stage.map_or_else(function, |stage| format!("@{stage} fn {name}"))
+                };
+                Compared::of(name, Change::Signature { before: shown(was), after: shown(is) })
+            }
+            Pair::There(Some(_), None) => Compared::of(name, Change::Removed),
+            Pair::There(..) => Compared::of(name, Change::Added),
+            Pair::Under(Under { features, own: [old, new] }, was, is) => {
+                let (before, after) = (featured(&self.before, &old), featured(&self.after, &new));
+                let under = Self { before, after, ..self.clone() };
+                Compared { under: features, ..under.verdict(name, Pair::There(was, is)) }
+            }
+            Pair::Overrides(interface) => {
+                Compared { interface, ..Compared::of(name, Change::Untouched) }
+            }
+            Pair::Same => Compared::of(name, Change::Untouched),
+            Pair::Broken(Some(was), Some(is)) if was == is => {
+                unjudged(format!("on both sides: {is}"))
+            }
+            Pair::Broken(_, Some(is)) => unjudged(format!("after: {is}")),
+            Pair::Broken(was, None) => unjudged(format!("before: {}", was.unwrap_or_default())),
+            Pair::Hidden(open) => unjudged(format!(
+                "no function differs with none, one, two or all of its {} features on: name those of the edit with --feature",
+                open.len()
+            )),
+        }
+    }
+
+    /// The declared ranges, and the values of overrides.
+    fn ranges(&self) -> Result<Ranges, String> {
+        let mut ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        self.overrides.iter().for_each(|(name, value)| ranges.set_override(name, *value));
+        Ok(ranges)
+    }
+
+    fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
+        let compared = |change| Compared::of(name, change);
+        // What can't be called may be untouched all the same.
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+        let linked = |package: &Package| Program::of_items(package, module, &[own]);
+        let (mut host, mut given, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let mut of_stage = [Vec::new(), Vec::new()];
+        match (linked(&self.before), linked(&self.after)) {
+            (Ok(before), Ok(after)) => {
+                if before.normalized_text() == after.normalized_text() {
+                    return compared(Change::Untouched);
+                }
+                of_stage = [before.attributes(own), after.attributes(own)];
+                host = attributes(&of_stage[0], &of_stage[1]);
+                host.extend(sides::overrides(&before, &after));
+                given = self.missing_overrides(&before, &after);
+                others = self.other_overrides(&before, &after);
+            }
+            (Err(was), Err(is)) => {
+                let words = |side: &Package| words_of(side, module).map(|(words, _)| words);
+                let reason = first_line(&is.to_string());
+                if first_line(&was.to_string()) == reason
+                    && words(&self.before) == words(&self.after)
+                {
+                    return compared(Change::Untouched);
+                }
+            }
+            _ => {}
+        }
+        let own = given.iter().fold(self.clone(), |all, (name, x)| all.set_override(name, *x));
+        let mut one = own.compare_linked(name, stage, &of_stage);
+        if let Change::Changed { paths } = &mut one.change {
+            let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
+            paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
+        }
+        for (name_of, value) in &others {
+            if !matches!(one.change, Change::Same { .. }) || !one.violations.is_empty() {
+                break;
+            }
+            let other = own.clone().set_override(name_of, *value);
+            let other = other.compare_linked(name, stage, &of_stage);
+            if let Change::Changed { mut paths } = other.change {
+                let given = (name_of.clone(), value.to_string());
+                paths.iter_mut().for_each(|path| path.arguments.push(given.clone()));
+                one = Compared { change: Change::Changed { paths }, ..other };
+            }
+        }
+        one.interface.splice(0..0, host);
+        one
+    }
+
+    /// Values for overrides that have none.
+    fn missing_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
+        /// A side of a small texture, a number of samples.
+        const VALUE: f64 = 4.0;
+        let of = |side: &Program| {
+            let all = side.declared_overrides().into_iter().map(|(name, _)| name);
+            let open = all.filter(|name| side.wants_override(name));
+            open.map(|name| (side.override_type(&name), name)).collect::<Vec<_>>()
+        };
+        let all: BTreeMap<String, _> =
+            [before, after].into_iter().flat_map(of).map(|(scalar, name)| (name, scalar)).collect();
+        let open = all.into_iter().filter(|(name, _)| !self.overrides.contains_key(name));
+        let value =
+            |scalar| if scalar == Some(karat_core::value::Scalar::Bool) { 1.0 } else { VALUE };
+        open.map(|(name, scalar)| (name, value(scalar))).collect()
+    }
+
+    /// Values other than their own for overrides that both sides have, one after the other.
+    fn other_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
+        /// Neither 0 nor 1 nor a usual size, and what every type of number has.
+        const OTHER: f64 = 3.0;
+        let names = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
+        let old: BTreeSet<String> = names(before).collect();
+        let both = names(after).filter(|name| old.contains(name));
+        let open = both.filter(|name| !self.overrides.contains_key(name));
+        let value = |name: String| {
+            let is_bool = after.override_type(&name) == Some(karat_core::value::Scalar::Bool);
+            let all = if is_bool { [0.0, 1.0].as_slice() } else { &[OTHER] };
+            all.iter().map(move |value| (name.clone(), *value)).collect::<Vec<_>>()
+        };
+        open.flat_map(value).collect()
+    }
+
+    /// The change in what others have left in private variables, in the engine, which sets them.
+    fn in_state(
+        &self,
+        before: &Probed,
+        after: &Probed,
+        attributes: &[Vec<(String, String)>; 2],
+        ran: &mut Ran,
+    ) -> Option<Change> {
+        let with = |side: &Probed| {
+            let state = side.program.with_state();
+            let (program, shown) = state.unwrap_or_else(|| (side.program.clone(), Vec::new()));
+            (Probed { program, ..side.clone() }, shown)
+        };
+        let ((before, _), (after, shown)) = (with(before), with(after));
+        if shown.is_empty() {
+            return None;
+        }
+        let own = Self { paths: vec![Path::CPU], ..self.clone() };
+        let shared = Shared::of(&before, &after, attributes)?;
+        match own.run_both(&before, &after, (ran, shared)) {
+            Ok(Change::Changed { mut paths }) => {
+                paths.iter_mut().for_each(|path| path.arguments.extend(shown.iter().cloned()));
+                Some(Change::Changed { paths })
+            }
+            _ => None,
+        }
+    }
+
+    /// Compares what was edited; attributes are those of both sides.
+    fn compare_linked(
+        &self,
+        name: &str,
+        stage: Option<Stage>,
+        attributes: &[Vec<(String, String)>; 2],
+    ) -> Compared {
+        let compared = |change| Compared::of(name, change);
+        let unjudged = |error: &dyn std::fmt::Display| {
+            compared(Change::Unjudged { reason: first_line(&error.to_string()) })
+        };
+        if stage == Some(Stage::Compute) {
+            return self.compare_passes(name);
+        }
+        let ranges = match self.ranges() {
+            Ok(ranges) => ranges,
+            Err(reason) => return unjudged(&reason),
+        };
+        let probed = |package: &Package| {
+            let overrides = ranges.overrides_of(package, name);
+            Probed::with_overrides(package, name, &overrides).and_then(made_up::fitted)
+        };
+        let (before, after) = match (probed(&self.before), probed(&self.after)) {
+            (Ok(before), Ok(after)) => (before, after),
+            (Err(error), Err(_)) => return unjudged(&format!("it was edited, and {error}")),
+            (Err(error), _) => return unjudged(&format!("before: {error}")),
+            (_, Err(error)) => return unjudged(&format!("after: {error}")),
+        };
+        // An edit may have brought derivatives in, or taken them away.
+        let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
+            (true, false) => (before, after.varying()),
+            (false, true) => (before.varying(), after),
+            _ => (before, after),
+        };
+        let location = after.function.span.to_string();
+        let Some(shared) = Shared::of(&before, &after, attributes) else {
+            let [before, after] = sides::signatures([&before, &after]);
+            return Compared { location, ..compared(Change::Signature { before, after }) };
+        };
+        let mut ran = Ran::default();
+        let unseen = |reason: String| Change::Unjudged { reason: first_line(&reason) };
+        let change = self.run_both(&before, &after, (&mut ran, shared));
+        let mut change = change.unwrap_or_else(unseen);
+        // An entry point begins anew.
+        if matches!(change, Change::Same { .. })
+            && stage.is_none()
+            && let Some(changed) = self.in_state(&before, &after, attributes, &mut ran)
+        {
+            change = changed;
+        }
+        let (mut violations, mut mended) = (Vec::new(), Vec::new());
+        if after.function.form.alone && stage == Some(Stage::Fragment) {
+            let renamed = renamed(Side::of(&before), Side::of(&after));
+            match self.brought_to_pixels(name, &renamed) {
+                Ok(brought) => (violations, mended) = brought,
+                // A change says more than that pixels can't be run beside each other.
+                Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
+                Err(_) => {}
+            }
+        }
+        if matches!(change, Change::Same { .. }) && violations.is_empty() {
+            violations.extend(ran.reached.outside(name));
+        }
+        let uncovered = match change {
+            Change::Same { .. } if violations.is_empty() => ran.reached.uncovered(),
+            _ => Vec::new(),
+        };
+        let Ran { drawn, cut, .. } = ran;
+        let (old, new) = (Side::of(&before), Side::of(&after));
+        let mut interface = interface(old, new);
+        if stage.is_some() {
+            interface.extend(gained_and_lost(old, new));
+        }
+        let change = compared(change);
+        Compared { location, interface, drawn, cut, violations, mended, uncovered, ..change }
+    }
+}
+
+/// The two sides of a name.
+#[derive(Debug)]
+enum Pair {
+    /// A function with its stage, on either side.
+    There(Option<Option<Stage>>, Option<Option<Stage>>),
+    /// The same with some features on, which the edit needs to be live.
+    Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
+    /// Overrides that no function uses, as a host sees them.
+    Overrides(Vec<String>),
+    /// A module that can't be read, with the reason on either side.
+    Broken(Option<String>, Option<String>),
+    /// A module that can't be read, with one text on both sides.
+    Same,
+    /// A module whose edit no features that were tried make live, of these.
+    Hidden(Vec<String>),
+}
+
+/// Features that an edit needs, and those of them that each side asks about.
+#[derive(Debug)]
+struct Under {
+    features: Vec<String>,
+    own: [Vec<String>; 2],
+}
+
+/// Features of which each set is tried.
+const WHOLE: usize = 5;
+
+/// A package with some features on.
+fn featured(package: &Package, features: &[String]) -> Package {
+    features.iter().fold(package.clone(), |package, name| package.feature(name, true))
+}
+
+/// Sets of features, the smaller ones first: each set of few; of more none, each, two of them, and all. Of many the pairs are
+/// left out.
+fn subsets(all: &[String]) -> Vec<Vec<String>> {
+    if all.len() <= WHOLE {
+        let mut masks: Vec<usize> = (0..1 << all.len()).collect();
+        masks.sort_by_key(|mask| mask.count_ones());
+        let of = |mask: usize| (0..all.len()).filter(move |at| mask >> at & 1 == 1);
+        return masks
+            .into_iter()
+            .map(|mask| of(mask).map(|at| all[at].clone()).collect())
+            .collect();
+    }
+    /// Features of which each pair is tried.
+    const PAIRED: usize = 8;
+    let each = all.iter().map(|one| vec![one.clone()]);
+    let mut sets: Vec<Vec<String>> = std::iter::once(Vec::new()).chain(each).collect();
+    if all.len() <= PAIRED {
+        let of = |(at, one): (usize, &String)| {
+            all[at + 1..].iter().map(|other| vec![one.clone(), other.clone()]).collect::<Vec<_>>()
+        };
+        sets.extend(all.iter().enumerate().flat_map(of));
+    }
+    if all.len() > 2 {
+        sets.push(all.to_vec());
+    }
+    sets
+}
+
+/// The first line of an error with the place in its excerpt, and what to do where a feature has no value.
+fn with_place(error: &str) -> String {
+    let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
+    let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
+    let line = first_line(error);
+    let hint =
+        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
+    format!("{line}{place}{hint}")
+}
+
+/// The first line of an error, without the word.
+fn first_line(error: &str) -> String {
+    let reason = error.replacen("error: ", "", 1);
+    reason.lines().next().unwrap_or_default().to_owned()
+}
+
+/// The coverage of both sides of an edit.
+#[derive(Default)]
+struct Both {
+    sides: [Coverage; 2],
+    /// True if a result depends on an index outside after the edit, and doesn't before it.
+    strays: bool,
+}
+
+impl Both {
+    /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
+    fn add_calls(
+        &mut self,
+        sides: [&Probed; 2],
+        fixtures: &[Fixtures; 2],
+        (count, rows): (usize, [Cow<'_, [u32]>; 2]),
+    ) {
+        for (at, reach) in self.sides.iter_mut().enumerate() {
+            let _ = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
+        }
+        let [before, after] = &self.sides;
+        if self.strays || after.outside_beside(before).is_empty() {
+            return;
+        }
+        let strays = |side: usize| of_outside(sides[side], &fixtures[side], (count, &rows[side]));
+        if let (Ok(before), Ok(after)) = (strays(0), strays(1)) {
+            self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
+        }
+    }
+
+    fn add_passes(&mut self, sides: [&Passes; 2]) {
+        for (reach, side) in self.sides.iter_mut().zip(sides) {
+            let _ = reach.add_passes(side);
+        }
+    }
+
+    fn uncovered(&self) -> Vec<Uncovered> {
+        let [before, after] = &self.sides;
+        [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
+    }
+
+    /// The index outside that an edit brings to a function, and that its results depend on.
+    fn outside(&self, function: &str) -> Option<Violation> {
+        let [before, after] = &self.sides;
+        let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
+        let headline = format!(
+            "`{function}` has an index outside of an array or a texture, and its results depend on it"
+        );
+        let does = "has an index beyond the array, or its texture's edge".to_owned();
+        let (place, invocation) = (place.to_string(), "a call".to_owned());
+        let access = ViolationAccess { place, invocation, does };
+        Some(Violation::new(function, ViolationKind::Outside, (headline, 1), vec![access]))
+    }
+}
+
+impl PathChange {
+    /// Adds what the same edit did over other contents of buffers. What shows it better is the one that is shown.
+    fn add(&mut self, other: Self) {
+        let cases = self.cases.0 + other.cases.0;
+        let shows = |one: &Self| (one.clarity, one.ulp.unwrap_or(u64::MAX));
+        let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
+        let less = match shows(&other) > shows(self) {
+            true => std::mem::replace(self, other),
+            false => other,
+        };
+        self.cases.0 = cases;
+        self.ulp = ulp.map(|(one, other)| one.max(other));
+        self.relative = relative.map(|(one, other)| one.max(other));
+        // Other contents may show another resource.
+        for one in less.words {
+            if self.words.iter().all(|known| known.resource != one.resource) {
+                self.words.push(one);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changes(before: &str, after: &str) -> Vec<(String, Change)> {
+        let package = |text: &str| Package::from_source("p", text);
+        let compared = Request::new(package(before), package(after)).run().expect("it reads");
+        compared.into_iter().map(|one| (one.function, one.change)).collect()
+    }
+
+    #[test]
+    fn an_edit_is_told_by_what_it_changes() {
+        let before = "// old\nfn half(x: f32) -> f32 { return x / 2.0; }\n\
+                      fn user(x: f32) -> f32 { return half(x) + 1.0; }\n\
+                      fn gone() -> u32 { return 1u; }\nfn other(x: f32) -> f32 { return x; }\n";
+        let after = "/* new /* nested */ */\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                     fn user(x: f32) -> f32 {\n return half(x) +   1.0; }\n\
+                     fn more() -> u32 { return 1u; }\nfn other(x: vec2f) -> f32 { return x.x; }\n";
+        let all = changes(before, after);
+        let of = |name: &str| {
+            let found = all.iter().find(|(function, _)| function == name);
+            found.map(|(_, change)| change.clone()).expect("it is compared")
+        };
+        assert!(matches!(of("half"), Change::Same { cases: CASES, .. }), "{:?}", of("half"));
+        assert!(matches!(of("user"), Change::Same { .. }), "it calls what was edited");
+        assert_eq!((of("gone"), of("more")), (Change::Removed, Change::Added));
+        assert!(matches!(of("other"), Change::Signature { .. }));
+        let untouched = changes(before, &before.replace("// old", "// a comment"));
+        assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
+    }
+
+    /// Of a function, and of one that writes what others see.
+    #[test]
+    fn lines_that_no_argument_comes_to_are_told() {
+        let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
+            fn f(x: f32) -> f32 {
+                if x * x == 1234.56 { return 2.0; }
+                return x;
+            }
+            fn g(x: f32) -> f32 {
+                if x * x == 1234.56 {
+                    seen[0] = 2.0;
+                }
+                return x + 1.0;
+            }";
+        let after = before.replace("2.0", "3.0").replace("x + 1.0", "1.0 + x");
+        let [before, after] = [before, &after].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        assert!(all.iter().all(|one| matches!(one.change, Change::Same { .. })), "{all:?}");
+        let lines =
+            |one: &Compared| one.uncovered.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
+        let of_f = ["if x * x == 1234.56 { return 3.0; }", "if x * x == 1234.56 { return 2.0; }"];
+        assert_eq!(lines(&all[0]), of_f, "{all:?}");
+        assert_eq!(lines(&all[1]), ["seen[0] = 3.0;", "seen[0] = 2.0;"], "{all:?}");
+    }
+
+    fn compared(before: &str, after: &str) -> Compared {
+        let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+        let mut all = Request::new(before, after).run().expect("they read");
+        all.pop().expect("a function")
+    }
+
+    /// A condition that each input decides alike says nothing of its other way.
+    #[test]
+    fn conditions_that_each_input_decides_alike_are_told() {
+        let text = "fn key(x: u32, y: u32) -> u32 {
+                let far = select(0u, 2u, y * y != 7654321u);
+                if x > 3u && y >= 0u { return far; }
+                return 1u;
+            }";
+        let ways = |from: &str, to: &str| {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            one.uncovered.iter().map(|line| line.missed).collect::<Vec<_>>()
+        };
+        assert_eq!(ways("7654321u", "7654320u"), [Missed::False; 2]);
+        assert_eq!(ways("y >= 0u", "y + 0u >= 0u"), [Missed::False; 2]);
+        assert_eq!(ways("x > 3u", "3u < x"), []);
+    }
+
+    /// Where an index leaves its array the engine reads as drivers may: the last element, which a guard chose, too.
+    #[test]
+    fn an_index_outside_that_an_edit_brings_is_told() {
+        let of = |value: &str| {
+            format!(
+                "fn pick(i: u32) -> f32 {{
+                    var all = array<f32, 4>(1.0, 2.0, 3.0, 4.0);
+                    return {value};
+                }}"
+            )
+        };
+        let [guarded, bare] = [of("all[min(i, 3u)]"), of("all[i]")];
+        let one = compared(&guarded, &bare);
+        let [brought] = &one.violations[..] else { panic!("{one:?}") };
+        assert_eq!(brought.kind, ViolationKind::Outside);
+        assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
+        assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
+        // An element outside that is given up matters to no result.
+        let given_up = compared(
+            &of("select(0.0, all[min(i, 3u)], i < 4u)"),
+            &of("select(0.0, all[i], i < 4u)"),
+        );
+        assert!(given_up.violations.is_empty(), "{given_up:?}");
+    }
+
+    /// A length that a result shows is that of one buffer, whichever side may write it.
+    #[test]
+    fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
+        let of = |access: &str| {
+            format!(
+                "@group(0) @binding(0) var<storage, {access}> d: array<f32>;
+                @group(0) @binding(1) var<storage, read> other: array<f32>;
+                fn f(i: u32) -> u32 {{ return arrayLength(&d) + 1000u * arrayLength(&other); }}"
+            )
+        };
+        let [read, written] = ["read", "read_write"].map(of);
+        for (was, is, told) in [
+            (&read, &written, "`d` is read_write, and was read"),
+            (&written, &read, "`d` is read, and was read_write"),
+        ] {
+            let one = compared(was, is);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.interface, [told]);
+        }
+        // What both read has other lengths, and so has a function that takes one for another.
+        let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+    }
+
+    /// A function that writes runs case by case, and each case covers its own lines.
+    #[test]
+    fn lines_that_any_case_comes_to_are_covered() {
+        let text = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
+            fn f(x: f32) -> f32 {
+                if x > 0.25 && x < 0.75 { seen[0] = 2.0 * x; }
+                if x < -0.25 && x > -0.75 { seen[1] = 3.0 * x; }
+                return x;
+            }";
+        for (from, to) in [("2.0 * x", "x * 2.0"), ("3.0 * x", "x * 3.0"), ("x > 0", "x + 0.0 > 0")]
+        {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            assert_eq!(one.uncovered, [], "{to}");
+        }
+    }
+
+    /// Over several contents the largest change is shown, each resource has its first word, and cases add up.
+    #[test]
+    fn changes_over_several_contents_add_up() {
+        let change = |ulp: Option<u64>, resource: &str, after: &str| {
+            let word = WordChange {
+                resource: resource.to_owned(),
+                before: format!("{resource}[0] = 0"),
+                after: after.to_owned(),
+            };
+            let (path, before, after) = ("cpu".to_owned(), word.before.clone(), after.to_owned());
+            let (cases, relative, arguments) = ((2, 9), None, Vec::new());
+            let clarity = Clarity::Plain;
+            let words = vec![word];
+            PathChange { path, cases, ulp, relative, arguments, before, after, clarity, words }
+        };
+        let mut sum = change(Some(3), "a", "1");
+        for (ulp, resource, after, shown) in [
+            (Some(3), "a", "2", "1"),
+            (Some(4), "b", "3", "3"),
+            (None, "c", "NaN", "NaN"),
+            (Some(9), "c", "4", "NaN"),
+        ] {
+            sum.add(change(ulp, resource, after));
+            assert_eq!(sum.after, shown);
+        }
+        let words: Vec<&str> = sum.words.iter().map(|one| &*one.resource).collect();
+        assert_eq!((sum.cases.0, words), (10, vec!["c", "b", "a"]));
+    }
+
+    /// Each input and output that has another attribute is told, and no other one.
+    #[test]
+    fn each_attribute_that_changes_is_told() {
+        let of = |all: &[(&str, &str)]| {
+            all.iter()
+                .map(|(path, is)| ((*path).to_owned(), (*is).to_owned()))
+                .collect::<Vec<(String, String)>>()
+        };
+        let before = of(&[("in.a", "@location(0)"), ("in.b", "@location(1)"), ("in.c", "flat")]);
+        let after = of(&[("in.new", "flat"), ("in.b", "@location(2)"), ("in.a", "@location(3)")]);
+        let told = [
+            "`in.b` is @location(2), and was @location(1)",
+            "`in.a` is @location(3), and was @location(0)",
+        ];
+        assert_eq!(attributes(&before, &after), told);
+        assert_eq!(attributes(&before, &before), [""; 0]);
+    }
+
+    /// A quad has more corners than a triangle.
+    #[test]
+    fn each_corner_of_a_quad_is_compared() {
+        let text = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+                var corners = array<vec2f, 6>(vec2f(-1.0, -1.0), vec2f(1.0, -1.0), vec2f(-1.0, 1.0),
+                    vec2f(-1.0, 1.0), vec2f(1.0, -1.0), vec2f(1.0, 1.0));
+                return vec4f(corners[i], 0.0, 1.0);
+            }";
+        let one = compared(text, &text.replace("vec2f(1.0, 1.0)", "vec2f(1.0, 0.0)"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+    }
+
+    #[test]
+    fn a_change_is_told_by_the_simplest_arguments() {
+        let before = "fn f(a: f32, b: f32) -> f32 { return a + b; }\n\
+                      fn n(x: f32) -> f32 { return x; }\n";
+        let after = "fn f(a: f32, b: f32) -> f32 { return select(a + b, a - b, a > 0.25); }\n\
+                     fn n(x: f32) -> f32 { return select(x, sqrt(-1.0 - x * x), x > 1.5); }\n";
+        let all = changes(before, after);
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        let [path] = &**paths else { panic!("{paths:?}") };
+        let shown: Vec<&str> = path.arguments.iter().map(|(_, value)| value.as_str()).collect();
+        assert_eq!((&shown[..], &*path.before, &*path.after), (&["1", "1"][..], "2", "0"));
+        assert!(path.ulp.is_some_and(|ulp| ulp > 1000) && path.cases.0 < path.cases.1);
+        let Change::Changed { paths } = &all[1].1 else { panic!("{all:?}") };
+        assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
+    }
+
+    #[test]
+    fn the_worst_change_is_shown_and_not_the_simplest() {
+        let before = "fn f(x: f32) -> f32 { return max(x, 0.0) + 1.0; }\n";
+        let after = "fn f(x: f32) -> f32 {\n\
+                     if x == 0.0 { return bitcast<f32>(bitcast<u32>(1.0) + 1u); }\n\
+                     return select(max(x, 0.0) + 1.0, sqrt(-1.0 - x * x), x < -3.0);\n}\n";
+        let all = changes(before, after);
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        assert_eq!((&*paths[0].after, paths[0].ulp), ("NaN", None), "{paths:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_called_is_untouched_or_not_judged() {
+        let before = "fn add(x: ptr<function, atomic<u32>>) { let a = 1.0; }\n\
+                      @compute @workgroup_size(1) fn nothing() { let x = 1.0; }\n";
+        let untouched = changes(before, &format!("// a comment\n{before}"));
+        assert_eq!(untouched.len(), 2, "{untouched:?}");
+        assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
+        let edited = changes(before, &before.replace("1.0", "2.0"));
+        for (name, change) in &edited {
+            let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
+            let why = if name == "nothing" { "it writes nothing" } else { "it was edited, and " };
+            assert!(reason.starts_with(why), "{reason}");
+        }
+    }
+
+    #[test]
+    fn another_pixel_that_is_discarded_is_a_change() {
+        let before = "fn cut(x: f32) { if x < 0.5 { discard; } }\n\
+                      @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f { cut(x); return vec4f(x); }\n";
+        let all = changes(before, &before.replace("0.5", "0.52"));
+        assert_eq!(all.len(), 2);
+        for (name, change) in &all {
+            let Change::Changed { paths } = change else { panic!("{name}: {change:?}") };
+            assert!(paths[0].after.contains("discarded: true"), "{name}: {paths:?}");
+        }
+        // The value of a pixel that is discarded is none.
+        let dead = before.replace("return vec4f(x);", "return vec4f(select(x, 7.0, x < 0.5));");
+        let all = changes(before, &dead);
+        let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
+        assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
+        // A write before the statement stays.
+        let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
+                      @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
+        let edited =
+            writes.replace("if x", "atomicAdd(&n, 1u); if x").replace("} atomicAdd(&n, 1u);", "}");
+        let [(_, Change::Changed { paths })] = &changes(writes, &edited)[..] else { panic!() };
+        assert!(paths[0].after.contains("discarded: true"), "{paths:?}");
+        let plain = writes.replace("atomic<u32>", "f32").replace("atomicAdd(&n, 1u)", "n = x");
+        let [(_, Change::Signature { before, after })] = &changes(writes, &plain)[..] else {
+            panic!()
+        };
+        assert!(
+            before.ends_with("writes n: u32") && after.ends_with("writes n: f32"),
+            "{before} {after}"
+        );
+    }
+
+    #[test]
+    fn derivatives_have_something_to_differentiate() {
+        let before = "struct Point { uv: vec2f, id: u32 }\n\
+                      fn edge(d: f32) -> f32 { return d / max(fwidth(d), 1e-3); }\n\
+                      fn slope(p: Point) -> f32 { return dpdx(p.uv.y) + f32(p.id); }\n\
+                      fn plain(x: f32) -> f32 { return x; }\n";
+        for (old, new) in [
+            ("d / max(fwidth(d)", "d / max(2.0 * fwidth(d)"),
+            ("dpdx(p.uv.y)", "dpdy(p.uv.y)"),
+            ("return x;", "return x + dpdx(x);"),
+        ] {
+            for (was, is) in
+                [(before, before.replace(old, new)), (&before.replace(old, new), before.to_owned())]
+            {
+                let all = changes(was, &is);
+                let changed =
+                    all.iter().filter(|(_, change)| matches!(change, Change::Changed { .. }));
+                assert_eq!(changed.count(), 1, "{new}: {all:?}");
+            }
+        }
+    }
+
+    /// The results are the same, and the host has to supply its resources otherwise.
+    #[test]
+    fn other_bindings_and_layouts_are_told() {
+        let package = |text: &str| Package::from_source("p", text);
+        let interface = |before: &str, from: &str, to: &str| {
+            let request = Request::new(package(before), package(&before.replace(from, to)));
+            let all = request.run().expect("it reads");
+            let one = all.into_iter().next_back().expect("a function");
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            one.interface
+        };
+        let buffer = "@group(0) @binding(4) var<storage> d: array<f32>;\n\
+                      fn read(i: u32) -> f32 { return d[i]; }\n";
+        let moved = interface(buffer, "binding(4)", "binding(5)");
+        assert_eq!(
+            moved,
+            ["`d` is bound at @group(0) @binding(5), and was at @group(0) @binding(4)"]
+        );
+        let textures = "@group(0) @binding(0) var a: texture_2d<f32>;\n\
+                        @group(0) @binding(1) var b: texture_2d<f32>;\n\
+                        fn f(i: u32) -> vec4f { return textureLoad(a, vec2u(i % 4u), 0)\n\
+                        - textureLoad(b, vec2u(i % 4u), 0); }\n";
+        let swapped = textures.replace("(1) var b", "(0) var b").replace("(0) var a", "(1) var a");
+        assert_eq!(interface(textures, textures, &swapped).len(), 2);
+        let aligned = "struct P { x: f32, y: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
+                       fn f(x: f32) -> f32 { return x * p.y; }\n";
+        let moved = interface(aligned, "y: f32", "@align(16) y: f32");
+        assert_eq!(
+            moved,
+            ["`p` takes 32 bytes, and took 8", "`p.y` lies at byte 16, and was at 4"]
+        );
+        let space = interface(buffer, "var<storage>", "var<storage, read_write>");
+        assert_eq!(space.len(), 1, "{space:?}");
+        // Another name says nothing to the host, and holds the same.
+        let renamed = buffer.replace("d: array", "data: array").replace("d[i]", "data[i]");
+        assert_eq!(interface(buffer, buffer, &renamed), [""; 0]);
+        let renamed = aligned.replace("> p:", "> params:").replace("p.y", "params.y");
+        assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
+    }
+
+    /// Textures differ in size and levels, numbers are those that `karat.toml` declares, and cosines round
+    /// above 1.
+    #[test]
+    fn what_is_made_up_tells_edits_apart() {
+        let textures = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
+                        @group(0) @binding(1) var u: texture_2d<f32>;\n\
+                        fn f(i: u32) -> vec2u { return textureDimensions(t); }\n\
+                        fn g(l: u32) -> u32 { return textureNumLevels(t); }\n\
+                        fn h(l: u32) -> vec2u { return textureDimensions(t, 0); }\n";
+        for (from, to) in [
+            ("textureDimensions(t)", "textureDimensions(u)"),
+            ("textureNumLevels(t)", "textureNumLevels(u)"),
+            ("textureDimensions(t, 0)", "textureDimensions(t, 1)"),
+        ] {
+            let all = changes(textures, &textures.replace(from, to));
+            let changed = all.iter().filter(|(_, one)| matches!(one, Change::Changed { .. }));
+            assert_eq!(changed.count(), 1, "{from} to {to}: {all:?}");
+        }
+        for (before, from, to) in [
+            (
+                "fn f(n_dot_l: f32) -> f32 { return n_dot_l; }",
+                "return n_dot_l",
+                "return min(n_dot_l, 1.0)",
+            ),
+            ("fn f(NoV: f32) -> f32 { return NoV; }", "return NoV", "return min(NoV, 1.0)"),
+            ("fn f(count: u32) -> u32 { return count; }", "return count", "return min(count, 60u)"),
+            (
+                "struct P { k: u32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
+              fn f(x: u32) -> u32 { return p.k; }",
+                "return p.k",
+                "return max(p.k, 1u)",
+            ),
+            (
+                "@group(0) @binding(0) var<storage> p: array<f32>;\n\
+              fn f(x: u32) -> f32 { return p[x % 4u]; }",
+                "return p[x % 4u]",
+                "return min(p[x % 4u], 4.0)",
+            ),
+        ] {
+            let all = changes(before, &before.replace(from, to));
+            assert!(matches!(all[0].1, Change::Changed { .. }), "{to}: {all:?}");
+        }
+        let folder = |text: &str| {
+            let folder = tempfile::tempdir().expect("a folder");
+            std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
+            std::fs::write(folder.path().join("karat.toml"), "[inputs]\nx = [1, 2]\n")
+                .expect("ours");
+            folder
+        };
+        let text = "fn f(x: f32) -> f32 { return x; }";
+        let (before, after) =
+            (folder(text), folder(&text.replace("return x", "return max(x, 1.0)")));
+        let open = |folder: &tempfile::TempDir| Package::open(folder.path()).expect("it is there");
+        let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
+        assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
+        assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
+    }
+
+    #[test]
+    fn of_a_whole_buffer_what_changed_is_shown() {
+        let before = "@group(0) @binding(0) var<storage, read_write> all: array<u32, 40>;\n\
+                      fn put(i: u32) { all[3] = 1u; }\n";
+        let all = changes(before, &before.replace("1u", "2u"));
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
+    }
+
+    /// Loops in each other cost more than a function gets: fewer inputs run, evenly drawn, and what is left out is counted.
+    #[test]
+    fn the_work_of_a_function_is_bounded() {
+        let text = |rounds: &str, step: &str| {
+            format!(
+                "fn f(x: f32) -> f32 {{
+                    var sum = 0.0;
+                    for (var i = 0u; i < {rounds}; i++) {{ for (var j = 0u; j < 64u; j++) {{ sum += {step}; }} }}
+                    return sum;
+                }}"
+            )
+        };
+        // As many rounds before and behind the edit.
+        let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
+        assert!(
+            matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
+            "{one:?}"
+        );
+        let Change::Same { cases } = one.change else { unreachable!() };
+        assert_eq!(cases + one.cut, CASES);
+        let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
+        let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
+        assert_eq!(paths[0].cases.1 + changed.cut, CASES);
+        // What is short runs whole.
+        let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
+        assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
+        // So few inputs are no verdict, but a change among them is one.
+        let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
+        let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+        assert!(reason.starts_with("not looked at whole: "), "{reason}");
+        assert!(reason.contains(" inputs of 4096 give the same results"), "{reason}");
+        let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
+        assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
+        // A loop that doesn't end after the edit is told as before.
+        let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
+        let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
+        assert_eq!(reason, "after the edit a loop of it doesn't end");
+    }
+
+    #[test]
+    fn each_verdict_is_told_once_with_its_count() {
+        let text: String =
+            (0..9).map(|n| format!("fn f{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
+        let [before, after] =
+            [text.clone(), text.replace("3.5", "3.25")].map(|text| Package::from_source("p", text));
+        let told = Mutex::new(Vec::new());
+        let all = Request::new(before, after)
+            .run_with(&|one, done, of| {
+                told.lock().expect("whole").push((one.function.clone(), done, of));
+            })
+            .expect("they read");
+        let mut told = told.into_inner().expect("whole");
+        let counts: Vec<_> = told.iter().map(|(_, done, of)| (*done, *of)).collect();
+        assert_eq!(counts, (1..=9).map(|done| (done, 9)).collect::<Vec<_>>());
+        told.sort();
+        let names: Vec<&String> = told.iter().map(|(name, ..)| name).collect();
+        assert_eq!(names, all.iter().map(|one| &one.function).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_change_far_from_small_numbers_is_found() {
+        let before = "fn hash(seed: u32) -> u32 { return seed * 747796405u; }\n\
+                      fn f(x: f32) -> f32 { return x; }\n";
+        let after = "fn hash(seed: u32) -> u32 {\n\
+                     return select(seed * 747796405u, 1u, seed > 0x1000000u);\n}\n\
+                     fn f(x: f32) -> f32 { return select(x, 0.0, abs(x) > 1000.0); }\n";
+        let all = changes(before, after);
+        assert_eq!(all.len(), 2);
+        for (name, change) in &all {
+            assert!(matches!(change, Change::Changed { .. }), "{name}: {change:?}");
+        }
+    }
+
+    /// A parameter is signed for a reason, whatever it is called, and a colour may be above 1.
+    #[test]
+    fn no_name_narrows_what_is_compared() {
+        for (text, from, to) in [
+            (
+                "fn f(i: i32, n: i32) -> i32 { return ((i % n) + n) % n; }",
+                "((i % n) + n) % n",
+                "i % n",
+            ),
+            ("fn f(index: i32) -> i32 { return abs(index); }", "abs(index)", "index"),
+            (
+                "fn f(color: vec3f) -> vec3f { return min(color, vec3f(1.5)); }",
+                "min(color, vec3f(1.5))",
+                "color",
+            ),
+            (
+                "fn f(normal: vec3f) -> vec3f { return normalize(normal); }",
+                "normalize(normal)",
+                "normal",
+            ),
+            ("fn f(a: f32, b: f32) -> f32 { return select(1.0, 2.0, a > b); }", "a > b", "a >= b"),
+            (
+                "struct P { albedo: f32 } @group(0) @binding(0) var<uniform> p: P;
+                fn f(x: f32) -> f32 { return max(p.albedo, 0.0); }",
+                "max(p.albedo, 0.0)",
+                "p.albedo",
+            ),
+        ] {
+            let one = compared(text, &text.replace(from, to));
+            assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
+        }
+    }
+
+    /// Text under a condition is compared under the fewest features that make it live.
+    #[test]
+    fn edits_under_a_condition_are_compared_under_it() {
+        let text = "@if(A) fn f(x: f32) -> f32 { return x; }
+            fn g(x: f32) -> f32 {
+                @if(B && C) { return 2.0 * x; }
+                return x;
+            }
+            fn h(x: f32) -> f32 { return x; }";
+        let under = |from: &str, to: &str| {
+            let [before, after] =
+                [text, &text.replace(from, to)].map(|text| Package::from_source("p", text));
+            let all = Request::new(before, after).run().expect("they read");
+            let of = |one: &Compared| (one.function.clone(), one.under.join(" "));
+            let changed = all.iter().filter(|one| matches!(one.change, Change::Changed { .. }));
+            let changed: Vec<_> = changed.map(of).collect();
+            let rest = all.iter().filter(|one| matches!(one.change, Change::Untouched)).count();
+            (changed, rest)
+        };
+        let of = |name: &str, features: &str| (name.to_owned(), features.to_owned());
+        assert_eq!(
+            under(
+                "{ return x; }\
+            fn g",
+                "{ return 3.0 * x; }\
+            fn g"
+            ),
+            (vec![], 2)
+        );
+        assert_eq!(
+            under(
+                "-> f32 { return x; }\
+            fn g",
+                ""
+            ),
+            (vec![], 2)
+        );
+        assert_eq!(
+            under("f(x: f32) -> f32 { return x", "f(x: f32) -> f32 { return 3.0 * x"),
+            (vec![of("f", "A")], 2)
+        );
+        assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
+        // A condition that is the other way round is no edit, and one that only one side has is.
+        let swap =
+            "fn f(x: f32) -> f32 {\n#ifdef A\n return 2.0 * x;\n#else\n return 3.0 * x;\n#endif\n}";
+        let other = "fn f(x: f32) -> f32 {\n#ifndef A\n return 3.0 * x;\n#else\n return 2.0 * x;\n#endif\n}";
+        assert_eq!(compared(swap, other).change, Change::Untouched);
+        let new = "fn f(x: f32) -> f32 { @if(NEW) { return 2.0 * x; } return x; }";
+        let old = "fn f(x: f32) -> f32 { return x; }";
+        for (was, is) in [(old, new), (new, old)] {
+            let one = compared(was, is);
+            assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+            assert_eq!(one.under, ["NEW"]);
+        }
+        // An edit that no set of many features makes live isn't silent.
+        let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
+        let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
+            .map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        let hidden = all.iter().find(|one| one.function == "p").expect("the module is told");
+        assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
+    }
+
+    /// Attributes match the inputs of entry points, and the comparison names each part that a host supplies.
+    #[test]
+    fn entry_points_are_compared_by_their_attributes() {
+        let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
+            @fragment fn fs(i: I) -> @location(0) vec4f { return vec4f(i.uv, i.n.x, 1.0); }";
+        let plain = "@fragment fn fs(@location(1) n: vec3f, @location(0) coord: vec2f) -> @location(0) vec4f {
+            return vec4f(coord, n.x, 1.0);
+        }";
+        let one = compared(text, plain);
+        assert!(matches!(one.change, Change::Same { .. }) && one.interface.is_empty(), "{one:?}");
+        let one = compared(text, &plain.replace("n.x", "n.y"));
+        assert!(
+            matches!(one.change, Change::Changed { .. }) && one.interface.is_empty(),
+            "{one:?}"
+        );
+        let more = text.replace("n: vec3f }", "n: vec3f, @location(2) k: f32 }");
+        assert_eq!(compared(text, &more).interface, ["`i.k`, @location(2), is new"]);
+        assert_eq!(compared(&more, text).interface, ["`i.k`, @location(2), is gone"]);
+        let other = compared(text, &text.replace("n: vec3f }", "n: vec4f }"));
+        assert!(matches!(other.change, Change::Signature { .. }), "{other:?}");
+        let vs = "@vertex fn vs(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }";
+        let one = compared(vs, &vs.replace("@builtin", "@invariant @builtin"));
+        assert_eq!(one.interface.len(), 1, "{one:?}");
+        let bound = format!("@group(0) @binding(3) var<uniform> q: f32;\n{text}");
+        let uses = bound.replace("i.n.x", "i.n.x + 0.0 * q");
+        assert_eq!(compared(&bound, &uses).interface, ["`q` at @group(0) @binding(3) is new"]);
+        let lost = compared(&uses, &bound).interface;
+        assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
+    }
+
+    /// A structure's members may change their order or their names, and it its own name.
+    #[test]
+    fn structures_are_compared_by_their_members() {
+        let text = "struct Tmp { a: f32, b: vec2f }
+            fn make(x: f32) -> Tmp { return Tmp(x, vec2f(x, 2.0 * x)); }
+            fn sum(t: Tmp) -> f32 { return t.a + t.b.y; }";
+        for edited in [
+            text.replace("a: f32, b: vec2f", "b: vec2f, a: f32")
+                .replace("Tmp(x, vec2f(x, 2.0 * x))", "Tmp(vec2f(x, 2.0 * x), x)"),
+            text.replace("a: f32", "c: f32").replace("t.a", "t.c"),
+            text.replace("Tmp", "Other"),
+        ] {
+            let all = changes(text, &edited);
+            assert!(all.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{all:?}");
+            let wrong = changes(text, &edited.replace("2.0 * x", "3.0 * x"));
+            assert!(matches!(wrong[0].1, Change::Changed { .. }), "{wrong:?}");
+        }
+        let typed = changes(
+            text,
+            &text
+                .replace("a: f32", "a: u32")
+                .replace("Tmp(x,", "Tmp(1u,")
+                .replace("t.a +", "f32(t.a) +"),
+        );
+        assert!(matches!(typed[0].1, Change::Signature { .. }), "{typed:?}");
+    }
+
+    /// A count below the elements, a state with an initial value, an override that nothing uses.
+    #[test]
+    fn what_a_first_reader_found_is_told() {
+        let guard = "@group(0) @binding(0) var<uniform> count: u32;
+            @group(0) @binding(1) var<storage, read_write> d: array<f32>;
+            @compute @workgroup_size(64) fn c(@builtin(global_invocation_id) id: vec3u) {
+                if id.x < count && id.x < arrayLength(&d) { d[id.x] *= 2.0; }
+            }";
+        let one = compared(guard, &guard.replace("id.x < count", "id.x <= count"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+        let state = "var<private> s: u32 = 1u;\nfn next() -> u32 { s ^= s >> 17u; return s; }";
+        assert!(matches!(
+            compared(state, &state.replace("17u", "18u")).change,
+            Change::Changed { .. }
+        ));
+        let texels = "@group(0) @binding(0) var t: texture_2d<f32>;
+            @group(0) @binding(1) var s: sampler;
+            @fragment fn f(@location(0) uv: vec2f, @builtin(position) p: vec4f) -> @location(0) vec4f {
+                if textureSample(t, s, uv).a < 0.5 { discard; }
+                return vec4f(select(1.0, 2.0, textureLoad(t, vec2u(p.xy), 0).r > 0.25));
+            }";
+        for (from, to) in [("< 0.5", "<= 0.5"), ("> 0.25", ">= 0.25"), ("> 0.25", "> 0.251")] {
+            let one = compared(texels, &texels.replace(from, to));
+            assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
+        }
+        // An entry point begins anew.
+        let entry = "var<private> n: u32;
+            @fragment fn f() -> @location(0) vec4f { n += 1u; return vec4f(f32(n)); }";
+        let one = compared(entry, &entry.replace("n += 1u", "n = 1u"));
+        assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+        let unused = "override LOD: f32 = 1.0;\nfn f() -> f32 { return 1.0; }";
+        let [before, after] =
+            [unused, &unused.replace("LOD", "BIAS")].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("they read");
+        assert!(all.iter().any(|one| one.interface.len() == 2), "{all:?}");
+        let wanted = "override N: u32;
+            @group(0) @binding(0) var<storage, read_write> d: array<u32>;
+            @compute @workgroup_size(64) fn c(@builtin(global_invocation_id) id: vec3u) {
+                if id.x < arrayLength(&d) { d[id.x] = N; }
+            }";
+        let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+        // A call with a `return` behind a discard is reached.
+        let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
+            @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
+                if x < 0.5 { discard; }
+                var c = a_pick(x);
+                return vec4f(c);
+            }";
+        let one = compared(call, &call.replace("var c", "var d").replace("vec4f(c)", "vec4f(d)"));
+        assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
+    }
+
+    /// The comparison shows overrides as hosts see them, and runs them with other values than their own.
+    #[test]
+    fn overrides_are_compared() {
+        let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
+        let told = |from: &str, to: &str| compared(text, &text.replace(from, to)).interface;
+        assert_eq!(
+            told("@id(3)", "@id(4)"),
+            ["the override `A` is @id(4) f32 = 1.0, and was @id(3) f32 = 1.0"]
+        );
+        assert_eq!(told("= 1.0", "= 2.0").len(), 1);
+        assert_eq!(told("@id(3) override", "const").len(), 1, "it is gone");
+        let renamed = text.replace("A:", "B:").replace("A *", "B *");
+        assert_eq!(compared(text, &renamed).interface.len(), 2);
+        for text in [text, &text.replace(" = 1.0", "")] {
+            let one = compared(text, &text.replace("A * x", "A * A * x"));
+            let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+            assert!(paths[0].arguments.iter().any(|(name, _)| name == "A"), "{paths:?}");
+        }
+        let given = text.replace("A * x", "select(x, 2.0 * x, A == 7.0)");
+        let [before, after] =
+            [&given, &given.replace("2.0", "3.0")].map(|text| Package::from_source("p", text));
+        let request = Request::new(before, after);
+        let all = request.clone().run().expect("they read");
+        assert!(!matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+        assert!(
+            request.has_override("A") && request.has_override("3") && !request.has_override("B")
+        );
+        let all = request.set_override("A", 7.0).run().expect("they read");
+        assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+    }
+
+    /// A module that can't be read leaves the others their verdicts.
+    #[test]
+    fn a_broken_module_is_told_and_the_others_are_compared() {
+        let package =
+            |bad: &str, good: &str| Package::from_modules("p", [("bad", bad), ("good", good)]);
+        let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
+        let edited = good.replace("return x", "return 2.0 * x");
+        for (old, new, side) in [
+            (bad, "fn g( {", "on both sides: "),
+            (bad, "fn f() {}", "before: "),
+            ("fn f() {}", bad, "after: "),
+        ] {
+            let all = Request::new(package(old, good), package(new, &edited))
+                .run()
+                .expect("they are there");
+            let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
+            assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
+            assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
+        }
+        // A module that can't be read or linked, and has its old text, is no edit.
+        let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
+        assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
+        let lacks = "fn f() -> f32 { return missing(); }";
+        let all =
+            Request::new(package(lacks, good), package(lacks, &edited)).run().expect("they read");
+        assert_eq!(all[0].change, Change::Untouched, "{all:?}");
+    }
+
+    /// The values that other functions left in private variables are inputs.
+    #[test]
+    fn private_state_is_an_input() {
+        let text = "var<private> state: vec2u;
+            fn next() -> f32 { return f32(state.x % 1000u) * sin(f32(state.y)); }";
+        let one = compared(text, &text.replace("sin", "tan"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        assert!(
+            paths[0]
+                .arguments
+                .iter()
+                .any(|(name, value)| name == "state" && value.starts_with('(')),
+            "{paths:?}"
+        );
+        assert!(matches!(
+            compared(text, &text.replace("1000u", "1000u * 1u")).change,
+            Change::Same { .. }
+        ));
+    }
+
+    /// A pixel that is discarded comes to nothing behind the statement that anybody sees.
+    #[test]
+    fn lines_behind_a_discard_are_not_reached() {
+        let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
+            @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
+                cut(x);
+                let y = 2.0 * x;
+                return vec4f(y);
+            }";
+        let one = compared(text, &text.replace("2.0 *", "3.0 *"));
+        let lines: Vec<&str> = one.uncovered.iter().map(|line| line.text.as_str()).collect();
+        assert_eq!(lines, ["let y = 3.0 * x;", "let y = 2.0 * x;"], "{one:?}");
+        let some = text.replace(">= 0.0", ">= 4.0");
+        let same = compared(&some, &some.replace("2.0 * x", "x * 2.0"));
+        assert!(
+            matches!(same.change, Change::Same { .. }) && same.uncovered.is_empty(),
+            "{same:?}"
+        );
+    }
+
+    /// Plain numbers are shown, and no input that changes nothing.
+    #[test]
+    fn the_evidence_is_what_people_would_look_at() {
+        let text = "struct P { scale: f32, unused: f32 }
+            @group(0) @binding(0) var<uniform> p: P;
+            fn f(roughness: f32, k: f32, other: f32) -> f32 { return p.scale * roughness / k + 0.0 * p.unused; }";
+        let one = compared(text, &text.replace("roughness / k", "roughness * roughness / k"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        let names: Vec<&str> = paths[0].arguments.iter().map(|(name, _)| name.as_str()).collect();
+        assert!(!names.contains(&"other"), "{paths:?}");
+        let shown = |text: &str| text.parse::<f32>().expect("a number");
+        assert!(
+            shown(&paths[0].before).is_finite() && shown(&paths[0].after).is_finite(),
+            "{paths:?}"
+        );
+        let value =
+            paths[0].arguments.iter().find(|(name, _)| name == "roughness").expect("it matters");
+        assert!((0.0..=1.0).contains(&shown(&value.1)), "within what its name says: {paths:?}");
+    }
+}

@@ -1,0 +1,403 @@
+//! Changes of a function's results by an edit, over one input for both sides.
+
+use std::borrow::Cow;
+
+use karat::fixture::Fixtures;
+use karat::unstable::check::arguments;
+use karat::unstable::executor::{self, Caller};
+use karat::unstable::interpret::evaluations;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat_core::domain::Stream as _;
+use karat_core::output::counted;
+
+use super::lanes::Shared;
+use super::sides::hold_the_same;
+use super::values::{Clarity, Distance, Largest, clarity, distance, told};
+use super::{Both, Change, PathChange, Request};
+use crate::made_up::{Arguments, Drawn, Mix, Ranges, Resources, VARIANTS};
+
+/// The same arguments in every run.
+const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
+
+/// The last corner of the twelve triangles of a box.
+const LAST_VERTEX: f64 = 35.0;
+
+/// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
+const WORK: u64 = 1 << 25;
+
+/// Inputs by which work is measured, and which are run in any case.
+const SAMPLE: usize = 16;
+
+/// Inputs, of more, whose equal results are a verdict.
+const LEAST: usize = 64;
+
+/// Rounds in which a changed input is made simpler.
+const ROUNDS: usize = 64;
+
+/// Contents of buffers behind the usual ones, drawn without regard to names; in the second, numbers are below 0. A content has
+/// edges up to its own number, so these are beyond all edges, and as multiples of the usual ones they have the first one's lengths.
+const NAMELESS: [usize; 2] = [10 * VARIANTS, 11 * VARIANTS];
+
+/// The inputs that a comparison ran over.
+#[derive(Default)]
+pub(super) struct Ran {
+    pub(super) drawn: Drawn,
+    pub(super) cut: usize,
+    pub(super) reached: Both,
+}
+
+/// Both sides of an edit, on one path and over one content of their resources.
+struct Pair<'p> {
+    old: Caller<'p>,
+    new: Caller<'p>,
+    shared: &'p Shared,
+}
+
+/// Results of both sides, one row of each a call.
+struct Results {
+    was: Vec<u32>,
+    is: Vec<u32>,
+    widths: [usize; 2],
+}
+
+impl<'p> Pair<'p> {
+    fn new(
+        path: karat::path::Path,
+        [before, after]: [&'p Probed; 2],
+        held: &'p [Fixtures; 2],
+        (shared, count): (&'p Shared, usize),
+    ) -> Result<Self, ProbeError> {
+        let executor = executor::of(path)?;
+        let old = Caller::new(executor, Cow::Borrowed(before), &held[0], count)?;
+        let new = Caller::new(executor, Cow::Borrowed(after), &held[1], count)?;
+        Ok(Self { old, new, shared })
+    }
+
+    fn results(&self, rows: &[u32], count: usize) -> Result<Results, ProbeError> {
+        let lanes = |caller: &Caller<'_>| caller.probed.function.result.lanes().len();
+        Ok(Results {
+            was: self.old.results(&self.shared.rows(rows, count), count)?,
+            is: self.new.results(rows, count)?,
+            widths: [lanes(&self.old), lanes(&self.new)],
+        })
+    }
+}
+
+impl Results {
+    /// The words of one call.
+    fn of(&self, case: usize) -> (&[u32], &[u32]) {
+        let [was, is] = self.widths;
+        (&self.was[case * was..][..was], &self.is[case * is..][..is])
+    }
+}
+
+/// How well a case shows a change, and how far its results are from each other.
+type Evidence = (Clarity, bool, Distance);
+
+impl Request {
+    /// Runs both on each path, over each content of buffers.
+    pub(super) fn run_both(
+        &self,
+        before: &Probed,
+        after: &Probed,
+        (ran, mut shared): (&mut Ran, Shared),
+    ) -> Result<Change, String> {
+        let mut ranges = self.ranges()?;
+        // A shader may look its corners up: one of 3 is as right as one of 36, and both sides have the same.
+        for (path, builtin) in &after.function.form.builtins {
+            if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
+            {
+                ranges.declare(path, 0.0, LAST_VERTEX)?;
+            }
+        }
+        let literals = before.program.literals().and(&after.program.literals());
+        let ranges = ranges.with_literals(literals);
+        let nameless = ranges.without_names();
+        let below = nameless.negative();
+        let arguments = Arguments::of(&after.function, &ranges)?;
+        let any = Arguments::of(&after.function, &nameless)?;
+        let (mut drawn, mut anywhere) = (arguments.drawn(), any.drawn());
+        let (count, rows) = arguments.rows_beside(&any, SEED, self.cases);
+        if count == 0 {
+            return Err("no arguments can be made up for it".to_owned());
+        }
+        let own = Arguments::of(&before.function, &ranges)?;
+        let (own_count, of_own) = own.rows(SEED, 2 * (VARIANTS + NAMELESS.len()));
+        let mut paths: Vec<PathChange> = Vec::new();
+        let (mut cases, mut left_out) = (0, 0);
+        let usual = (0..VARIANTS).map(|variant| (variant, &ranges));
+        for (variant, ranges) in usual.chain(NAMELESS.into_iter().zip([&nameless, &below])) {
+            let (all, rows) = arguments.part(&rows, count, variant);
+            if own_count > 0 && !shared.is_same() {
+                // Behind the edges, of which the first are 0.
+                let at = own_count - 1 - variant % own_count;
+                shared.fill(&of_own[at * own.width()..][..own.width()]);
+            }
+            let made = Made::of([before, after], ranges, variant, None)?;
+            if variant < VARIANTS { &mut drawn } else { &mut anywhere }.merge(made.drawn);
+            let held = made.held;
+            let Bounded { count, rows, simpler } =
+                bounded([before, after], &held, (&arguments, &shared), (all, &rows));
+            ran.cut += all - count;
+            left_out += all - count;
+            for path in self.paths.iter().filter(|_| count > 0) {
+                let pair = Pair::new(*path, [before, after], &held, (&shared, count));
+                let pair = pair.map_err(|error| error.to_string())?;
+                let mut tried = (count, Cow::Borrowed(&*rows));
+                let found = match changed(&pair, &arguments, (&rows, count, simpler)) {
+                    // A loop that counts to a large number ends, but not here. One that ended before the edit is
+                    // another thing.
+                    Err(ProbeError::Rounds { .. }) => {
+                        if pair.old.results(&shared.rows(&rows, count), count).is_ok() {
+                            return Err("after the edit a loop of it doesn't end".to_owned());
+                        }
+                        let few = arguments.few(&rows);
+                        tried = (few.len() / (rows.len() / count).max(1), Cow::Owned(few));
+                        ran.cut += count - tried.0;
+                        changed(&pair, &arguments, (&tried.1, tried.0, simpler))
+                    }
+                    other => other,
+                };
+                cases += tried.0;
+                let Some((mut change, row)) = found.map_err(|error| error.to_string())? else {
+                    let rows = [shared.rows(&tried.1, tried.0), Cow::Borrowed(&*tried.1)];
+                    ran.reached.add_calls([before, after], &held, (tried.0, rows));
+                    continue;
+                };
+                let of = (variant, &*made.members);
+                change.arguments.extend(matter([before, after], ranges, of, (&pair, &row)));
+                match paths.iter_mut().find(|known| known.path == change.path) {
+                    Some(known) => known.add(change),
+                    None => paths.push(change),
+                }
+            }
+            if !made.varies {
+                break;
+            }
+        }
+        ran.drawn = drawn.beside(&anywhere);
+        let each = cases / self.paths.len().max(1);
+        if each == 0 {
+            return Err("each of its inputs makes a loop count too far".to_owned());
+        }
+        if paths.is_empty() && each < LEAST && left_out > 0 {
+            let inputs = counted(each, "input");
+            return Err(format!(
+                "not looked at whole: {inputs} of {} give the same results, and more is too much work",
+                each + left_out
+            ));
+        }
+        paths.iter_mut().for_each(|path| path.cases.1 = each);
+        Ok(match paths.is_empty() {
+            true => Change::Same { cases: each },
+            false => Change::Changed { paths },
+        })
+    }
+}
+
+/// Resources of both sides of an edit.
+struct Made {
+    held: [Fixtures; 2],
+    members: Vec<(String, String)>,
+    drawn: Drawn,
+    varies: bool,
+}
+
+impl Made {
+    /// Makes up the resources of each side. A resource that one side alone reads is made up for that side.
+    fn of(
+        [before, after]: [&Probed; 2],
+        ranges: &Ranges,
+        variant: usize,
+        mix: Option<&Mix<'_>>,
+    ) -> Result<Self, String> {
+        let of = |side: &Probed| match mix {
+            Some(mix) => Resources::mixed(side, ranges, variant, mix),
+            None => Resources::of(side, ranges, variant),
+        };
+        let (mut old, mut new) = (of(before)?, of(after)?);
+        hold_the_same([&mut old.fixtures, &mut new.fixtures], before, after);
+        let varies = old.varies || new.varies;
+        let held = [old.fixtures, new.fixtures];
+        Ok(Self { held, members: new.members, drawn: new.drawn, varies })
+    }
+}
+
+/// The members of buffers that matter to a change at a row: those of which another value gives other results.
+fn matter(
+    sides: [&Probed; 2],
+    ranges: &Ranges,
+    (variant, members): (usize, &[(String, String)]),
+    (pair, row): (&Pair<'_>, &[u32]),
+) -> Vec<(String, String)> {
+    let own = pair.results(row, 1).ok();
+    let same = |path: &str, other: usize| -> Option<bool> {
+        let takes = |input: &crate::made_up::Input| input.path == path;
+        let mix = Mix { variant: other, extents: None, takes: &takes };
+        let made = Made::of(sides, ranges, variant, Some(&mix)).ok()?;
+        let of = Pair::new(pair.new.path, sides, &made.held, (pair.shared, 1)).ok()?;
+        let (others, own) = (of.results(row, 1).ok()?, own.as_ref()?);
+        Some((&others.was, &others.is) == (&own.was, &own.is))
+    };
+    let others = (0..VARIANTS).chain(NAMELESS).filter(|other| *other != variant);
+    let others: Vec<usize> = others.collect();
+    let matters =
+        |(path, _): &&(String, String)| others.iter().any(|other| same(path, *other) != Some(true));
+    members.iter().filter(|member| matters(member)).cloned().collect()
+}
+
+/// Inputs that fit into the work of a function over one content of its resources.
+struct Bounded {
+    count: usize,
+    rows: Vec<u32>,
+    /// How many more there may be to make one simpler.
+    simpler: usize,
+}
+
+/// Bounds the work of a function: by what a few inputs evaluate, so that the same are left out on every machine. Where a loop
+/// counts too far for those before the edit, the inputs with small numbers remain; if it does so for those as well, none.
+fn bounded(
+    sides: [&Probed; 2],
+    held: &[Fixtures; 2],
+    (arguments, shared): (&Arguments, &Shared),
+    (count, rows): (usize, &[u32]),
+) -> Bounded {
+    let sample = |count: usize, rows: &[u32]| {
+        let each = count.div_ceil(SAMPLE).max(1);
+        arguments.select(rows, count, |at| at % each == 0)
+    };
+    let mut own = (count, Cow::Borrowed(rows));
+    for _ in 0..2 {
+        let (some, few) = sample(own.0, &own.1);
+        let before = shared.rows(&few, some);
+        let cost = |side: usize, rows: &[u32]| evaluations(sides[side], &held[side], (some, rows));
+        match [cost(0, &before), cost(1, &few)] {
+            [Ok(Some(before)), Ok(Some(after))] => {
+                let fit = usize::try_from(WORK / before.max(after).max(1)).unwrap_or(usize::MAX);
+                let each = own.0.div_ceil(fit.max(SAMPLE)).max(1);
+                let (count, rows) = arguments.select(&own.1, own.0, |at| at % each == 0);
+                return Bounded { count, rows, simpler: fit };
+            }
+            // After the edit it may not end, which these show.
+            [Ok(Some(_)), Ok(None)] => {
+                return Bounded { count: some, rows: few, simpler: 0 };
+            }
+            [Ok(None), _] => {
+                let few = arguments.few(&own.1);
+                own = (few.len().checked_div(arguments.width()).unwrap_or(0), Cow::Owned(few));
+            }
+            // Other paths may run what the engine doesn't.
+            _ => return Bounded { count: own.0, rows: own.1.into_owned(), simpler: usize::MAX },
+        }
+    }
+    Bounded { count: 0, rows: Vec::new(), simpler: 0 }
+}
+
+/// How results differ on a path, and a row that shows it; `None` if they don't.
+fn changed(
+    pair: &Pair<'_>,
+    drawn: &Arguments,
+    (rows, count, simpler): (&[u32], usize, usize),
+) -> Result<Option<(PathChange, Vec<u32>)>, ProbeError> {
+    let (function, of_old) = (&pair.new.probed.function, &pair.old.probed.function);
+    let scalars = function.result.lanes();
+    let results = pair.results(rows, count)?;
+    let width = rows.len() / count.max(1);
+    let words = |(was, is): (&[u32], &[u32])| {
+        let all = pair.shared.results.iter();
+        all.map(|(old, new)| (scalars[*new], was[*old], is[*new])).collect::<Vec<_>>()
+    };
+    let shows = |row: &[u32], both: (&[u32], &[u32])| -> Option<Evidence> {
+        let words = words(both);
+        let all = || words.iter().copied();
+        let clear = all().filter_map(|(scalar, was, is)| clarity(scalar, was, is)).max()?;
+        let far = all().filter_map(|(scalar, was, is)| distance(scalar, was, is)).max()?;
+        Some((clear, drawn.domain.admits(row) != Some(false), far))
+    };
+    // Of equal ones the first: edges come first, and are the simplest.
+    let row_of = |case: usize| &rows[case * width..][..width];
+    let evidence = |case| Some((shows(row_of(case), results.of(case))?, std::cmp::Reverse(case)));
+    let Some((best, std::cmp::Reverse(first))) = (0..count).filter_map(evidence).max() else {
+        return Ok(None);
+    };
+    let (mut total, mut largest) = (0, Largest::default());
+    for case in 0..count {
+        let each = words(results.of(case)).into_iter();
+        let far = each.filter_map(|(scalar, was, is)| largest.add(scalar, was, is)).max();
+        total += usize::from(far.is_some());
+    }
+    let is_as_good =
+        |(clear, usual, far): Evidence| (clear, usual) >= (best.0, best.1) && far.is_like(best.2);
+    let mut row = row_of(first).to_vec();
+    let mut left = simpler;
+    for _ in 0..ROUNDS {
+        let simpler = drawn.domain.shrink(&row);
+        let all = simpler.concat();
+        if simpler.is_empty() || width == 0 || simpler.len() > left {
+            break;
+        }
+        left -= simpler.len();
+        let results = pair.results(&all, simpler.len())?;
+        let found = (0..simpler.len())
+            .find(|at| shows(&simpler[*at], results.of(*at)).is_some_and(is_as_good));
+        match found {
+            Some(at) => row.clone_from(&simpler[at]),
+            None => break,
+        }
+    }
+    let result = pair.results(&row, 1)?;
+    let (was, is) = result.of(0);
+    let differs =
+        |(old, new): &&(usize, usize)| distance(scalars[*new], was[*old], is[*new]).is_some();
+    let (old, new): (Vec<usize>, Vec<usize>) =
+        pair.shared.results.iter().filter(differs).copied().unzip();
+    let is_whole = pair.shared.is_same();
+    let matter = lanes_that_matter(pair, (rows, count), &row, &result)?;
+    let mut given = arguments(function, &row);
+    let mut at = 0;
+    given.retain(|(name, _)| {
+        let shape = function.parameters.iter().find(|(known, _)| known == name);
+        let lanes = shape.map_or(0, |(_, shape)| shape.lanes().len());
+        at += lanes;
+        lanes == 0 || matter[at - lanes..at].contains(&true)
+    });
+    let change = PathChange {
+        path: pair.new.path.to_string(),
+        cases: (total, count),
+        ulp: largest.ulp,
+        relative: largest.relative,
+        arguments: given,
+        before: told(&of_old.result, was, &old, is_whole),
+        after: told(&function.result, is, &new, is_whole),
+        clarity: best.0,
+        words: Vec::new(),
+    };
+    Ok(Some((change, row)))
+}
+
+/// Of each lane of a row whether it matters to the results: with the word of another row they are others.
+fn lanes_that_matter(
+    pair: &Pair<'_>,
+    (rows, count): (&[u32], usize),
+    row: &[u32],
+    result: &Results,
+) -> Result<Vec<bool>, ProbeError> {
+    /// Rows from which a word is taken, evenly spread: edges and draws.
+    const OTHERS: usize = 16;
+    let width = row.len();
+    let mut all = Vec::new();
+    let others = count.min(OTHERS);
+    for lane in 0..width {
+        for other in 0..others {
+            let mut own = row.to_vec();
+            own[lane] = rows[other * count / others * width + lane];
+            all.extend(own);
+        }
+    }
+    let results = match width * others {
+        0 => return Ok(vec![true; width]),
+        cases => pair.results(&all, cases)?,
+    };
+    let matters = |case: usize| results.of(case) != result.of(0);
+    Ok((0..width).map(|lane| (0..others).any(|other| matters(lane * others + other))).collect())
+}

@@ -1,0 +1,199 @@
+//! The lanes of a function before an edit by those after it: an entry point's inputs and outputs are what their attributes
+//! say, whatever they are called and whatever structure they stand in.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::Function;
+use karat_core::value::{Scalar, Shape};
+
+/// The lanes that both sides of an edit have.
+#[derive(Debug)]
+pub(super) struct Shared {
+    /// For each lane of the arguments before the edit the one after it.
+    arguments: Vec<Option<usize>>,
+    /// Lanes of results before and after the edit that are one value.
+    pub(super) results: Vec<(usize, usize)>,
+    /// True if both sides have the same lanes in the same order.
+    is_same: bool,
+    /// The words of arguments that only the function before the edit takes.
+    pub(super) own: Vec<u32>,
+}
+
+/// Lanes by what they are: the attribute, or the name, and the component.
+type Keyed = Vec<(String, Scalar)>;
+
+impl Shared {
+    /// The lanes of two functions; `None` if they take or give other things, and no attribute says what is what.
+    pub(super) fn of(
+        before: &Probed,
+        after: &Probed,
+        attributes: &[Vec<(String, String)>; 2],
+    ) -> Option<Self> {
+        let (was, is) = (&before.function, &after.function);
+        let shapes = |function: &Function| {
+            let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
+            (parameters.collect::<Vec<_>>(), function.result.clone())
+        };
+        if was.form.taken != is.form.taken {
+            return None;
+        }
+        if shapes(was) == shapes(is) {
+            let all = |shape: &Shape| shape.lanes().len();
+            let width = was.parameters.iter().map(|(_, shape)| all(shape)).sum();
+            let results = (0..all(&was.result)).map(|lane| (lane, lane)).collect();
+            let arguments = (0..width).map(Some).collect();
+            return Some(Self { arguments, results, is_same: true, own: vec![0; width] });
+        }
+        if was.stage().is_none() && is.stage().is_none() {
+            return Self::of_names(was, is);
+        }
+        if was.stage().is_none()
+            || was.stage() != is.stage()
+            || was.form.discards != is.form.discards
+        {
+            return None;
+        }
+        let keyed = |side: usize, names: Vec<(String, Scalar)>| -> Keyed {
+            names
+                .into_iter()
+                .map(|(path, scalar)| (key(&path, &attributes[side]), scalar))
+                .collect()
+        };
+        let arguments = [was, is].map(argument_lanes);
+        let results = [was, is].map(result_lanes);
+        let [old, new] = arguments;
+        let (old, new) = (keyed(0, old), keyed(1, new));
+        if has_other_type(&old, &new) {
+            return None;
+        }
+        let arguments: Vec<_> =
+            old.iter().map(|one| new.iter().position(|other| other == one)).collect();
+        let [given, gives] = results;
+        let (given, gives) = (keyed(0, given), keyed(1, gives));
+        // Resources that both write have no attribute, and go by their names.
+        let named = |all: &Keyed| {
+            all.iter().filter(|(key, _)| !key.contains('@')).cloned().collect::<Vec<_>>()
+        };
+        if has_other_type(&given, &gives) || named(&given) != named(&gives) {
+            return None;
+        }
+        let place = |(at, one)| Some((at, gives.iter().position(|other| other == one)?));
+        let results: Vec<_> = given.iter().enumerate().filter_map(place).collect();
+        let own = vec![0; arguments.len()];
+        (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
+    }
+
+    /// The lanes of two functions that no host calls, by the places of parameters and the names of members: a structure's members
+    /// may change their order, or their names.
+    fn of_names(was: &Function, is: &Function) -> Option<Self> {
+        let arguments = |function: &Function| -> Keyed {
+            let of = |(at, (_, shape)): (usize, &(String, Shape))| {
+                let named = shape.lane_names().into_iter().zip(shape.lanes());
+                named.map(|(lane, scalar)| (format!("{at}{lane}"), scalar)).collect::<Vec<_>>()
+            };
+            function.parameters.iter().enumerate().flat_map(of).collect()
+        };
+        let places = |old: &Keyed, new: &Keyed| -> Option<Vec<usize>> {
+            let of = |one| new.iter().position(|other| other == one);
+            let by_name: Option<Vec<usize>> = old.iter().map(of).collect();
+            let scalars = |all: &Keyed| all.iter().map(|(_, scalar)| *scalar).collect::<Vec<_>>();
+            let by_place = || (scalars(old) == scalars(new)).then(|| (0..old.len()).collect());
+            (old.len() == new.len()).then(|| by_name.or_else(by_place)).flatten()
+        };
+        if was.parameters.len() != is.parameters.len() {
+            return None;
+        }
+        let taken = places(&arguments(was), &arguments(is))?;
+        let given = places(&result_lanes(was), &result_lanes(is))?;
+        let own = vec![0; taken.len()];
+        let arguments = taken.into_iter().map(Some).collect();
+        let results = given.into_iter().enumerate().collect();
+        Some(Self { arguments, results, is_same: false, own })
+    }
+
+    /// Gives lanes that only the function before the edit has the words of one of its own rows.
+    pub(super) fn fill(&mut self, row: &[u32]) {
+        self.own.copy_from_slice(row);
+    }
+
+    /// The rows before the edit for those after it.
+    pub(super) fn rows<'r>(&self, rows: &'r [u32], count: usize) -> Cow<'r, [u32]> {
+        if self.is_same {
+            return Cow::Borrowed(rows);
+        }
+        let width = rows.len() / count.max(1);
+        let lanes = self.arguments.iter().zip(&self.own);
+        let of = |row: &[u32]| -> Vec<u32> {
+            lanes.clone().map(|(lane, own)| lane.map_or(*own, |lane| row[lane])).collect()
+        };
+        Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
+    }
+
+    /// True if results are shown whole, as both sides have the same.
+    pub(super) fn is_same(&self) -> bool {
+        self.is_same
+    }
+}
+
+/// True if an attribute that both sides have is of another type.
+fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
+    let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
+        let mut types = BTreeMap::<_, Keyed>::new();
+        for (key, scalar) in all.iter().filter(|(key, _)| key.contains('@')) {
+            let attribute = key.split_inclusive(')').next().unwrap_or(key);
+            types.entry(attribute.to_owned()).or_default().push((key.clone(), *scalar));
+        }
+        types
+    };
+    let others = of(other);
+    of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
+}
+
+/// Each lane of the arguments: `in.uv.x`; of a quad, which of its three parts stands in front.
+fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
+    let of = |(name, shape): &(String, Shape)| {
+        let parts: Vec<(&str, &Shape)> = match shape.quad() {
+            Some(value) => ["", "dx ", "dy "].map(|part| (part, value)).to_vec(),
+            None => vec![("", shape)],
+        };
+        let lanes = |(part, shape): (&str, &Shape)| {
+            let named = shape.lane_names().into_iter().zip(shape.lanes());
+            named.map(|(lane, scalar)| (format!("{part}{name}{lane}"), scalar)).collect::<Vec<_>>()
+        };
+        parts.into_iter().flat_map(lanes).collect::<Vec<_>>()
+    };
+    function.parameters.iter().flat_map(of).collect()
+}
+
+/// Each lane of the result: `result.color.x`.
+fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
+    let shape = &function.result;
+    let named = shape.lane_names().into_iter().zip(shape.lanes());
+    let is_joined = matches!(shape, Shape::Struct { members, .. } if members.iter().any(|(name, _)| name == RESULT));
+    let full = |lane: String| {
+        let lane = if function.form.discards { lane.replacen(".value", "", 1) } else { lane };
+        match is_joined {
+            true => lane.trim_start_matches('.').to_owned(),
+            false => format!("{RESULT}{lane}"),
+        }
+    };
+    named.map(|(lane, scalar)| (full(lane), scalar)).collect()
+}
+
+/// The name of a result without one.
+const RESULT: &str = "result";
+
+/// The attribute in place of the path that has it: `in.uv.x` is `@location(0).x`.
+fn key(path: &str, attributes: &[(String, String)]) -> String {
+    let (part, path) = path.split_once(' ').map_or(("", path), |(part, path)| (part, path));
+    let found = attributes.iter().find_map(|(known, attribute)| {
+        let rest = path.strip_prefix(known.as_str())?;
+        let ends = rest.is_empty() || rest.starts_with(['.', '[']);
+        let side = if known.starts_with(RESULT) { RESULT } else { "" };
+        let attribute = attribute.split(" @interpolate").next().unwrap_or(attribute);
+        ends.then(|| format!("{part}{side}{attribute}{rest}"))
+    });
+    found.unwrap_or_else(|| format!("{part}{path}"))
+}

@@ -1,0 +1,748 @@
+//! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
+
+use karat::fixture::Fixtures;
+use karat::package::Package;
+use karat::path::Path;
+use karat::unstable::dispatch::{Examined, Passes, Violation, ViolationKind};
+use karat::unstable::executor;
+use karat::unstable::interpret::{OrderOf, Runner, examine_made_up, in_order_of};
+use karat::unstable::reflect::Program;
+use karat_core::value::{Shape, format_lane};
+
+use super::sides::{gained_and_lost, interface, renamed};
+use super::values::{Clarity, Largest, clarity};
+use super::{Both, Change, Compared, PathChange, Request, Side, WordChange, first_line};
+use crate::made_up::Extents;
+use crate::passes::{self, Usual};
+
+impl Request {
+    /// Dispatches a pass before and after the edit over made-up resources.
+    pub(super) fn compare_passes(&self, name: &str) -> Compared {
+        let mut compared = Compared::of(name, Change::Same { cases: 0 });
+        match self.run_passes(name, &mut compared) {
+            Ok(change) => Compared { change, ..compared },
+            Err(reason) => {
+                Compared { change: Change::Unjudged { reason: first_line(&reason) }, ..compared }
+            }
+        }
+    }
+
+    fn run_passes(&self, name: &str, compared: &mut Compared) -> Result<Change, String> {
+        let ranges = self.ranges()?;
+        let (of_old, of_new) =
+            (|error| format!("before: {error}"), |error| format!("after: {error}"));
+        let of = |side: &Package| Program::of_pass(side, name, &ranges.overrides_of(side, name));
+        let (was, old_bindings, _) = of(&self.before).map_err(of_old)?;
+        let (is, new_bindings, _) = of(&self.after).map_err(of_new)?;
+        let ranges = ranges.with_literals(was.literals().and(&is.literals()));
+        let nameless = ranges.without_names();
+        let before = Side { program: &was, bindings: &old_bindings };
+        let after = Side { program: &is, bindings: &new_bindings };
+        compared.interface = interface(before, after);
+        compared.interface.extend(gained_and_lost(before, after));
+        let renamed = renamed(before, after);
+        let usual =
+            |side: &Package| Usual::with_overrides(side, name, &ranges.overrides_of(side, name));
+        let sides = [usual(&self.before)?, usual(&self.after)?];
+        let usual = sides[0].invocations_with(sides[1]);
+        compared.dispatched = Some(usual);
+        let mut runs: Vec<(usize, [u32; 3])> =
+            (0..Extents::VARIANTS).map(|variant| (variant, usual)).collect();
+        // One workgroup of a pass may tell itself apart by what it takes from an atomic.
+        if sides.iter().all(|side| side.workgroups() == [1; 3]) {
+            runs.push((0, [SEVERAL * usual[0], usual[1], usual[2]]));
+        }
+        let mut paths: Vec<PathChange> = Vec::new();
+        let mut words = 0;
+        let (mut brought, mut mended) = (Brought::default(), Brought::default());
+        let mut covered = Both::default();
+        for (variant, invocations) in runs {
+            // Several workgroups may not be meant: they count where nothing else tells the edit.
+            let is_more = invocations != usual;
+            if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
+                break;
+            }
+            // Names say nothing where indices and counts don't either.
+            let ranges = if variant < Extents::LIKELY { &ranges } else { &nameless };
+            let made = |package: &Package, given: &Fixtures| {
+                passes::arbitrary(package, name, Some(invocations), ranges, (variant, None, given))
+            };
+            let (new, made_new) = made(&self.after, &Vec::new()).map_err(of_new)?;
+            let of_new_name = |path: &str| made_new.fixtures.iter().find(|(name, _)| name == path);
+            let given = renamed
+                .iter()
+                .filter_map(|(was, is)| Some((was.clone(), of_new_name(is)?.1.clone())));
+            let (old, _) = made(&self.before, &given.collect()).map_err(of_old)?;
+            let made = made_new;
+            compared.location = new.span().map_or_else(String::new, |span| span.to_string());
+            compared.drawn.merge(made.drawn);
+            let (seen_old, seen_new) = (examine_made_up(&old), examine_made_up(&new));
+            let is_clean = seen_old.violations.is_empty() && seen_old.endless.is_none();
+            if is_more && (!is_clean || seen_old.too_long) {
+                break;
+            }
+            match (&seen_old.endless, &seen_new.endless) {
+                (None, Some(_)) => return Err("after the edit a loop of it doesn't end".to_owned()),
+                (Some(_), _) => {
+                    compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
+                    continue;
+                }
+                (None, None) => {}
+            }
+            if seen_new.too_long && !seen_old.too_long {
+                return Err("after the edit its loops go round too often to be compared".to_owned());
+            }
+            if seen_old.too_long {
+                compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
+                continue;
+            }
+            brought.add(variant, [&seen_old, &seen_new], &renamed);
+            mended.add(variant, [&seen_new, &seen_old], &renamed);
+            // Drivers hand out tickets in an order of their own.
+            let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
+            for path in paths_of {
+                let run = |passes: &Passes| {
+                    let executor = executor::of(*path).map_err(|error| error.to_string())?;
+                    executor::dispatch(executor, passes).map_err(|error| error.to_string())
+                };
+                let difference = Difference::of((&old, run(&old)?), (&new, run(&new)?), &renamed)?;
+                words += difference.words;
+                let Some(change) = difference.change(path.to_string(), &made.members) else {
+                    continue;
+                };
+                match paths.iter_mut().find(|known| known.path == change.path) {
+                    Some(known) => known.add(change),
+                    None => paths.push(change),
+                }
+            }
+            // A driver has an order of its own: what the edit leaves to it may look the same in the engine's. A violation
+            // that the edit brings says more.
+            let is_silent = paths.is_empty() && brought.sure.is_empty();
+            if is_silent && variant < Extents::LIKELY {
+                paths.extend(ordered((&old, &new), &renamed, &made.members)?);
+            }
+            if paths.is_empty() && brought.sure.is_empty() {
+                covered.add_passes([&old, &new]);
+            }
+            if !made.varies {
+                break;
+            }
+        }
+        if words == 0 && compared.cut > 0 {
+            return Err("its loops are too long to be run".to_owned());
+        }
+        if words == 0 {
+            return Err("it writes nothing that is seen afterwards".to_owned());
+        }
+        compared.violations = brought.told(!paths.is_empty());
+        compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
+        if paths.is_empty() && compared.violations.is_empty() {
+            compared.uncovered = covered.uncovered();
+        }
+        let each = words / self.paths.len().max(1);
+        paths.iter_mut().for_each(|path| path.cases.1 = each);
+        Ok(match paths.is_empty() {
+            true => Change::Same { cases: each },
+            false => Change::Changed { paths },
+        })
+    }
+}
+
+impl Request {
+    /// Violations between the pixels of a draw, of a fragment function that writes what others see: those that an edit brings,
+    /// and those that it takes away.
+    pub(super) fn brought_to_pixels(
+        &self,
+        name: &str,
+        renamed: &[(String, String)],
+    ) -> Result<(Vec<Violation>, Vec<Violation>), String> {
+        let ranges = self.ranges()?;
+        let (mut brought, mut mended) = (Brought::default(), Brought::default());
+        for variant in 0..Extents::VARIANTS {
+            let of = |package| passes::of_pixels(package, name, false, &ranges, (variant, None));
+            let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
+            let (old, new) = (examine_made_up(&old), examine_made_up(&new));
+            brought.add(variant, [&old, &new], renamed);
+            mended.add(variant, [&new, &old], renamed);
+            if !made.varies {
+                break;
+            }
+        }
+        Ok((brought.told(false), mended.told(false)))
+    }
+}
+
+/// Workgroups of a pass that is dispatched as one, where it may take more.
+const SEVERAL: u32 = 3;
+
+/// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their
+/// headline says whether they read or write.
+fn subject(one: &Violation, renamed: &[(String, String)]) -> (ViolationKind, String) {
+    let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
+    let text = match one.kind.is_of_index() {
+        true => one.headline.clone(),
+        false => quoted(&one.variable),
+    };
+    let new_name =
+        |text: String, (was, is): &(String, String)| text.replace(&quoted(was), &quoted(is));
+    (one.kind, renamed.iter().fold(text, new_name))
+}
+
+/// Violations that one side of an edit has and the other one hasn't: the first of each kind about each variable.
+#[derive(Default)]
+struct Brought {
+    sure: Vec<Violation>,
+    /// Indices over any sizes and numbers: a guard that is gone.
+    of_indices: Vec<Violation>,
+}
+
+impl Brought {
+    /// Adds violations that the second side has over a content, and the first hasn't. Some resources have another name after
+    /// the edit.
+    fn add(&mut self, variant: usize, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
+        let subject = |one: &Violation| subject(one, renamed);
+        for (one, _) in &new.violations {
+            if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
+                continue;
+            }
+            // Where sizes don't follow from each other an index leaves its array in one of the two alone.
+            let is_sure = variant < Extents::SIZED || !one.kind.is_of_index();
+            if variant < Extents::LIKELY && is_sure {
+                add_kind(&mut self.sure, one);
+            }
+            if one.kind.is_of_index() {
+                add_kind(&mut self.of_indices, one);
+            }
+        }
+    }
+
+    /// The violations; indices over any sizes where nothing else tells the edit.
+    fn told(self, is_changed: bool) -> Vec<Violation> {
+        if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
+    }
+}
+
+fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
+    if all.iter().all(|known| subject(known, &[]) != subject(one, &[])) {
+        all.push(one.clone());
+    }
+}
+
+/// Orders that are drawn for passes over made-up resources.
+const ORDERS: u64 = 6;
+
+/// The change in an order of invocations that left the same as the usual one before the edit.
+fn ordered(
+    (old, new): (&Passes, &Passes),
+    renamed: &[(String, String)],
+    members: &[(String, String)],
+) -> Result<Option<PathChange>, String> {
+    let left = |passes: &Passes, order: Option<&OrderOf>| {
+        in_order_of(passes, order).map_err(|error| error.to_string())
+    };
+    let usual = left(old, None)?;
+    for run in Runner::new(new).few(ORDERS) {
+        let Some(order) = run.order else { continue };
+        // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
+        let was = left(old, Some(&order)).ok().filter(|was| *was == usual);
+        let (Some(was), Some(is)) = (was, run.left) else { continue };
+        let path = format!("{}, in another order", Path::CPU);
+        let difference = Difference::of((old, was), (new, is), renamed)?;
+        if let Some(change) = difference.change(path, members) {
+            return Ok(Some(change));
+        }
+    }
+    Ok(None)
+}
+
+/// Why a resource has lanes: a dispatch returns the words of each that a pass writes.
+const WRITTEN: &str = "a pass writes the resource";
+
+/// How words that passes leave differ.
+#[derive(Default)]
+struct Difference {
+    words: usize,
+    changed: usize,
+    largest: Largest,
+    /// The first element of each resource that shows its change best, and how well.
+    firsts: Vec<(Clarity, WordChange)>,
+}
+
+impl Difference {
+    fn of(
+        (old, was): (&Passes, karat::unstable::dispatch::Afterwards),
+        (new, is): (&Passes, karat::unstable::dispatch::Afterwards),
+        renamed: &[(String, String)],
+    ) -> Result<Self, String> {
+        let mut all = Self::default();
+        for (number, words) in &is {
+            let name = &new.resources[*number].name;
+            let text = |error: &dyn std::fmt::Display| error.to_string();
+            let (_, shape) = new.written(name).map_err(|error| text(&error))?;
+            let lanes = new.lanes(*number, words).expect(WRITTEN);
+            let short = name.rsplit("::").next().unwrap_or(name);
+            let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
+            // A resource that wasn't written held what it held before.
+            let (old_shape, before) = match old.written(known) {
+                Ok((number, shape)) => {
+                    let words = was.iter().find(|(known, _)| *known == number);
+                    (shape, words.and_then(|(number, words)| old.lanes(*number, words)))
+                }
+                Err(_) => match old.content(known) {
+                    Ok((_, shape, lanes)) => (shape, Some(lanes)),
+                    Err(_) => {
+                        return Err(format!("it writes `{short}`, which it didn't use before"));
+                    }
+                },
+            };
+            // A structure of an array is the array.
+            let (is, was) = (shape.lanes(), old_shape.lanes());
+            if is.len() != was.len() {
+                return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
+            }
+            if is != was {
+                return Err(format!("`{short}` is {shape}, and was {old_shape}"));
+            }
+            let (scalars, names) = (shape.lanes(), shape.lane_names());
+            let mut first: Option<(Clarity, WordChange)> = None;
+            for (lane, (was, is)) in before.expect(WRITTEN).iter().zip(&lanes).enumerate() {
+                all.words += 1;
+                if all.largest.add(scalars[lane], *was, *is).is_none() {
+                    continue;
+                }
+                all.changed += 1;
+                let clear = clarity(scalars[lane], *was, *is).unwrap_or_default();
+                if first.as_ref().is_some_and(|(known, _)| *known >= clear) {
+                    continue;
+                }
+                let shown = |word: u32| format_lane(scalars[lane], word);
+                let channels = match &shape {
+                    Shape::Array { element, .. } => element.lane_names(),
+                    _ => vec![String::new()],
+                };
+                let of_texel = |texel: String| texel + &channels[lane % channels.len()];
+                let place = new
+                    .texel(*number, lane / channels.len())
+                    .map_or_else(|| names[lane].clone(), of_texel);
+                let (resource, after) = (short.to_owned(), shown(*is));
+                let before = format!("{short}{place} = {}", shown(*was));
+                first = Some((clear, WordChange { resource, before, after }));
+            }
+            all.firsts.extend(first);
+        }
+        for (number, _) in &was {
+            let name = &old.resources[*number].name;
+            let known = renamed.iter().find(|(was, _)| was == name).map_or(name, |(_, is)| is);
+            if new.written(known).is_err() {
+                let short = name.rsplit("::").next().unwrap_or(name);
+                return Err(format!("it wrote `{short}`, and doesn't any more"));
+            }
+        }
+        Ok(all)
+    }
+
+    /// The change on a path, with the members of uniforms; `None` if nothing changed.
+    fn change(self, path: String, members: &[(String, String)]) -> Option<PathChange> {
+        let (clarity, first) = self.firsts.first()?.clone();
+        let Largest { ulp, relative } = self.largest;
+        Some(PathChange {
+            path,
+            cases: (self.changed, self.words),
+            ulp,
+            relative,
+            arguments: members.to_vec(),
+            before: first.before,
+            after: first.after,
+            clarity,
+            words: self.firsts.into_iter().map(|(_, word)| word).collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Change, Request};
+    use karat::package::Package;
+    use karat::unstable::dispatch::ViolationKind;
+
+    const COUNTS: &str = "@group(0) @binding(0) var<storage, read> data: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> bins: array<atomic<u32>, 16>;
+        var<workgroup> own: array<atomic<u32>, 16>;
+        @compute @workgroup_size(64) fn count(@builtin(global_invocation_id) g: vec3u,
+            @builtin(local_invocation_index) i: u32) {
+            if i < 16u { atomicStore(&own[i], 0u); }
+            workgroupBarrier();
+            if g.x < arrayLength(&data) { atomicAdd(&own[data[g.x] % 16u], 1u); }
+            workgroupBarrier();
+            if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
+        }";
+
+    /// Each pixel alone does what it did; beside each other they take one place.
+    #[test]
+    fn what_an_edit_brings_between_pixels_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @fragment fn collect(@builtin(position) at: vec4f) -> @location(0) vec4f {
+                let place = atomicAdd(&count, 1u);
+                if place < arrayLength(&list) { list[place] = u32(at.x); }
+                return vec4f(1.0);
+            }";
+        let package = |text: &str| Package::from_source("collect", text.to_owned());
+        let compared = |before: &str, after: &str| {
+            let mut all =
+                Request::new(package(before), package(after)).run().expect("both are valid");
+            all.pop().expect("the fragment function")
+        };
+        for first in ["", "if at.x < fwidth(at.x) { discard; }"] {
+            let text = text.replace("let place", &format!("{first} let place"));
+            let load = "atomicLoad(&count); atomicAdd(&count, 1u);";
+            let edited = text.replace("atomicAdd(&count, 1u);", load);
+            let one = compared(&text, &edited);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            let [race, ..] = &one.violations[..] else { panic!("{one:?}") };
+            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert!(compared(&edited, &text).violations.is_empty(), "an edit may mend it");
+        }
+    }
+
+    /// Numbers of elements repeat in one content alone, and are places of a list.
+    #[test]
+    fn what_an_edit_brings_over_one_content_is_told() {
+        let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @compute @workgroup_size(64) fn put(@builtin(global_invocation_id) g: vec3u) {
+                let k = g.x;
+                if k < arrayLength(&list) { list[k] = k; }
+            }";
+        let pixels = "@group(0) @binding(0) var<storage, read> place: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> list: array<u32>;
+            @group(0) @binding(2) var<uniform> width: u32;
+            @fragment fn put(@builtin(position) at: vec4f) -> @location(0) vec4f {
+                let k = u32(at.y) * width + u32(at.x);
+                if k < arrayLength(&list) { list[k] = k; }
+                return vec4f(1.0);
+            }";
+        for text in [pass, pixels] {
+            let edited = text.replace("list[k] = k", "list[place[k]] = k");
+            let of = |before: &str, after: &str| {
+                let [before, after] = [before, after].map(|text| Package::from_source("m", text));
+                let mut all = Request::new(before, after).run().expect("both are valid");
+                all.pop().expect("one entry point").violations
+            };
+            let brought = of(text, &edited);
+            let [race] = &brought[..] else { panic!("{brought:?}") };
+            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert!(of(&edited, text).is_empty(), "an edit may mend it");
+        }
+    }
+
+    /// Words that are written on one side alone are no change of words.
+    #[test]
+    fn a_resource_that_one_side_writes_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> b: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                a[g.x] = g.x;
+                b[g.x] = 1u;
+            }";
+        let reason = |before: &str, after: &str| {
+            let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let Change::Unjudged { reason } = &all[0].change else { panic!("{all:?}") };
+            reason.clone()
+        };
+        let without = text.replace("b[g.x] = 1u;", "");
+        assert_eq!(reason(text, &without), "it wrote `b`, and doesn't any more");
+        assert_eq!(reason(&without, text), "it writes `b`, which it didn't use before");
+        let reads = text.replace("var<storage, read_write> b", "var<storage, read> b");
+        let reads = reads.replace("b[g.x] = 1u;", "").replace("= g.x;", "= g.x + 0u * b[0];");
+        assert_eq!(reason(text, &reads), "it wrote `b`, and doesn't any more");
+    }
+
+    fn compared(before: &str, after: &str) -> super::Compared {
+        let [before, after] = [before, after].map(|text| Package::from_source("p", text));
+        let mut all = Request::new(before, after).run().expect("both are valid");
+        all.pop().expect("the pass")
+    }
+
+    /// A resource with another name is the same one, and one of another type is none.
+    #[test]
+    fn resources_are_compared_by_their_names_and_types() {
+        let text = "@group(0) @binding(0) var<storage, read> from_: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> to: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                to[g.x] = from_[g.x];
+            }";
+        let renamed = text.replace("to: ", "target_: ").replace("to[", "target_[");
+        let renamed = renamed.replace("from_", "source");
+        let one = compared(text, &renamed);
+        assert!(matches!(one.change, Change::Same { .. }) && one.violations.is_empty(), "{one:?}");
+        let edited = compared(text, &renamed.replace("= source[g.x]", "= source[g.x] + 1u"));
+        assert!(matches!(edited.change, Change::Changed { .. }), "{edited:?}");
+        let typed = text.replace("to: array<u32>", "to: array<i32>");
+        let typed = compared(text, &typed.replace("= from_[g.x]", "= i32(from_[g.x])"));
+        let Change::Unjudged { reason } = &typed.change else { panic!("{typed:?}") };
+        assert!(
+            reason.starts_with("`to` is array<i32") && reason.contains("was array<u32"),
+            "{reason}"
+        );
+    }
+
+    /// A loop that ended, and one that didn't.
+    #[test]
+    fn a_loop_that_an_edit_makes_endless_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
+            @compute @workgroup_size(4) fn f(@builtin(global_invocation_id) g: vec3u) {
+                var sum = 0u;
+                for (var k = 0u; k < 4u; k += 1u) { sum += k; }
+                if g.x < arrayLength(&d) { d[g.x] = sum; }
+            }";
+        let endless = text.replace("k += 1u", "k += 0u");
+        for (before, after, expected) in [
+            (text, &*endless, "after the edit a loop of it doesn't end"),
+            (&endless, text, "its loops are too long to be run"),
+        ] {
+            let one = compared(before, after);
+            let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+            assert_eq!(reason, expected);
+        }
+    }
+
+    /// An index over any numbers is told where nothing else is; and a pass of one workgroup that races with itself in
+    /// several is made for one.
+    #[test]
+    fn what_a_host_may_not_give_is_told_last() {
+        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
+            @group(0) @binding(1) var<storage, read> x: array<f32>;
+            @group(0) @binding(2) var<storage, read_write> y: array<f32>;
+            @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
+                if id.x >= arrayLength(&y) { return; }
+                y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
+            }";
+        let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
+        assert_eq!(compared(text, &bare).violations.len(), 1);
+        let changed = compared(text, &bare.replace("= x[", "= 2.0 * x["));
+        assert!(matches!(changed.change, Change::Changed { .. }), "{changed:?}");
+        assert!(changed.violations.is_empty(), "{changed:?}");
+    }
+
+    #[test]
+    fn each_resource_that_changes_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
+            @group(0) @binding(1) var<storage, read_write> b: array<vec2f>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                a[g.x] = g.x; b[g.x].y = 1.0;
+            }";
+        let edited = text.replace("= g.x;", "= g.x + 7u;").replace("1.0", "2.0");
+        let [before, after] = [text, &edited].map(|text| Package::from_source("p", text));
+        let all = Request::new(before, after).run().expect("both are valid");
+        let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
+        let words: Vec<&str> = paths[0].words.iter().map(|one| &*one.before).collect();
+        assert_eq!(words, ["a[0] = 0", "b[0].y = 1"], "{paths:?}");
+        assert_eq!(paths[0].before, words[0]);
+    }
+
+    /// Where a host's numbers stay within, an edit that drops a guard changes nothing else.
+    #[test]
+    fn a_guard_that_is_gone_is_told() {
+        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
+            @group(0) @binding(1) var<storage, read> x: array<f32>;
+            @group(0) @binding(2) var<storage, read_write> y: array<f32>;
+            @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
+                if id.x >= arrayLength(&y) { return; }
+                y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
+            }";
+        let brought = |before: &str, after: &str| {
+            let [before, after] = [before, after].map(|text| Package::from_source("m", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            all[0].violations.iter().map(|one| one.headline.clone()).collect::<Vec<_>>()
+        };
+        let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
+        let reads = brought(text, &bare);
+        assert!(reads.len() == 1 && reads[0].contains("reads outside"), "{reads:?}");
+        assert!(brought(&bare, text).is_empty());
+        // Another index that leaves its array hides none.
+        let both = bare.replace("if id.x >= arrayLength(&y) { return; }", "");
+        let writes = brought(&bare, &both);
+        assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
+    }
+
+    /// Atomics race with none, and statements side by side count right without a barrier.
+    #[test]
+    fn what_an_edit_leaves_to_the_order_is_a_change() {
+        let change = |texts: [&str; 2]| {
+            let [before, after] = texts.map(|text| Package::from_source("counts", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let [one] = &all[..] else { panic!("{all:?}") };
+            one.change.clone()
+        };
+        let barrier = "workgroupBarrier();";
+        let last = COUNTS.rfind(barrier).expect("it has two");
+        let without = format!("{}{}", &COUNTS[..last], &COUNTS[last + barrier.len()..]);
+        match change([COUNTS, &without]) {
+            Change::Changed { paths } => assert_eq!(paths[0].path, "cpu, in another order"),
+            other => panic!("{other:?}"),
+        }
+        let alike = COUNTS.replace("% 16u", "& 15u");
+        assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
+        // An edit that removes the dependence on order is no change.
+        assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
+    }
+
+    /// A host's row and mode say where a pass writes, and no name says these.
+    #[test]
+    fn lines_that_no_invocation_comes_to_are_told() {
+        let text = "struct P { width: u32, mode: u32 }
+            @group(0) @binding(0) var<storage, read_write> d: array<f32>;
+            @group(0) @binding(1) var<uniform> p: P;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                if g.x >= arrayLength(&d) { return; }
+                let row = g.x / p.width;
+                d[g.x] += 2.0 * f32(row); // a row
+                if p.mode == 77u {
+                    d[g.x] = 3.0;
+                }
+            }";
+        let compared = |edited: &str| {
+            let [before, after] = [text, edited].map(|text| Package::from_source("p", text));
+            let mut all = Request::new(before, after).run().expect("both are valid");
+            all.pop().expect("the pass")
+        };
+        let lines = |one: &super::Compared| {
+            one.uncovered.iter().map(|line| line.text.clone()).collect::<Vec<_>>()
+        };
+        let row = compared(&text.replace("2.0 *", "3.0 *"));
+        assert!(matches!(row.change, Change::Changed { .. }), "rows differ: {row:?}");
+        let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
+        assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
+        assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
+        // A line that is gone is one of the edit.
+        assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
+        let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
+        assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
+    }
+
+    const LIFE: &str = "
+        struct Grid { width: u32, height: u32 }
+        @group(0) @binding(0) var<uniform> grid: Grid;
+        @group(0) @binding(1) var<storage, read> cells: array<u32>;
+        @group(0) @binding(2) var<storage, read_write> next: array<u32>;
+        fn at(x: u32, y: u32) -> u32 { return cells[(y % grid.height) * grid.width + x % grid.width]; }
+        @compute @workgroup_size(64) fn life(@builtin(global_invocation_id) g: vec3u) {
+          if g.x >= grid.width * grid.height { return; }
+          let x = g.x % grid.width; let y = g.x / grid.width;
+          var n = 0u;
+          for (var dy = 0u; dy < 3u; dy++) { for (var dx = 0u; dx < 3u; dx++) {
+            if dx == 1u && dy == 1u { continue; }
+            n += at(x + dx + grid.width - 1u, y + dy + grid.height - 1u);
+          } }
+          next[g.x] = select(u32(n == 3u), u32(n == 2u || n == 3u), cells[g.x] == 1u);
+        }";
+
+    const PAIRS: &str = "
+        @group(0) @binding(0) var<storage, read> input: array<u32>;
+        @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+        @compute @workgroup_size(64) fn pairs(@builtin(global_invocation_id) g: vec3u, @builtin(workgroup_id) w: vec3u) {
+            let first = 2u * g.x;
+            if first + 1u >= arrayLength(&input) || g.x >= arrayLength(&sums) { return; }
+            sums[g.x] = input[first] + input[first + 1u] + select(0u, 1u, w.x > 0u);
+        }";
+
+    const TONEMAP: &str = "
+        @group(0) @binding(0) var src: texture_2d<f32>;
+        @group(0) @binding(1) var dst: texture_storage_2d<rgba16float, write>;
+        @compute @workgroup_size(8, 8) fn tonemap(@builtin(global_invocation_id) g: vec3u) {
+          let size = textureDimensions(dst);
+          if any(g.xy >= size) { return; }
+          let c = max(textureLoad(src, g.xy, 0).rgb, vec3f(0.0));
+          textureStore(dst, g.xy, vec4f(c / (1.0 + c), 1.0));
+        }";
+
+    const MEDIAN: &str = "
+        @group(0) @binding(0) var src: texture_2d<f32>;
+        @group(0) @binding(1) var dst: texture_storage_2d<r32float, write>;
+        fn at(p: vec2u) -> f32 { return textureLoad(src, min(p, textureDimensions(src) - 1u), 0).r; }
+        @compute @workgroup_size(8, 8) fn median(@builtin(global_invocation_id) g: vec3u) {
+            let p = g.xy;
+            let a = at(p); let b = at(p + vec2u(0u, 1u)); let c = at(p + vec2u(0u, 2u));
+            if any(p >= textureDimensions(dst)) { return; }
+            textureStore(dst, p, vec4f(max(min(a, b), min(max(a, b), c))));
+        }";
+
+    const MAXIMUM: &str = "
+        @group(0) @binding(0) var<storage, read> v: array<f32>;
+        @group(0) @binding(1) var<storage, read_write> most: array<f32>;
+        var<workgroup> t: array<f32, 64>;
+        @compute @workgroup_size(64) fn maximum(@builtin(global_invocation_id) g: vec3u,
+            @builtin(local_invocation_index) i: u32, @builtin(workgroup_id) w: vec3u) {
+            var x = -3.0e38;
+            if g.x < arrayLength(&v) { x = v[g.x]; }
+            t[i] = x;
+            workgroupBarrier();
+            for (var s = 32u; s > 0u; s /= 2u) {
+                if i < s { t[i] = max(t[i], t[i + s]); }
+                workgroupBarrier();
+            }
+            if i == 0u { most[w.x] = t[0]; }
+        }";
+
+    const TICKETS: &str = "
+        @group(0) @binding(0) var<storage, read_write> ticket: atomic<u32>;
+        @group(0) @binding(1) var<storage, read_write> starts: array<u32>;
+        var<workgroup> own: u32;
+        @compute @workgroup_size(32) fn starts_of(@builtin(local_invocation_index) i: u32) {
+            if i == 0u { own = atomicAdd(&ticket, 1u); }
+            let group = workgroupUniformLoad(&own);
+            if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
+        }";
+
+    /// Only some rows show an edit, twice as many elements as invocations, or a colour below 0.
+    #[test]
+    fn edits_that_few_contents_show_are_told() {
+        for (text, from, to) in [
+            (LIFE, "n == 2u || n == 3u", "n == 2u || n == 4u"),
+            (LIFE, "u32(n == 3u),", "u32(n == 2u),"),
+            (LIFE, "dy + grid.height - 1u", "dy + grid.height"),
+            (LIFE, "let y = g.x / grid.width;", "let y = g.x / grid.height;"),
+            (PAIRS, "select(0u, 1u, w.x > 0u)", "0u"),
+            (MEDIAN, "max(min(a, b), min(max(a, b), c))", "b"),
+            (MAXIMUM, "x = -3.0e38", "x = 0.0"),
+            (TICKETS, "group * 32u", "0u"),
+            (
+                TONEMAP,
+                "max(textureLoad(src, g.xy, 0).rgb, vec3f(0.0))",
+                "textureLoad(src, g.xy, 0).rgb",
+            ),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let edited = text.replace(from, to);
+            let [before, after] = [text, &edited].map(|text| Package::from_source("m", text));
+            let all = Request::new(before, after).run().expect("both are valid");
+            let pass = all.iter().find(|one| one.dispatched.is_some()).expect("it has a pass");
+            assert!(matches!(pass.change, Change::Changed { .. }), "{to}: {pass:?}");
+        }
+    }
+
+    /// A workgroup a row: the texture has no row that none of them takes.
+    #[test]
+    fn the_last_row_of_a_texture_is_compared() {
+        let text = |guard: &str| {
+            format!(
+                "@group(0) @binding(0) var image: texture_storage_2d<r32float, write>;
+                @compute @workgroup_size(64) fn rows(@builtin(workgroup_id) w: vec3u,
+                    @builtin(local_invocation_index) i: u32) {{
+                    let size = textureDimensions(image);
+                    if {guard} >= size.y {{ return; }}
+                    for (var x = i; x < size.x; x += 64u) {{ textureStore(image, vec2u(x, w.x), vec4f(f32(x + w.x))); }}
+                }}"
+            )
+        };
+        let [before, after] =
+            ["w.x", "w.x + 1u"].map(|guard| Package::from_source("rows", text(guard)));
+        let all = Request::new(before, after).run().expect("both are valid");
+        let [one] = &all[..] else { panic!("{all:?}") };
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        // It has one channel.
+        assert!(paths[0].before.starts_with("image[0, 1] = "), "{}", paths[0].before);
+    }
+}

@@ -1,0 +1,175 @@
+//! Two values of one result: how far they are from each other, and how they are shown.
+
+use karat_core::tolerance::ulp_distance;
+use karat_core::value::{Scalar, Shape, format_lane};
+
+/// Components of a result that are shown whole; of more, such as a buffer, only those that changed.
+const WHOLE: usize = 16;
+
+/// A result as it is shown: whole, unless it is long or the other side of the edit gives something else.
+pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool) -> String {
+    let scalars = shape.lanes();
+    if is_whole && scalars.len() <= WHOLE {
+        return shape.format(own);
+    }
+    let names = shape.lane_names();
+    let one = |lane: &usize| {
+        let (name, value) = (&names[*lane], format_lane(scalars[*lane], own[*lane]));
+        match name.trim_start_matches('.') {
+            "" => value,
+            name => format!("{name} = {value}"),
+        }
+    };
+    let shown = changed.iter().take(4).map(one).collect::<Vec<_>>().join(", ");
+    match changed.len().saturating_sub(4) {
+        0 => shown,
+        more => format!("{shown} and {more} more of {}", scalars.len()),
+    }
+}
+
+/// How far two results are from each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Distance {
+    /// Of integers and booleans, which are equal or not.
+    Other,
+    /// In `f32` steps.
+    Ulp(u64),
+    /// Between a number and NaN.
+    Nan,
+}
+
+impl Distance {
+    pub(super) fn ulp(self) -> Option<u64> {
+        if let Self::Ulp(steps) = self { Some(steps) } else { None }
+    }
+
+    /// True if it shows as much as a larger distance: it has half of its binary digits.
+    pub(super) fn is_like(self, farthest: Self) -> bool {
+        match (self, farthest) {
+            (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
+            (own, most) => own == most,
+        }
+    }
+}
+
+/// `None` if two words are one value: bit by bit, but for NaN.
+pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
+    if was == is {
+        return None;
+    }
+    if !scalar.is_float() {
+        return Some(Distance::Other);
+    }
+    let (a, b) = (f32::from_bits(was), f32::from_bits(is));
+    match (a.is_nan(), b.is_nan()) {
+        (true, true) => None,
+        (false, false) => Some(ulp_distance(a, b).map_or(Distance::Nan, Distance::Ulp)),
+        _ => Some(Distance::Nan),
+    }
+}
+
+/// How well a case shows a change. The larger one is shown: plain numbers that differ visibly before NaN, which names of inputs
+/// may not mean, and both before a last digit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Clarity {
+    /// Digits below what a picture shows.
+    #[default]
+    Slight,
+    /// Something is NaN or infinite on one side.
+    NotFinite,
+    /// Numbers apart.
+    Plain,
+}
+
+/// How well a word shows a change; `None` if there is none.
+pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
+    /// The least difference that two pictures beside each other show, of the larger number: a quarter of an 8-bit step.
+    const VISIBLE: f32 = 1e-3;
+    distance(scalar, was, is)?;
+    if !scalar.is_float() {
+        return Some(Clarity::Plain);
+    }
+    let (a, b) = (f32::from_bits(was), f32::from_bits(is));
+    Some(match (b - a).abs() / a.abs().max(b.abs()) {
+        _ if !(a.is_finite() && b.is_finite()) => Clarity::NotFinite,
+        share if share >= VISIBLE => Clarity::Plain,
+        _ => Clarity::Slight,
+    })
+}
+
+/// The largest changes of some words.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Largest {
+    /// In `f32` steps; `None` once there is none.
+    pub(super) ulp: Option<u64>,
+    /// Relative to the value before; `None` likewise.
+    pub(super) relative: Option<f64>,
+}
+
+impl Default for Largest {
+    fn default() -> Self {
+        Self { ulp: Some(0), relative: Some(0.0) }
+    }
+}
+
+impl Largest {
+    /// Adds two words, and says how far they are from each other.
+    pub(super) fn add(&mut self, scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
+        let far = distance(scalar, was, is)?;
+        let (a, b) = (f64::from(f32::from_bits(was)), f64::from(f32::from_bits(is)));
+        let share = Some((b - a).abs() / a.abs());
+        let share = share.filter(|share| share.is_finite() && scalar.is_float());
+        self.ulp = self.ulp.zip(far.ulp()).map(|(most, own)| most.max(own));
+        self.relative = self.relative.zip(share).map(|(most, own)| most.max(own));
+        Some(far)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bit by bit, but for NaN.
+    #[test]
+    fn words_are_as_far_as_their_values() {
+        let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
+        let nan = f32::from_bits(f32::NAN.to_bits() ^ 5);
+        assert_eq!([far(1.0, 1.0), far(f32::NAN, nan)], [None; 2]);
+        assert_eq!([far(1.0, nan), far(nan, 1.0)], [Some(Distance::Nan); 2]);
+        assert_eq!(far(1.0, 1.0_f32.next_up()), Some(Distance::Ulp(1)));
+        assert_eq!(distance(Scalar::U32, 0x7fc0_0000, 0x7fc0_0001), Some(Distance::Other));
+        let like = |own: Distance, most: Distance| own.is_like(most);
+        assert!(
+            like(Distance::Ulp(10), Distance::Ulp(100))
+                && !like(Distance::Ulp(9), Distance::Ulp(100))
+        );
+        assert!(like(Distance::Nan, Distance::Nan) && !like(Distance::Ulp(9), Distance::Nan));
+    }
+
+    #[test]
+    fn what_people_see_comes_first() {
+        let of = |was: f32, is: f32| clarity(Scalar::F32, was.to_bits(), is.to_bits());
+        assert_eq!([of(1.0, 1.0), of(f32::NAN, f32::NAN)], [None; 2]);
+        assert_eq!([of(1.0, 1.002), of(0.0, 1e-9), of(1.0, -1.0)], [Some(Clarity::Plain); 3]);
+        assert_eq!([of(1.0, 1.0001), of(0.0, -0.0)], [Some(Clarity::Slight); 2]);
+        assert_eq!([of(1.0, f32::NAN), of(f32::INFINITY, 1.0)], [Some(Clarity::NotFinite); 2]);
+        assert_eq!(clarity(Scalar::U32, 1, 2), Some(Clarity::Plain));
+        assert!(Clarity::Slight < Clarity::NotFinite && Clarity::NotFinite < Clarity::Plain);
+    }
+
+    /// Of many components the first four that changed are shown, and the others are counted.
+    #[test]
+    fn the_first_components_that_changed_are_shown() {
+        let of = |changed: usize, length: u32| {
+            let element = Box::new(Shape::Scalar(Scalar::U32));
+            let is: Vec<u32> =
+                (0..length).map(|at| if (at as usize) < changed { at + 1 } else { 0 }).collect();
+            let changed: Vec<usize> = (0..changed).collect();
+            told(&Shape::Array { element, length }, &is, &changed, true)
+        };
+        assert_eq!(of(1, 17), "[0] = 1");
+        assert_eq!(of(4, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4");
+        assert_eq!(of(5, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4 and 1 more of 17");
+        assert!(of(1, 16).contains("1, 0, 0"), "fewer are shown whole: {}", of(1, 16));
+    }
+}

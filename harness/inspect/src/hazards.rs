@@ -1,0 +1,882 @@
+//! What can go wrong inside of functions, without a single test: values that become NaN or infinite,
+//! digits that are lost, indices that leave their array, and operations that WGSL doesn't bound.
+//!
+//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments
+//! that declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A finding stands
+//! where it is born: at the operation whose operands were still good.
+//!
+//! Running decides what a finding is. Hold the declared inputs of a failing case, and draw the free ones again: if the
+//! operation goes wrong in every draw that comes to it, the finding is a *fault*; if some draw averts it, it is a
+//! *requirement*. Declared is what `[inputs]` of `karat.toml` says; in functions that nothing calls, also the range that a
+//! name means. A function that others call is judged at its callers.
+//!
+//! ```no_run
+//! use karat::prelude::*;
+//!
+//! static SHADERS: Package = karat::package!("shaders");
+//!
+//! // #[test]
+//! fn no_hazards() {
+//!     let hazards = karat_inspect::hazards(&SHADERS).run().unwrap();
+//!     assert_eq!(hazards.faults().count(), 0, "{hazards}");
+//! }
+//! ```
+
+mod callers;
+mod function;
+mod limits;
+mod passes;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+
+use karat::package::{Package, PackageError};
+use karat::unstable::dispatch::{Violation, ViolationAccess, ViolationKind};
+use karat::unstable::interpret::hazards::{Found, Missing};
+use karat::unstable::package::{
+    AcceptedHazard, Stage, declared_hazards, is_crate, place_of_input, scope,
+};
+use karat::unstable::probe::Probed;
+use karat::unstable::reflect::{Program, ReflectError};
+use karat_core::diagnostic::{Span, nearest};
+use karat_core::output::counted;
+use karat_core::panics;
+use karat_core::value::format_f32;
+use serde::Serialize;
+
+use crate::made_up::{Drawn, Ranges};
+use callers::Callers;
+use function::Trial;
+use limits::{CASES, MET};
+
+use rayon::prelude::*;
+
+pub use karat::unstable::interpret::hazards::Kind;
+
+/// What hazards are looked for, and over what.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
+/// let hazards = karat_inspect::hazards(&package).input("x", 0.0..=1.0).run()?;
+/// assert_eq!(hazards.found[0].text, "1.0 / x");
+/// # Ok::<(), karat_inspect::hazards::HazardError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Request {
+    package: Package,
+    only: Vec<String>,
+    cases: usize,
+    inputs: Vec<(String, f64, f64)>,
+    overrides: BTreeMap<String, f64>,
+    with_accepted: bool,
+}
+
+/// The class of a finding: the shader's fault, or something that it needs of its inputs.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Class {
+    /// It goes wrong in every draw of the free inputs that comes to the operation.
+    Fault,
+    /// Some draw averts it, or too few came to it.
+    Requirement,
+    /// Functions that lead here ran the operation in 256 calls at least, and it was fine in each.
+    Met,
+    /// They ran it less often.
+    NotReached,
+    /// A `select`, a branch or a bound of an infinity drops the value in every case.
+    Dropped,
+}
+
+impl Class {
+    /// Its name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fault => "fault",
+            Self::Requirement => "requirement",
+            Self::Met => "met",
+            Self::NotReached => "not reached",
+            Self::Dropped => "dropped",
+        }
+    }
+}
+
+/// An operation at which something goes wrong.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Hazard {
+    /// Fault, requirement, or neither.
+    pub class: Class,
+    /// The worst kind of error.
+    pub kind: Kind,
+    /// The other kinds that the same number has, for other inputs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<Kind>,
+    /// The operation in the author's file.
+    pub location: String,
+    /// Its text.
+    pub text: String,
+    /// The function that was called.
+    pub function: String,
+    /// Its arguments in the simplest case.
+    pub arguments: Vec<(String, String)>,
+    /// Cases in which it goes wrong, of those that came to it; of a pass, contents of its resources.
+    pub cases: (usize, usize),
+    /// Of a requirement, the inputs whose change alone averts it in that case.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub needs: Vec<String>,
+    /// Where it goes wrong, if a simple property of the inputs tells: `where k is 0, and nowhere else`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fails: Option<String>,
+    /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
+    pub values: Option<(String, String)>,
+    /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
+    /// than a line holds.
+    pub operands: Vec<String>,
+    /// Why `karat.toml` accepts it, where those are asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accepted: Option<String>,
+    /// Other functions in which the same operation goes wrong.
+    pub also: Vec<String>,
+    /// The sanitizer's finding in a compute pass, or the pixel that doesn't come to a derivative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub violation: Option<Violation>,
+}
+
+/// A function that was looked at, while others are still.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'p> {
+    /// Its name.
+    pub function: &'p str,
+    /// Findings in it, which the functions that call it may meet.
+    pub found: usize,
+    /// Functions that are done.
+    pub done: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
+/// What was found in a package.
+#[derive(Clone, Debug, Serialize)]
+pub struct Hazards {
+    /// The version of this data: 2, since each finding has a class.
+    pub schema: u32,
+    /// The package.
+    pub package: String,
+    /// Functions that were looked at.
+    pub functions: usize,
+    /// Functions that weren't, each with the reason; and modules that can't be read.
+    pub skipped: Vec<(String, String)>,
+    /// Modules that can't be read, whose functions are unknown.
+    pub unread: usize,
+    /// Faults and requirements, faults first and the worst kind first; one a line and kind.
+    pub found: Vec<Hazard>,
+    /// Findings that callers meet or don't reach, and those that are dropped.
+    pub others: Vec<Hazard>,
+    /// The functions of acceptances in `karat.toml` that cover no fault: nothing needs them.
+    pub needless: Vec<String>,
+    /// How many were left out, as `karat.toml` accepts them with a reason.
+    pub accepted: usize,
+    /// The ranges that arguments and members were drawn from.
+    pub drawn: Drawn,
+    /// The parts of these functions that weren't looked at.
+    pub unseen: Unseen,
+    /// Lines with operations that no input came to, as `file:line`.
+    pub unreached: Vec<String>,
+}
+
+/// Parts of functions that weren't looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Unseen {
+    /// Inputs that are too much work: loops that count to more than some thousands, or many operations.
+    pub inputs: usize,
+    /// Functions that have such inputs.
+    pub functions: usize,
+    /// Functions with more operations than are kept: 4,096 of 256 inputs together.
+    pub in_part: usize,
+}
+
+/// Why nothing could be looked for.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HazardError {
+    /// The package can't be read.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// No function was looked at: there is no verdict.
+    #[error("no function of package `{package}` can be looked at{}", first(skipped))]
+    Nothing {
+        /// The package.
+        package: String,
+        /// Each function with the reason.
+        skipped: Vec<(String, String)>,
+    },
+    /// An input is declared that nothing takes.
+    #[error(
+        "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
+         such a member{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
+    )]
+    UnknownInput {
+        /// Its name.
+        name: String,
+        /// The closest name that something takes.
+        nearest: Option<String>,
+        /// ` (karat.toml:3)`, where a file declares it.
+        place: String,
+    },
+    /// What is declared can't be so.
+    #[error("{0}")]
+    Declaration(String),
+}
+
+fn first(skipped: &[(String, String)]) -> String {
+    skipped.first().map_or_else(String::new, |(name, why)| format!(": `{name}`: {why}"))
+}
+
+/// Looks for hazards in all functions that can be called alone.
+///
+/// ```no_run
+/// use karat::Package;
+///
+/// static SHADERS: Package = karat::package!("shaders");
+///
+/// let hazards = karat_inspect::hazards(&SHADERS).run()?;
+/// assert_eq!(hazards.faults().count(), 0, "{hazards}");
+/// # Ok::<(), karat_inspect::hazards::HazardError>(())
+/// ```
+#[must_use]
+pub fn hazards(package: &Package) -> Request {
+    let (only, inputs, overrides) = Default::default();
+    Request {
+        package: package.clone(),
+        only,
+        cases: CASES,
+        inputs,
+        overrides,
+        with_accepted: false,
+    }
+}
+
+impl Request {
+    /// Only functions whose name contains one of these.
+    #[must_use]
+    pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Inputs of each function, 1,024 unless it is said.
+    #[must_use]
+    pub fn cases(self, cases: usize) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Reports what `karat.toml` accepts, too.
+    #[must_use]
+    pub fn with_accepted(self) -> Self {
+        Self { with_accepted: true, ..self }
+    }
+
+    /// What arguments and members of this name are, in every function.
+    #[must_use]
+    pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
+        let (least, most) = range.into_inner();
+        self.inputs.push((name.to_owned(), least, most));
+        self
+    }
+
+    /// Gives an `override` a value, by its name or its `@id`, in each function that has one.
+    #[must_use]
+    pub fn with_override(mut self, name: &str, value: f64) -> Self {
+        self.overrides.insert(name.to_owned(), value);
+        self
+    }
+
+    /// Looks.
+    ///
+    /// # Errors
+    /// If the package can't be read, no function can be looked at, or a declaration isn't true.
+    pub fn run(&self) -> Result<Hazards, HazardError> {
+        self.run_with(&|_| {})
+    }
+
+    /// [`run`](Self::run), which tells each function that is done, with their count and of how many.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        progress: &(dyn Fn(&Progress<'_>) + Sync),
+    ) -> Result<Hazards, HazardError> {
+        let declared = declared_hazards(&self.package)?;
+        let mut inputs = Ranges::of(&self.package)?;
+        for (name, least, most) in &self.inputs {
+            inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
+        }
+        for name in declared.overrides.keys().chain(self.overrides.keys()) {
+            if !Program::some_has_override(&self.package, name) {
+                let why = format!("no function and no entry point uses an override `{name}`");
+                return Err(HazardError::Declaration(why));
+            }
+        }
+        self.overrides.iter().for_each(|(name, value)| inputs.set_override(name, *value));
+        let wanted = |name: &str| {
+            self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
+        };
+        let mut names = Vec::new();
+        let mut skipped = Vec::new();
+        for module in self.package.modules()? {
+            match self.package.functions_in(&module) {
+                Ok(items) => names.extend(items),
+                Err(error) => skipped.push((module, first_line(&error.to_string()))),
+            }
+        }
+        let mut unread = skipped.len();
+        let mut invalid = BTreeSet::new();
+        names.retain(|item| wanted(&item.name));
+        if names.is_empty() && !self.only.is_empty() {
+            let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
+            let (package, only) = (self.package.name(), only.join(" or "));
+            let why = format!("no function of package `{package}` has {only} in its name");
+            return Err(HazardError::Declaration(why));
+        }
+        let callers = Callers::of(&self.package);
+        let done = Mutex::new(0);
+        let all = names.len();
+        let each: Vec<(String, Result<Seen, String>)> = names
+            .par_iter()
+            .map(|item| {
+                let own =
+                    if callers.calls(&item.name) { inputs.clone() } else { inputs.with_names() };
+                let look = || match item.entry_point {
+                    Some(Stage::Compute) => passes::look(&self.package, &item.name, &own),
+                    _ => self.look(&item.name, own.clone()),
+                };
+                let seen = panics::caught(look)
+                    .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
+                // Whoever counts tells it before another one counts, so that no count is told late.
+                let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+                *done += 1;
+                let found = seen.as_ref().map_or(0, |seen| seen.hazards.len());
+                progress(&Progress { function: &item.name, found, done: *done, of: all });
+                (item.name.clone(), seen)
+            })
+            .collect();
+        let mut drawn = Drawn::default();
+        let mut unseen = Unseen::default();
+        let mut looked: BTreeMap<String, Seen> = BTreeMap::new();
+        for (name, seen) in each {
+            match seen {
+                Err(why) => {
+                    let module = name.rsplit_once("::").map_or("", |(module, _)| module);
+                    match self.invalid(module, &name) {
+                        Some(why) if invalid.insert(module.to_owned()) => {
+                            skipped.push((module.to_owned(), why));
+                        }
+                        _ => skipped.push((name, why)),
+                    }
+                }
+                Ok(mut seen) => {
+                    unseen.inputs += seen.cut;
+                    unseen.functions += usize::from(seen.cut > 0);
+                    unseen.in_part += usize::from(seen.in_part);
+                    drawn.merge(std::mem::take(&mut seen.drawn));
+                    looked.insert(name, seen);
+                }
+            }
+        }
+        unread += invalid.len();
+        let (package, functions) = (self.package.name(), looked.len());
+        if functions == 0 {
+            return Err(HazardError::Nothing { package, skipped });
+        }
+        let names = declared.overrides.keys().chain(self.overrides.keys());
+        for name in names {
+            let said = format!("the override `{name}` is");
+            if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
+                return Err(HazardError::Declaration(format!("{function}: {why}")));
+            }
+        }
+        if self.only.is_empty() {
+            self.expect_names(&inputs, &drawn, &looked, &skipped)?;
+        }
+        let names: BTreeSet<&str> = looked.keys().map(String::as_str).collect();
+        let roots: BTreeMap<String, BTreeSet<String>> = names
+            .iter()
+            .map(|name| {
+                let roots = callers.roots(name, &names).into_iter().map(str::to_owned);
+                ((*name).to_owned(), roots.collect())
+            })
+            .collect();
+        looked.par_iter_mut().for_each(|(name, seen)| {
+            if roots[name].contains(name) {
+                seen.judge();
+            }
+        });
+        let mut all = judged(&roots, &looked);
+        let mut needless = Vec::new();
+        for accepted in &declared.accepted {
+            if self.only.is_empty() {
+                accepted.expect_current(&all)?;
+                let mut covered = all.iter().filter(|hazard| accepted.covers(hazard));
+                if covered.all(|hazard| hazard.class != Class::Fault) {
+                    needless.push(accepted.functions.join(", "));
+                }
+            }
+            for hazard in all.iter_mut().filter(|hazard| accepted.covers(hazard)) {
+                hazard.accepted.get_or_insert_with(|| accepted.reason.clone());
+            }
+        }
+        let is_told = |one: &Hazard| matches!(one.class, Class::Fault | Class::Requirement);
+        let accepted = all.iter().filter(|one| is_told(one) && one.accepted.is_some()).count();
+        if !self.with_accepted {
+            all.retain(|hazard| hazard.accepted.is_none());
+        }
+        all.sort_by(|a, b| {
+            let order = (a.class, a.kind).cmp(&(b.class, b.kind));
+            order.then_with(|| a.location.cmp(&b.location))
+        });
+        let (mut found, others): (Vec<Hazard>, Vec<Hazard>) = all.into_iter().partition(is_told);
+        // The inputs that avert a finding cost runs: only those of printed findings are looked for.
+        found.par_iter_mut().filter(|one| one.class == Class::Requirement).for_each(|hazard| {
+            if let Some(needs) = looked.get(&hazard.function).and_then(|seen| seen.needs(hazard)) {
+                hazard.needs = needs;
+            }
+        });
+        let unreached = unreached(looked.values());
+        Ok(Hazards {
+            schema: Hazards::SCHEMA,
+            package,
+            functions,
+            skipped,
+            unread,
+            found,
+            others,
+            needless,
+            accepted,
+            drawn,
+            unseen,
+            unreached,
+        })
+    }
+
+    /// Refuses a declaration that nothing meets.
+    fn expect_names(
+        &self,
+        inputs: &Ranges,
+        drawn: &Drawn,
+        looked: &BTreeMap<String, Seen>,
+        skipped: &[(String, String)],
+    ) -> Result<(), HazardError> {
+        let used = drawn.names();
+        let is_met = |name: &&String| match scope(name) {
+            (Some(function), own) => looked.contains_key(function) && used.contains(own),
+            (None, own) => used.contains(own),
+        };
+        let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
+        // It may be met where no value fits.
+        let (_, own) = scope(name);
+        let said = format!("`{own}` is declared");
+        if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
+            let place = place_of_input(&self.package, name);
+            let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+            return Err(HazardError::Declaration(format!("{function}: {why}{place}")));
+        }
+        let place = place_of_input(&self.package, name);
+        let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+        let none = match own.split_once('(') {
+            Some(("length", _)) => "no array without a length that a function uses",
+            Some(("workgroups", _)) => "no compute pass that is looked at",
+            _ => "",
+        };
+        if !none.is_empty() {
+            let why = format!("`{name}` is declared, and it is of {none}{place}");
+            return Err(HazardError::Declaration(why));
+        }
+        let known = used.iter().copied().chain(looked.keys().map(String::as_str));
+        let nearest = nearest(name, known).map(str::to_owned);
+        Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
+    }
+
+    /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
+    fn invalid(&self, module: &str, name: &str) -> Option<String> {
+        let own = name.rsplit("::").next().unwrap_or(name);
+        let linked = || Program::of_items(&self.package, module, &[own]);
+        match (!is_crate(&self.package)).then(linked)? {
+            Err(ReflectError::Invalid(found)) => {
+                let place = found.location().map_or_else(String::new, |at| format!(" ({at})"));
+                Some(first_line(&found.to_string()) + &place)
+            }
+            _ => None,
+        }
+    }
+
+    fn look(&self, name: &str, ranges: Ranges) -> Result<Seen, String> {
+        let text = |error: &dyn fmt::Display| first_line(&error.to_string());
+        let overrides = ranges.overrides_of(&self.package, name);
+        let probed = Probed::with_overrides(&self.package, name, &overrides);
+        let probed = probed.map_err(|error| text(&error))?;
+        let probed = probed.with_varying();
+        let form = &probed.function.form;
+        if form.alone && form.stage == Some(Stage::Fragment) {
+            return passes::look_at_pixels(&self.package, name, &ranges);
+        }
+        if form.alone {
+            return Err("it writes what others would see: hazards are looked for in functions \
+                        that only return"
+                .to_owned());
+        }
+        Ok(Trial::of(name, probed, ranges, self.cases)?.seen())
+    }
+}
+
+/// The findings in a function.
+#[derive(Default)]
+struct Seen {
+    hazards: Vec<Hazard>,
+    /// By the place of an operation, the cases that came to it with good operands, which may be none.
+    reached: BTreeMap<String, usize>,
+    drawn: Drawn,
+    /// Inputs whose loops were too long to be looked at.
+    cut: usize,
+    /// True if it has more operations than are kept.
+    in_part: bool,
+    /// The trial of a function, with the key of each finding.
+    trial: Option<(Box<Trial>, Vec<function::Key>)>,
+}
+
+impl Seen {
+    /// Tells faults from requirements, in a function.
+    fn judge(&mut self) {
+        if let Some((trial, keys)) = &self.trial {
+            trial.judge(&mut self.hazards, keys);
+        }
+    }
+
+    /// The inputs that avert a finding, of a function.
+    fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
+        let (trial, keys) = self.trial.as_ref()?;
+        let is_it = |one: &Hazard| {
+            (&one.location, &one.text, one.kind) == (&hazard.location, &hazard.text, hazard.kind)
+        };
+        Some(trial.needs(*keys.get(self.hazards.iter().position(is_it)?)?))
+    }
+}
+
+/// Lines that no input of any function came to.
+fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
+    let mut lines: BTreeMap<(&str, usize), usize> = BTreeMap::new();
+    for (place, cases) in looked.flat_map(|seen| &seen.reached) {
+        let mut parts = place.rsplitn(3, ':').skip(1);
+        let line = parts.next().and_then(|line| line.parse().ok());
+        if let (Some(line), Some(file)) = (line, parts.next()) {
+            *lines.entry((file, line)).or_default() += cases;
+        }
+    }
+    let none = lines.into_iter().filter(|(_, cases)| *cases == 0);
+    none.map(|((file, line), _)| format!("{file}:{line}")).collect()
+}
+
+/// Findings, judged at the functions that lead to them and that nothing calls: `roots` has these of each function.
+fn judged(
+    roots: &BTreeMap<String, BTreeSet<String>>,
+    looked: &BTreeMap<String, Seen>,
+) -> Vec<Hazard> {
+    let mut found = ByPlace::new();
+    let mut called = Vec::new();
+    for (name, seen) in looked {
+        let roots = &roots[name];
+        for hazard in &seen.hazards {
+            match roots.contains(name) {
+                true => add(&mut found, hazard.clone()),
+                false => called.push((hazard, roots)),
+            }
+        }
+    }
+    let mut others = ByPlace::new();
+    for (hazard, roots) in called {
+        if let Some(known) = found.get_mut(&key_of(hazard)) {
+            if !known.also.contains(&hazard.function) {
+                known.also.push(hazard.function.clone());
+            }
+            continue;
+        }
+        let reached = |root: &String| looked.get(root)?.reached.get(&hazard.location).copied();
+        let calls: usize = roots.iter().filter_map(reached).sum();
+        let class = match hazard.class {
+            Class::Dropped => Class::Dropped,
+            _ if calls >= MET => Class::Met,
+            _ => Class::NotReached,
+        };
+        add(&mut others, Hazard { class, ..hazard.clone() });
+    }
+    found.into_values().chain(others.into_values()).collect()
+}
+
+/// Findings by the place of their operation and its text, as `1.0 / a` begins where `1.0 / a / b` does; and what goes wrong
+/// there.
+type ByPlace = BTreeMap<OfPlace, Hazard>;
+
+/// The place of a finding, the text and the kind.
+type OfPlace = (String, String, Kind);
+
+/// The place of a finding. A number that is NaN for some inputs, and infinite or without a bound for others, is one.
+fn key_of(hazard: &Hazard) -> OfPlace {
+    let kind = match hazard.kind {
+        Kind::Infinite | Kind::Unbounded => Kind::Nan,
+        kind => kind,
+    };
+    (hazard.location.clone(), hazard.text.clone(), kind)
+}
+
+/// Adds a finding to those of other functions: a fault says more, and one with fewer arguments is closer to it.
+fn add(found: &mut ByPlace, hazard: Hazard) {
+    match found.entry(key_of(&hazard)) {
+        std::collections::btree_map::Entry::Vacant(place) => {
+            place.insert(hazard);
+        }
+        std::collections::btree_map::Entry::Occupied(mut place) => {
+            let known = place.get_mut();
+            let rank = |one: &Hazard| (one.class, one.kind, one.arguments.len());
+            let (better, other) = match rank(known) <= rank(&hazard) {
+                true => (known.clone(), hazard),
+                false => (hazard, known.clone()),
+            };
+            let (mut kinds, mut also) = (better.kinds.clone(), better.also.clone());
+            let more = other.kinds.into_iter().chain([other.kind]);
+            more.filter(|kind| *kind != better.kind).for_each(|kind| {
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
+            });
+            for function in other.also.into_iter().chain([other.function]) {
+                if function != better.function && !also.contains(&function) {
+                    also.push(function);
+                }
+            }
+            kinds.sort();
+            *known = Hazard { kinds, also, ..better };
+        }
+    }
+}
+
+fn shown(found: &Found) -> Option<(String, String)> {
+    #[expect(clippy::cast_possible_truncation, reason = "shown with the digits of an f32")]
+    found.values.map(|(single, double)| (format_f32(single), format_f32(double as f32)))
+}
+
+fn first_line(text: &str) -> String {
+    karat_core::output::headline(text).to_owned()
+}
+
+/// The operands of an operation, as people read them.
+fn operands(found: &Found) -> Vec<String> {
+    /// Two vectors of four have as many.
+    const MOST: usize = 8;
+    let all = Some(&found.operands).filter(|all| all.len() <= MOST);
+    all.into_iter().flatten().map(|x| format_f32(*x)).collect()
+}
+
+/// The pixel that takes a derivative and the one that doesn't, with the condition where it parted.
+fn parted(function: &str, found: &Found) -> Option<Violation> {
+    let Missing { reached, missing, parted } = found.missing.as_ref()?;
+    let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
+        place: span.to_string(),
+        invocation: invocation.to_owned(),
+        does: does.to_owned(),
+    };
+    let other = match parted {
+        Some(parted) => access(parted, missing, "goes another way here"),
+        None => access(&found.span, missing, "doesn't"),
+    };
+    let accesses = vec![access(&found.span, reached, "reaches it"), other];
+    let headline = format!("`{function}` takes a derivative that {missing} doesn't reach");
+    Some(Violation::new(function, ViolationKind::Barrier, (headline, 1), accesses))
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What `[[hazard]]` accepts.
+trait Acceptance {
+    fn covers(&self, hazard: &Hazard) -> bool;
+
+    /// # Errors
+    /// If a function that is named has no such finding.
+    fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError>;
+}
+
+impl Acceptance for AcceptedHazard {
+    fn covers(&self, hazard: &Hazard) -> bool {
+        // `module::*` is all of a module, and of those below it.
+        let is = |name: &str, function: &str| match name.strip_suffix('*') {
+            Some(module) => module.ends_with("::") && function.starts_with(module),
+            None => name == function,
+        };
+        self.functions.iter().any(|name| hazard.functions().any(|function| is(name, function)))
+            && self.text.as_ref().is_none_or(|text| *text == hazard.text)
+    }
+
+    /// Wants each function that is named to have such a finding, of whichever class.
+    fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError> {
+        let has = |name: &&String| {
+            let alone = Self { functions: vec![(*name).clone()], ..self.clone() };
+            all.iter().any(|hazard| alone.covers(hazard))
+        };
+        let Some(idle) = self.functions.iter().find(|name| !has(name)) else { return Ok(()) };
+        let of = self.text.as_ref().map_or_else(String::new, |text| format!(" at `{text}`"));
+        let own = all.iter().filter(|hazard| hazard.function == *idle);
+        let texts: Vec<&str> = own.map(|hazard| hazard.text.as_str()).collect();
+        let plain = |text: &str| text.split_whitespace().collect::<String>();
+        let spaced =
+            self.text.as_ref().and_then(|text| texts.iter().find(|own| plain(own) == plain(text)));
+        let near = nearest(idle, all.iter().map(|hazard| hazard.function.as_str()));
+        let hint = match (spaced, near) {
+            (Some(text), _) => format!("did you mean `{text}`?"),
+            (None, Some(near)) if texts.is_empty() => format!("did you mean `{near}`?"),
+            _ => "delete it".to_owned(),
+        };
+        Err(HazardError::Declaration(format!(
+            "`karat.toml` accepts a hazard of `{idle}`{of}, and there is none: {hint}"
+        )))
+    }
+}
+
+impl Hazard {
+    /// All functions in which the operation goes wrong.
+    pub(super) fn functions(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.function).chain(&self.also).map(String::as_str)
+    }
+
+    /// The lines below the first: where it came from, what it means and what else shows it.
+    pub fn details(&self) -> impl fmt::Display + '_ {
+        fmt::from_fn(move |f| self.write_details(f))
+    }
+
+    fn write_details(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named: Vec<String> =
+            self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
+        let (cases, of) = self.cases;
+        let is_pass = self.arguments.first().is_some_and(|(name, _)| name == passes::INVOCATION);
+        let what = if is_pass { "contents" } else { "inputs that come to it" };
+        let counted = format!("{cases} of {of} {what}");
+        writeln!(f, "    {} with {with}  ({counted})", self.function)?;
+        if let Some(violation) = &self.violation {
+            for access in &violation.accesses {
+                writeln!(f, "    {}  {} {}", access.place, access.invocation, access.does)?;
+            }
+        }
+        let advice = self.violation.as_ref().map(|one| one.advice.as_str());
+        let about = advice.filter(|advice| !advice.is_empty()).unwrap_or(self.kind.about());
+        write!(f, "    {about}")?;
+        if !self.operands.is_empty() {
+            write!(f, " ({})", self.operands.join(", "))?;
+        }
+        if let Some((single, double)) = &self.values {
+            write!(f, ": {single} in f32, {double} in f64")?;
+        }
+        if !self.kinds.is_empty() {
+            let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
+            write!(f, "; for other inputs {}", kinds.join(", "))?;
+        }
+        // A number of workgroups has no name of the author's.
+        let named = |name: &String| match name.contains(' ') {
+            true => name.clone(),
+            false => format!("another `{name}`"),
+        };
+        let needs: Vec<String> = self.needs.iter().map(named).collect();
+        let fails = self.fails.as_ref().map(|fails| format!("it fails {fails}"));
+        let needs = match (self.class, &*needs) {
+            (Class::Requirement, []) if self.kind == Kind::Endless => {
+                Some("needs other inputs".to_owned())
+            }
+            (Class::Requirement, []) => {
+                Some("needs other inputs: no single one that was tried averts it".to_owned())
+            }
+            (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
+            _ => None,
+        };
+        match (needs, fails) {
+            (Some(needs), Some(fails)) => write!(f, "\n    {needs}: {fails}")?,
+            (Some(text), None) | (None, Some(text)) => write!(f, "\n    {text}")?,
+            (None, None) => {}
+        }
+        if let Some(reason) = &self.accepted {
+            write!(f, "\n    accepted: {reason}")?;
+        }
+        if !self.also.is_empty() {
+            let more = self.also.len();
+            write!(
+                f,
+                "\n    also in {}{}",
+                self.also[0],
+                match more {
+                    1 => String::new(),
+                    _ => format!(" and {} more", more - 1),
+                }
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Hazard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (class, kind) = (self.class.name(), self.kind.name());
+        writeln!(f, "{class}: {kind}: {}  at {}", self.text, self.location)?;
+        self.write_details(f)
+    }
+}
+
+impl Hazards {
+    /// The version of the data. Before 2 there were hazards and *rarer* ones, some of them lowered.
+    pub const SCHEMA: u32 = 2;
+
+    /// The findings that are faults and that nothing accepts: these fail a run.
+    pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
+        self.of(Class::Fault)
+    }
+
+    /// The requirements that nothing accepts.
+    pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
+        self.of(Class::Requirement)
+    }
+
+    /// The findings of a class that nothing accepts.
+    pub fn of(&self, class: Class) -> impl Iterator<Item = &Hazard> {
+        let all = self.found.iter().chain(&self.others);
+        all.filter(move |one| one.class == class && one.accepted.is_none())
+    }
+
+    /// The counts of the last line: `1 fault and 2 requirements in 7 functions, 3 met`.
+    #[must_use]
+    pub fn counts(&self) -> String {
+        let mut text = format!(
+            "{} and {} in {}",
+            counted(self.faults().count(), "fault"),
+            counted(self.requirements().count(), "requirement"),
+            counted(self.functions, "function")
+        );
+        for class in [Class::Met, Class::NotReached, Class::Dropped] {
+            match self.of(class).count() {
+                0 => {}
+                count => text += &format!(", {count} {}", class.name()),
+            }
+        }
+        text
+    }
+}
+
+impl fmt::Display for Hazards {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for hazard in &self.found {
+            writeln!(f, "{hazard}\n")?;
+        }
+        write!(f, "{}: {}, {} accepted", self.package, self.counts(), self.accepted)
+    }
+}

@@ -1,0 +1,621 @@
+//! Findings in functions: trials over arguments and contents of resources, and what averts a finding.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use karat::unstable::check::{arguments, cause_of};
+use karat::unstable::interpret::hazards::{Found, Hazards as InCases, Kind, LONG};
+use karat::unstable::interpret::{Interpreted, evaluations};
+use karat::unstable::probe::{ProbeError, Probed};
+use karat_core::diagnostic::Diagnostic;
+
+use super::limits::{
+    ALL_HOLDS, CONTENTS, DRAWS, ENDING, ENDLESS_TRIED, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES,
+    MEMBERS, SEED, VARIED,
+};
+use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
+use crate::made_up::{Arguments, Input, Mix, Ranges, Resources, VARIANTS};
+
+use rayon::prelude::*;
+
+/// The number of a site, and the kind of what goes wrong there.
+pub(super) type Key = (usize, Kind);
+
+/// The site of a loop that may not end, which is none of those that are numbered.
+const LOOP: usize = usize::MAX;
+
+/// A function, and the inputs that it is tried with.
+pub(super) struct Trial {
+    name: String,
+    probed: Probed,
+    ranges: Ranges,
+    arguments: Arguments,
+    rows: Vec<u32>,
+    count: usize,
+    /// One row in so many is tried.
+    share: usize,
+    variants: usize,
+    main: Tally,
+}
+
+/// One case: a content of the resources, and arguments.
+#[derive(Clone, Debug)]
+struct Case {
+    variant: usize,
+    row: Vec<u32>,
+}
+
+/// A finding in some cases.
+#[derive(Clone, Debug)]
+struct Gathered {
+    /// The finding in the simplest case.
+    found: Found,
+    case: Case,
+    members: Vec<(String, String)>,
+    oddity: [usize; 2],
+    /// Cases whose result, or a condition or an index, shows it.
+    wrong: usize,
+    dropped: usize,
+    /// Some of these cases.
+    failing: Vec<Case>,
+    /// The numbers of those over the first content.
+    numbers: Vec<usize>,
+    kinds: BTreeSet<Kind>,
+    /// The content and the number of the case that was counted last.
+    last: Option<(usize, usize)>,
+}
+
+/// The findings of some runs.
+#[derive(Debug, Default)]
+struct Tally {
+    cases: usize,
+    /// The rows of the first content.
+    rows: Vec<u32>,
+    /// By site the cases that came to it, and the contents in which some did.
+    reached: BTreeMap<usize, [usize; 2]>,
+    found: BTreeMap<Key, Gathered>,
+    cut: usize,
+    in_part: bool,
+    /// True if some loop is long, or may not end.
+    has_long: bool,
+}
+
+impl Tally {
+    fn reached(&self, (site, _): Key) -> [usize; 2] {
+        self.reached.get(&site).copied().unwrap_or_default()
+    }
+
+    /// True if it goes wrong in each case that comes to it, and enough do.
+    fn is_always(&self, key: Key) -> bool {
+        let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
+        let [cases, contents] = self.reached(key);
+        wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
+    }
+
+    /// True if some case comes to it and is fine.
+    fn is_averted(&self, key: Key) -> bool {
+        let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
+        wrong < self.reached(key)[0]
+    }
+}
+
+/// True of an input that has its value of another content.
+type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
+
+/// Keeps findings of one run apart, so that one behind another one of its kind is seen, too.
+const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
+
+impl Trial {
+    /// Tries a function that only returns.
+    pub(super) fn of(
+        name: &str,
+        probed: Probed,
+        ranges: Ranges,
+        cases: usize,
+    ) -> Result<Self, String> {
+        let ranges = ranges.with_literals(probed.program.literals());
+        let arguments = Arguments::of(probed.function(), &ranges)?;
+        let (count, mut rows) = arguments.rows(SEED, cases);
+        arguments.without_subnormals(&mut rows);
+        let first = Resources::of(&probed, &ranges, 0)?;
+        // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
+        let share = probed.program.most_rounds().map_or(1, share_of);
+        let share = share.max(share_of_work(&probed, &first, &arguments, (count, &rows)));
+        let (variants, main) = (if first.varies { VARIANTS } else { 1 }, Tally::default());
+        let name = name.to_owned();
+        let mut trial =
+            Self { name, probed, ranges, arguments, rows, count, share, variants, main };
+        trial.main = trial.tried()?;
+        if trial.main.has_long {
+            trial.rows = trial.arguments.few(&trial.rows);
+        }
+        match trial.main.cases {
+            0 if trial.main.found.is_empty() => {
+                Err("no arguments can be made up for it".to_owned())
+            }
+            _ => Ok(trial),
+        }
+    }
+
+    /// The rows that meet a content.
+    fn rows_of(&self, variant: usize) -> (usize, Vec<u32>) {
+        match self.share {
+            1 => self.arguments.part(&self.rows, self.count, variant),
+            share => self.arguments.share(&self.rows, self.count, (variant, share)),
+        }
+    }
+
+    fn tried(&self) -> Result<Tally, String> {
+        let text = |error: &dyn std::fmt::Display| first_line(&error.to_string());
+        // One function with long loops would keep one core busy while the others idle.
+        let looked = (0..self.variants).into_par_iter().map(|variant| {
+            let resources = Resources::of(&self.probed, &self.ranges, variant)?;
+            let rows = self.rows_of(variant);
+            let engine = Interpreted::new(&self.probed, &resources.fixtures);
+            let seen = engine.and_then(|engine| engine.hazards_but(rows.0, &rows.1, EACH));
+            Ok::<_, String>((resources, rows, seen))
+        });
+        let mut tally = Tally::default();
+        let mut first = None;
+        for (variant, one) in looked.collect::<Vec<_>>().into_iter().enumerate() {
+            let (resources, (count, rows), seen) = one?;
+            first.get_or_insert(count);
+            let tried = self.without_long(&mut tally, &resources, (count, rows), seen);
+            let Some((rows, seen)) = tried.map_err(|error| text(&error))? else { continue };
+            self.add(&mut tally, (variant, &resources), &rows, &seen);
+        }
+        tally.cut += self.count - first.unwrap_or(self.count);
+        // The loops of these cases ended.
+        let ended = tally.cases;
+        tally.reached.entry(LOOP).and_modify(|[cases, _]| *cases += ended);
+        Ok(tally)
+    }
+
+    /// Leaves out the cases whose loops count to a large number. `None` if a loop ends the search for all of them.
+    fn without_long(
+        &self,
+        tally: &mut Tally,
+        resources: &Resources,
+        (all, rows): (usize, Vec<u32>),
+        seen: Result<InCases, ProbeError>,
+    ) -> Result<Option<(Vec<u32>, InCases)>, ProbeError> {
+        let bounded = self.probed.program.most_rounds().is_some();
+        match seen {
+            Err(ProbeError::Rounds { .. }) if !bounded => {}
+            other => return Ok(Some((rows, other?))),
+        }
+        tally.has_long = true;
+        if tally.found.contains_key(&(LOOP, Kind::Endless)) {
+            tally.cut += all;
+            return Ok(None);
+        }
+        let width = self.arguments.width();
+        let mut rows = self.arguments.few(&rows);
+        let engine = Interpreted::new(&self.probed, &resources.fixtures)?;
+        for _ in 0..LONG_CASES {
+            let count = rows.len().checked_div(width).unwrap_or(1);
+            let (case, diagnostic) = match engine.hazards_but(count, &rows, EACH) {
+                Err(ProbeError::Rounds { case, diagnostic }) => (case, diagnostic),
+                other => {
+                    tally.cut += all - count;
+                    return other.map(|seen| Some((rows, seen)));
+                }
+            };
+            let row = rows[case * width..(case + 1) * width].to_vec();
+            let is_endless = engine.may_not_end(&row, LONG);
+            if is_endless {
+                self.endless(tally, &engine, &diagnostic, (row, resources));
+                // The others say what else goes wrong.
+                let rows = rows.chunks_exact(width.max(1)).take(ENDING);
+                let ending = rows.filter(|row| !engine.may_not_end(row, ENDLESS_TRIED.1)).flatten();
+                let ending: Vec<u32> = ending.copied().collect();
+                let count = ending.len().checked_div(width).unwrap_or_default();
+                if count > 0
+                    && let Ok(seen) = engine.hazards_but(count, &ending, EACH)
+                {
+                    tally.cut += all - count;
+                    return Ok(Some((ending, seen)));
+                }
+            }
+            if is_endless || width == 0 {
+                break;
+            }
+            drop(rows.drain(case * width..(case + 1) * width));
+        }
+        tally.cut += all;
+        Ok(None)
+    }
+
+    /// Adds a loop that may not end, and whether it ends for other inputs.
+    fn endless(
+        &self,
+        tally: &mut Tally,
+        engine: &Interpreted,
+        diagnostic: &Diagnostic,
+        (row, resources): (Vec<u32>, &Resources),
+    ) {
+        let key = (LOOP, Kind::Endless);
+        if tally.found.contains_key(&key) {
+            return;
+        }
+        let width = self.arguments.width();
+        let (count, rounds) = ENDLESS_TRIED;
+        let others = self.arguments.held(&row, &self.rows, count);
+        // The first that ends decides.
+        let mut tried = 1;
+        let mut ended = others.chunks_exact(width.max(1));
+        let is_ended = ended.any(|row| {
+            tried += 1;
+            !engine.may_not_end(row, rounds)
+        });
+        let at = diagnostic.location().unwrap_or(&self.probed.function().span).clone();
+        let text = at.file.text.get(at.range.clone()).unwrap_or_default().to_owned();
+        let (hidden, values, operands, missing) = Default::default();
+        let (kind, site) = (key.1, key.0);
+        let found = Found { kind, site, span: at, text, hidden, values, operands, missing };
+        let case = Case { variant: 0, row };
+        let members = resources.members.clone();
+        let (failing, numbers, oddity) = (vec![case.clone()], Vec::new(), [0; 2]);
+        // Without arguments it is the same loop each time.
+        let wrong = if width == 0 { DRAWS } else { tried - usize::from(is_ended) };
+        tally.reached.insert(LOOP, [wrong + usize::from(is_ended), 1]);
+        let (dropped, kinds, last) = (0, BTreeSet::from([key.1]), None);
+        let gathered = Gathered {
+            found,
+            case,
+            members,
+            oddity,
+            wrong,
+            dropped,
+            failing,
+            numbers,
+            kinds,
+            last,
+        };
+        tally.found.insert(key, gathered);
+    }
+
+    /// Adds what was found in some rows over a content.
+    fn add(
+        &self,
+        tally: &mut Tally,
+        (variant, resources): (usize, &Resources),
+        rows: &[u32],
+        seen: &InCases,
+    ) {
+        let width = self.arguments.width();
+        tally.cases += seen.cases.len();
+        tally.in_part |= seen.cut;
+        if variant == 0 {
+            tally.rows = rows.to_vec();
+        }
+        for (site, count) in &seen.reached {
+            let [cases, contents] = tally.reached.entry(*site).or_default();
+            (*cases, *contents) = (*cases + count, *contents + usize::from(*count > 0));
+        }
+        for (case, found) in seen.cases.iter().enumerate() {
+            let row = &rows[case * width..][..width];
+            let oddity = if found.is_empty() { [0; 2] } else { self.arguments.oddity(row) };
+            for one in found {
+                let own = || Case { variant, row: row.to_vec() };
+                let new = || Gathered {
+                    found: one.clone(),
+                    case: own(),
+                    members: resources.members.clone(),
+                    oddity,
+                    wrong: 0,
+                    dropped: 0,
+                    failing: Vec::new(),
+                    numbers: Vec::new(),
+                    kinds: BTreeSet::new(),
+                    last: None,
+                };
+                // NaN or infinite, it is the same number.
+                let kind = if one.kind == Kind::Infinite { Kind::Nan } else { one.kind };
+                let known = tally.found.entry((one.site, kind)).or_insert_with(new);
+                known.kinds.insert(one.kind);
+                // That it shows in one case is worse than that it is dropped in others.
+                let rank = |one: &Found, oddity: [usize; 2]| (one.hidden, oddity, one.kind);
+                if rank(one, oddity) < rank(&known.found, known.oddity) {
+                    (known.found, known.case) = (one.clone(), own());
+                    (known.members, known.oddity) = (resources.members.clone(), oddity);
+                }
+                // Of a vector, components may be NaN and infinite.
+                if known.last == Some((variant, case)) {
+                    continue;
+                }
+                known.last = Some((variant, case));
+                match one.hidden {
+                    true => known.dropped += 1,
+                    false => {
+                        known.wrong += 1;
+                        if variant == 0 {
+                            known.numbers.push(case);
+                        }
+                        if known.failing.len() < KEPT {
+                            known.failing.push(own());
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Runs the function where what is known is as in a case, and the rest is drawn again.
+    fn held(&self, case: &Case) -> Tally {
+        let takes = |input: &Input| input.known;
+        self.again(&takes, &|variant| {
+            let count = HELD[usize::from(variant > 0)];
+            let rows = self.arguments.held(&case.row, &self.rows, count);
+            (case.variant, count, rows)
+        })
+    }
+
+    /// Runs the function over each content, of which some inputs are those of another one, with its rows.
+    fn again(
+        &self,
+        takes: Takes<'_>,
+        rows: &(dyn Fn(usize) -> (usize, usize, Vec<u32>) + Sync),
+    ) -> Tally {
+        let ran = (0..self.variants).into_par_iter().map(|variant| {
+            let (other, count, rows) = rows(variant);
+            let count = if self.arguments.width() == 0 { 1 } else { count };
+            let seen = self.run((variant, other, takes), (count, &rows));
+            (variant, rows, seen)
+        });
+        let mut tally = Tally::default();
+        for (variant, rows, seen) in ran.collect::<Vec<_>>() {
+            // Cases whose loops are long say nothing here.
+            if let Some((resources, seen)) = seen {
+                self.add(&mut tally, (variant, &resources), &rows, &seen);
+            }
+        }
+        tally
+    }
+
+    /// Runs some rows over a content, of which some inputs are those of another one.
+    fn run(
+        &self,
+        (variant, other, takes): (usize, usize, Takes<'_>),
+        (count, rows): (usize, &[u32]),
+    ) -> Option<(Resources, InCases)> {
+        let mix = Mix { variant: other, extents: None, takes };
+        let resources = Resources::mixed(&self.probed, &self.ranges, variant, &mix).ok()?;
+        let engine = Interpreted::new(&self.probed, &resources.fixtures).ok()?;
+        let seen = engine.hazards_but(count, rows, EACH).ok()?;
+        Some((resources, seen))
+    }
+
+    /// The inputs in resources.
+    fn inputs(&self) -> Vec<Input> {
+        let made = Resources::of(&self.probed, &self.ranges, 0);
+        made.map(|made| made.inputs).unwrap_or_default()
+    }
+
+    /// Tells faults from requirements, by running the function again.
+    pub(super) fn judge(&self, hazards: &mut [Hazard], keys: &[Key]) {
+        let (inputs, mut holds) = (self.inputs(), BTreeMap::new());
+        for (hazard, key) in hazards.iter_mut().zip(keys) {
+            let Some(one) = self.main.found.get(key) else { continue };
+            if hazard.class != Class::Requirement {
+                continue;
+            }
+            let (class, held) = self.class(*key, one, &inputs, &mut holds);
+            hazard.class = class;
+            // The inputs that are held are those that nothing averts.
+            if let Some(case) = held.filter(|case| case.row != one.case.row) {
+                let made = Resources::of(&self.probed, &self.ranges, case.variant);
+                let members = made.map(|made| made.members).unwrap_or_default();
+                hazard.arguments = self.described(&case.row, &members);
+                (hazard.operands, hazard.values) = (Vec::new(), None);
+            }
+        }
+    }
+
+    fn class(
+        &self,
+        key: Key,
+        gathered: &Gathered,
+        inputs: &[Input],
+        holds: &mut BTreeMap<(usize, Vec<u32>), Tally>,
+    ) -> (Class, Option<Case>) {
+        // Private variables hold values of other functions: these are free, and no draw has them.
+        let is_stateless = !self.probed.program.has_state();
+        let all = |is: fn(&Input) -> bool| is_stateless && inputs.iter().all(is);
+        let is_declared = self.arguments.are_declared() && all(|one| one.declared);
+        let nothing_free = self.arguments.are_known() && all(|one| one.known);
+        let known = inputs.iter().any(|one| one.known);
+        match key.1 {
+            // WGSL wants uniformity whatever the data are (15.2).
+            Kind::Barrier => return (Class::Fault, None),
+            kind if is_of_wgsl(kind) && !is_declared => return (Class::Requirement, None),
+            _ => {}
+        }
+        if nothing_free || self.main.is_always(key) {
+            return (Class::Fault, None);
+        }
+        let mut tried = BTreeSet::new();
+        let mut failing: Vec<&Case> = gathered.failing.iter().collect();
+        failing.sort_by_key(|case| self.arguments.oddity(&case.row));
+        for case in std::iter::once(&gathered.case).chain(failing) {
+            let words = self.arguments.known_of(&case.row);
+            if words.is_empty() && !known {
+                break;
+            }
+            let hold = (if known { case.variant } else { 0 }, words);
+            let is_known = holds.contains_key(&hold);
+            if tried.len() == HOLDS
+                || !is_known && holds.len() == ALL_HOLDS
+                || !tried.insert(hold.clone())
+            {
+                continue;
+            }
+            let tally = holds.entry(hold).or_insert_with(|| self.held(case));
+            if tally.is_always(key) {
+                return (Class::Fault, Some(case.clone()));
+            }
+        }
+        (Class::Requirement, None)
+    }
+
+    /// The arguments of a case, and members of buffers.
+    fn described(&self, row: &[u32], members: &[(String, String)]) -> Vec<(String, String)> {
+        let mut named =
+            if row.is_empty() { Vec::new() } else { arguments(self.probed.function(), row) };
+        named.extend(members.iter().take(MEMBERS).cloned());
+        named
+    }
+
+    /// The findings, with the cases that came to each place. Which are faults is asked of those alone that no caller judges.
+    pub(super) fn seen(self) -> Seen {
+        let function = self.probed.function();
+        let hazard = |(key, one): (&Key, &Gathered)| {
+            let class = if one.wrong == 0 { Class::Dropped } else { Class::Requirement };
+            let width = self.arguments.width();
+            let named = self.described(&one.case.row, &one.members);
+            let rows = &self.main.rows;
+            let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
+            let count = rows.len().checked_div(width).unwrap_or(1);
+            let fails = cause_of(function, count, &of, &one.numbers);
+            // The interval is one of drawn values; other values may fail, too.
+            let fails = fails.map(|fails| fails.replace(", and nowhere else", ""));
+            let reached = self.main.reached(*key)[0].max(one.wrong + one.dropped);
+            let hazard = Hazard {
+                class,
+                kind: one.found.kind,
+                kinds: one.kinds.iter().copied().filter(|kind| *kind != one.found.kind).collect(),
+                location: one.found.span.to_string(),
+                text: one_line(&one.found.text),
+                function: self.name.clone(),
+                arguments: named,
+                cases: (one.wrong.max(one.dropped), reached),
+                needs: Vec::new(),
+                fails,
+                values: shown(&one.found),
+                operands: operands(&one.found),
+                accepted: None,
+                also: Vec::new(),
+                violation: parted(&self.name, &one.found),
+            };
+            (*key, hazard)
+        };
+        let mut found: Vec<(Key, Hazard)> = self.main.found.iter().map(hazard).collect();
+        // The engine gives the places; it is the same program over each content.
+        let engine = Resources::of(&self.probed, &self.ranges, 0)
+            .ok()
+            .and_then(|made| Interpreted::new(&self.probed, &made.fixtures).ok());
+        // Of each place the cases that came to it, which may be none.
+        let mut reached: BTreeMap<String, usize> = BTreeMap::new();
+        for (site, place) in engine.iter().flat_map(Interpreted::places) {
+            *reached.entry(place).or_default() += self.main.reached((site, Kind::Nan))[0];
+        }
+        found.sort_by(|(_, a), (_, b)| {
+            (&a.location, &a.text, a.kind).cmp(&(&b.location, &b.text, b.kind))
+        });
+        // A number that is NaN or infinite for some inputs, and without a bound for others, is one finding.
+        found.dedup_by(|(_, next), (_, one)| {
+            let is_same = next.kind == Kind::Unbounded
+                && (&next.location, &next.text) == (&one.location, &one.text)
+                && matches!(one.kind, Kind::Nan | Kind::Infinite);
+            if is_same {
+                one.kinds.push(next.kind);
+            }
+            is_same
+        });
+        let mut drawn = self.arguments.drawn();
+        if let Ok(made) = Resources::of(&self.probed, &self.ranges, 0) {
+            drawn.merge(made.drawn);
+        }
+        let (cut, in_part) = (self.main.cut, self.main.in_part);
+        let (keys, hazards) = found.into_iter().unzip();
+        let trial = Some((Box::new(self), keys));
+        Seen { hazards, reached, drawn, cut, in_part, trial }
+    }
+
+    /// The inputs whose change alone averts a finding, from its simplest case.
+    pub(super) fn needs(&self, key: Key) -> Vec<String> {
+        let parameters = &self.probed.function().parameters;
+        if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {
+            return vec![name.clone()];
+        }
+        let Some(one) = self.main.found.get(&key).filter(|_| key.0 != LOOP) else {
+            return Vec::new();
+        };
+        let of_wgsl = is_of_wgsl(key.1);
+        let (free, is_free) =
+            (
+                self.arguments.free(of_wgsl),
+                |input: &Input| {
+                    if of_wgsl { !input.declared } else { !input.known }
+                },
+            );
+        let Case { variant, row } = &one.case;
+        let own = |_: &Input| false;
+        let averts = |variant, other, takes: Takes<'_>, rows: (usize, &[u32])| {
+            let mut tally = Tally::default();
+            let Some((resources, seen)) = self.run((variant, other, takes), rows) else {
+                return false;
+            };
+            self.add(&mut tally, (variant, &resources), rows.1, &seen);
+            tally.is_averted(key)
+        };
+        let mut needs = Vec::new();
+        let mut first = 0;
+        for (name, shape) in &self.probed.function().parameters {
+            let lanes = first..first + shape.lanes().len();
+            first = lanes.end;
+            if !free[lanes.clone()].iter().any(|free| *free) {
+                continue;
+            }
+            let takes = |lane: usize| lanes.contains(&lane) && free[lane];
+            let rows = self.arguments.replaced(row, &self.rows, VARIED, &takes);
+            if averts(*variant, *variant, &own, (VARIED, &rows)) {
+                needs.push(name.clone());
+            }
+        }
+        let mut inputs = self.inputs();
+        let mut known = BTreeSet::new();
+        inputs.retain(|one| known.insert(one.path.clone()));
+        for input in inputs.iter().filter(|one| is_free(one)).take(INPUTS_TRIED) {
+            let takes = |one: &Input| one.path == input.path;
+            let mut others = (0..self.variants).filter(|other| other != variant);
+            if others.any(|other| averts(*variant, other, &takes, (1, row))) {
+                needs.push(input.path.clone());
+            }
+        }
+        needs
+    }
+}
+
+/// True of what is a fault only where each input is declared: digits are lost, or WGSL bounds nothing, in most functions
+/// somewhere.
+fn is_of_wgsl(kind: Kind) -> bool {
+    matches!(kind, Kind::LostDigits | Kind::Unbounded)
+}
+
+/// One input of so many is looked at in a function with so many rounds of loops: some hundred thousand rounds are. The
+/// longest of the shader library has 4,300, and took 18 s of one core with four times as many.
+fn share_of(rounds: u64) -> usize {
+    const ROUNDS: u64 = 256;
+    let share = (rounds / ROUNDS).clamp(1, 16).next_power_of_two();
+    usize::try_from(share).expect("it is small")
+}
+
+/// One input of so many is looked at in a function of so many operations, by what a few inputs come to.
+fn share_of_work(
+    probed: &Probed,
+    resources: &Resources,
+    arguments: &Arguments,
+    (count, rows): (usize, &[u32]),
+) -> usize {
+    /// Operations of all inputs together: four of each arithmetic run, and all are compared.
+    const WORK: u64 = 1 << 22;
+    const SAMPLE: usize = 16;
+    let each = count.div_ceil(SAMPLE).max(1);
+    let (some, few) = arguments.select(rows, count, |at| at % each == 0);
+    // Loops that don't end are found by their rounds.
+    let Ok(Some(operations)) = evaluations(probed, &resources.fixtures, (some, &few)) else {
+        return 1;
+    };
+    let share = operations.saturating_mul(count as u64).div_ceil(WORK).max(1);
+    usize::try_from(share).unwrap_or(each).min(each).next_power_of_two()
+}

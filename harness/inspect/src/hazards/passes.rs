@@ -1,0 +1,471 @@
+//! Findings in compute passes, and in the pixels of a draw that write storage, which the engine dispatches over made-up resources.
+
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+
+use karat::package::Package;
+use karat::unstable::dispatch::{Passes, Violation, ViolationKind};
+use karat::unstable::interpret::examine_made_up;
+use karat::unstable::interpret::hazards::Kind;
+use karat::unstable::interpret::passes::{Operations, operations};
+use karat::unstable::reflect::Program;
+use karat_core::diagnostic::Diagnostic;
+
+use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
+use super::{Class, Hazard, Seen, first_line, one_line, operands, parted};
+use crate::made_up::{Extents, Input, Mix, Ranges, Resources};
+
+/// The first argument of a finding in a pass.
+pub(super) const INVOCATION: &str = "invocation";
+
+/// Looks into a compute pass.
+pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
+    let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
+    let ranges = &ranges.with_literals(program.literals());
+    let make = |content: Content, mix: Option<&Mix<'_>>| {
+        let invocations = content.one_workgroup.then_some([1; 3]);
+        let of = (content.variant, mix, &Vec::new());
+        crate::passes::arbitrary(package, name, invocations, ranges, of)
+    };
+    Looked { name, make: &make, are_pixels: false }.seen()
+}
+
+/// Looks into a fragment function that writes what other pixels see.
+pub(super) fn look_at_pixels(
+    package: &Package,
+    name: &str,
+    ranges: &Ranges,
+) -> Result<Seen, String> {
+    let make = |content: Content, mix: Option<&Mix<'_>>| {
+        crate::passes::of_pixels(
+            package,
+            name,
+            content.one_workgroup,
+            ranges,
+            (content.variant, mix),
+        )
+    };
+    Looked { name, make: &make, are_pixels: true }.seen()
+}
+
+/// The content of a dispatch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Content {
+    variant: usize,
+    one_workgroup: bool,
+}
+
+impl Content {
+    const fn of(variant: usize) -> Self {
+        Self { variant, one_workgroup: false }
+    }
+
+    /// The contents that are tried first: some sizes, numbers in order and not.
+    fn first() -> impl Iterator<Item = Self> {
+        (0..Extents::VARIANTS).map(Self::of)
+    }
+
+    /// Arrays of zeros, of ones, and of numbers far from each other.
+    const PLAIN: [Self; 3] =
+        [Self::of(Extents::ZEROS), Self::of(Extents::ONES), Self::of(Extents::APART)];
+
+    /// Those in which a finding of the first ones may be averted: plain ones, long arrays, and a single workgroup.
+    fn others() -> impl Iterator<Item = Self> {
+        let long = [0, 1].map(|variant| Self::of(variant + Extents::LONG));
+        let one = [0, Extents::APART].map(|variant| Self { variant, one_workgroup: true });
+        Self::PLAIN.into_iter().chain(long).chain(one)
+    }
+
+    /// Those in which what is known is held as it is in another one: fewer, and each of another kind.
+    fn held() -> impl Iterator<Item = Self> {
+        let one = Self { variant: 0, one_workgroup: true };
+        let more = [Self::of(Extents::LONG), one];
+        [0, 2, 3, 8].map(Self::of).into_iter().chain(Self::PLAIN).chain(more)
+    }
+
+    /// True if its elements are no multiple of the workgroup.
+    fn is_tail(self) -> bool {
+        [Extents::TAIL, Extents::NEGATIVE].contains(&self.variant)
+    }
+
+    /// True if some array has fewer elements than there are invocations.
+    fn is_short(self) -> bool {
+        self.is_tail() || Extents::SHORTER.contains(&self.variant)
+    }
+}
+
+/// Makes passes over a content.
+type Make<'m> = &'m dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String>;
+
+/// The places of what goes wrong, a race's both, its kind, and the text of an operation, as `1.0 / a` begins where
+/// `1.0 / a / b` does.
+type Key = (BTreeSet<String>, Kind, String);
+
+/// The findings over one content.
+#[derive(Debug, Default)]
+struct InContent {
+    /// The invocations in which an operation goes wrong; none of a race.
+    wrong: BTreeMap<Key, BTreeSet<usize>>,
+    reached: BTreeMap<String, BTreeSet<usize>>,
+    /// True if one workgroup ran.
+    one_workgroup: bool,
+}
+
+impl InContent {
+    /// True if some invocations come to all places of a finding.
+    fn is_reached(&self, (places, kind, _): &Key) -> bool {
+        let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
+        match kind {
+            // A loop is no operation.
+            Kind::Endless => true,
+            // It takes two, unless a host dispatches a single one.
+            Kind::Race | Kind::EqualWrites => {
+                let Some(all) = places.iter().map(reached).collect::<Option<Vec<_>>>() else {
+                    return false;
+                };
+                let all: BTreeSet<_> = all.into_iter().flatten().collect();
+                all.len() > 1 || self.one_workgroup
+            }
+            _ => places.iter().all(|place| reached(place).is_some()),
+        }
+    }
+
+    /// True if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
+    fn is_wrong(&self, key: &Key) -> bool {
+        let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
+        self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
+    }
+}
+
+/// True if a finding is there in each content in which its operation is reached, in the same invocation, and there are
+/// enough.
+fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
+    let reaching = || contents.clone().filter(|content| content.is_reached(key));
+    let is_enough = reaching().count() >= CONTENTS;
+    if !is_enough || !reaching().all(|content| content.is_wrong(key)) {
+        return false;
+    }
+    let invocations = |content: &InContent| content.wrong.get(key).cloned().unwrap_or_default();
+    let Some(mut always) = reaching().map(invocations).next() else { return false };
+    if always.is_empty() {
+        return true;
+    }
+    for content in reaching() {
+        let own = invocations(content);
+        let place = key.0.first().and_then(|place| content.reached.get(place));
+        always.retain(|one| own.contains(one) || place.is_none_or(|all| !all.contains(one)));
+    }
+    !always.is_empty()
+}
+
+/// A pass that is looked into.
+struct Looked<'l> {
+    name: &'l str,
+    make: Make<'l>,
+    are_pixels: bool,
+}
+
+impl Looked<'_> {
+    fn seen(&self) -> Result<Seen, String> {
+        let mut seen = Seen::default();
+        let mut found: BTreeMap<Key, (Content, Hazard)> = BTreeMap::new();
+        let mut contents: BTreeMap<Content, InContent> = BTreeMap::new();
+        let mut inputs = Vec::new();
+        let mut too_long = false;
+        for content in Content::first() {
+            let (passes, made) = (self.make)(content, None).map_err(|error| first_line(&error))?;
+            seen.drawn.merge(made.drawn.clone());
+            let one = self.run(&passes, &made);
+            if let Some(reason) = &one.reason {
+                // With its findings it was looked at, but not to its end.
+                if contents.is_empty() && one.hazards.is_empty() {
+                    return Err(reason.clone());
+                }
+                seen.cut += one.of;
+            }
+            too_long |= one.too_long;
+            for (key, hazard) in one.hazards {
+                let kind = hazard.kind;
+                let class = hazard.class;
+                let known = match found.entry(key) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => place.insert((content, hazard.clone())),
+                };
+                // That it shows over one content is worse than that it is dropped over others.
+                if known.1.class == Class::Dropped && class != Class::Dropped {
+                    let kinds = std::mem::take(&mut known.1.kinds);
+                    *known = (content, Hazard { kinds, ..hazard });
+                }
+                if known.1.kind != kind && !known.1.kinds.contains(&kind) {
+                    known.1.kinds.push(kind);
+                }
+            }
+            contents.insert(content, one.content);
+            // A draw has other texture coordinates in each.
+            let varies = made.varies;
+            inputs = made.inputs;
+            // Other contents take as long.
+            if !varies || too_long {
+                break;
+            }
+        }
+        for (place, invocations) in contents.values().flat_map(|one| &one.reached) {
+            *seen.reached.entry(place.clone()).or_default() += invocations.len();
+        }
+        // The race of unequal writes says it.
+        let races: BTreeSet<_> = found
+            .keys()
+            .filter(|(_, kind, _)| *kind == Kind::Race)
+            .map(|(at, ..)| at.clone())
+            .collect();
+        found.retain(|(at, kind, _), _| *kind != Kind::EqualWrites || !races.contains(at));
+        if !found.is_empty() && !too_long && !inputs.is_empty() {
+            self.add(&mut contents, Content::others(), None);
+        }
+        let only_one = contents.len() == 1;
+        let is_known = inputs.iter().any(|input| input.known);
+        let mut held: BTreeMap<Content, BTreeMap<Content, InContent>> = BTreeMap::new();
+        let mut varied: BTreeMap<Content, Vec<(String, Vec<InContent>)>> = BTreeMap::new();
+        for (key, (content, mut hazard)) in found {
+            let takes = |input: &Input| input.known;
+            let mix = Mix { variant: content.variant, extents: None, takes: &takes };
+            let is_fault = match key.1 {
+                // WGSL wants uniformity whatever the data are (15.2).
+                Kind::Barrier => true,
+                Kind::LostDigits | Kind::Unbounded => false,
+                _ if only_one && !too_long => true,
+                _ if is_always(&key, contents.values()) => true,
+                _ if !is_known || too_long => false,
+                _ => {
+                    let held = held.entry(content).or_insert_with(|| {
+                        let mut held = BTreeMap::new();
+                        self.add(&mut held, Content::held(), Some(&mix));
+                        held
+                    });
+                    is_always(&key, held.values())
+                }
+            };
+            let wrong_in: Vec<Content> = contents
+                .iter()
+                .filter(|(_, one)| one.is_wrong(&key))
+                .map(|(content, _)| *content)
+                .collect();
+            if hazard.class != Class::Dropped {
+                hazard.class = if is_fault { Class::Fault } else { Class::Requirement };
+            }
+            if hazard.class == Class::Requirement && !too_long {
+                let is_index = matches!(hazard.kind, Kind::OutOfRange | Kind::Wrapped);
+                let averted = |one: &InContent| one.is_reached(&key) && !one.is_wrong(&key);
+                let named = inputs.iter().any(|one| one.path == variable_of(&hazard.text));
+                let length = match named {
+                    true => format!("length({})", variable_of(&hazard.text)),
+                    false => SIZES.to_owned(),
+                };
+                if is_index && wrong_in.iter().all(|one| one.is_short()) {
+                    if wrong_in.iter().any(|one| one.is_tail()) && !self.are_pixels {
+                        let tail = "where the elements are no multiple of the workgroup";
+                        hazard.fails = Some(tail.to_owned());
+                    }
+                    hazard.needs = vec![length];
+                } else {
+                    let varied =
+                        varied.entry(content).or_insert_with(|| self.varied(content, &inputs));
+                    let named = varied.iter().filter(|(_, runs)| runs.iter().any(averted));
+                    hazard.needs = named.map(|(path, _)| path.clone()).collect();
+                    if hazard.needs.is_empty() {
+                        // Of an index any content that averts it has another length.
+                        let mut others =
+                            contents.iter().filter(|(one, _)| is_index || one.is_short());
+                        if others.any(|(_, one)| averted(one)) {
+                            hazard.needs.push(if is_index { length } else { SIZES.to_owned() });
+                        }
+                    }
+                }
+            }
+            let reaching = contents.values().filter(|one| one.is_reached(&key)).count();
+            hazard.cases = (wrong_in.len(), reaching.max(wrong_in.len()));
+            seen.hazards.push(hazard);
+        }
+        Ok(seen)
+    }
+
+    /// Runs over more contents.
+    fn add(
+        &self,
+        contents: &mut BTreeMap<Content, InContent>,
+        more: impl Iterator<Item = Content>,
+        mix: Option<&Mix<'_>>,
+    ) {
+        for content in more {
+            if let Ok((passes, made)) = (self.make)(content, mix) {
+                contents.insert(content, self.run(&passes, &made).content);
+            }
+        }
+    }
+
+    /// The runs in which one input alone has another content.
+    fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
+        let paths: BTreeSet<&str> =
+            inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
+        let of = |path: &str| {
+            let takes = |input: &Input| input.path == path;
+            let others = Content::PLAIN.map(|one| one.variant).into_iter().chain([0, 2, 8]);
+            let run = |variant: usize| {
+                let mix = Mix { variant, extents: None, takes: &takes };
+                let (passes, made) = (self.make)(content, Some(&mix)).ok()?;
+                Some(self.run(&passes, &made).content)
+            };
+            others.filter_map(run).collect()
+        };
+        let mut all: Vec<_> =
+            paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect();
+        let one = Content { one_workgroup: true, ..content };
+        if let Ok((passes, made)) = (self.make)(one, None) {
+            all.push((WORKGROUPS.to_owned(), vec![self.run(&passes, &made).content]));
+        }
+        all
+    }
+
+    /// Runs passes once, and takes what goes wrong.
+    fn run(&self, passes: &Passes, made: &Resources) -> Ran {
+        let examined = examine_made_up(passes);
+        let watched = examined.watched;
+        let of = usize::try_from(watched.of).unwrap_or(usize::MAX);
+        let inside = operations(passes).map_err(|error| first_line(&error.to_string()));
+        let mut ran = Ran { of, too_long: examined.too_long, ..Ran::default() };
+        ran.reason = Some(watched.reason).filter(|reason| !reason.is_empty());
+        let described = |invocation: String| {
+            let invocation = (INVOCATION.to_owned(), invocation);
+            let members = made.members.iter().take(MEMBERS).cloned();
+            std::iter::once(invocation).chain(members).collect::<Vec<_>>()
+        };
+        let hazard = |kind, location, text, invocation: String| Hazard {
+            class: Class::Requirement,
+            kind,
+            kinds: Vec::new(),
+            location,
+            text,
+            function: self.name.to_owned(),
+            arguments: described(invocation),
+            cases: (0, 0),
+            needs: Vec::new(),
+            fails: None,
+            values: None,
+            operands: Vec::new(),
+            accepted: None,
+            also: Vec::new(),
+            violation: None,
+        };
+        let Operations { wrong, reached } = match inside {
+            Ok(inside) => inside,
+            Err(reason) => {
+                ran.reason.get_or_insert(reason);
+                Operations::default()
+            }
+        };
+        ran.content.reached = reached;
+        // Several pixels are as many as a draw has.
+        let is_one = passes.passes.iter().all(|pass| pass.workgroups == [1; 3]);
+        ran.content.one_workgroup = is_one && !self.are_pixels;
+        for one in wrong {
+            let location = one.found.span.to_string();
+            let kind = one.found.kind;
+            // The sanitizer tells those that matter.
+            if matches!(kind, Kind::OutOfRange | Kind::Wrapped) {
+                for place in one.statement.into_iter().chain([location]) {
+                    let key = (BTreeSet::from([place]), kind, String::new());
+                    ran.content.wrong.entry(key).or_default().extend(&one.invocations);
+                }
+                continue;
+            }
+            let text = one_line(&one.found.text);
+            let of_text = text.clone();
+            // NaN or infinite, it is the same number.
+            let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
+            let own = Hazard {
+                class: if one.found.hidden { Class::Dropped } else { Class::Requirement },
+                operands: operands(&one.found),
+                violation: parted(self.name, &one.found),
+                ..hazard(kind, location.clone(), text, one.invocation)
+            };
+            let key = (BTreeSet::from([location]), family, of_text);
+            if own.class != Class::Dropped {
+                ran.content.wrong.entry(key.clone()).or_default().extend(one.invocations);
+            }
+            ran.hazards.push((key, own));
+        }
+        for (violation, diagnostic) in examined.violations {
+            let Some(kind) = kind_of(violation.kind) else { continue };
+            let (location, text) = place_of(&violation, &diagnostic);
+            let first = violation.accesses.first().map(|access| access.invocation.clone());
+            let places = match kind {
+                Kind::Race | Kind::EqualWrites => {
+                    violation.accesses.iter().map(|access| access.place.clone()).collect()
+                }
+                _ => BTreeSet::from([location.clone()]),
+            };
+            let own = hazard(kind, location, text, first.unwrap_or_default());
+            let key = (places, kind, String::new());
+            ran.content.wrong.entry(key.clone()).or_default();
+            ran.hazards.push((key, Hazard { violation: Some(violation), ..own }));
+        }
+        if let Some(diagnostic) = examined.endless {
+            let place = diagnostic.location();
+            let text = place.and_then(|at| at.file.text.get(at.range.clone())).unwrap_or_default();
+            let location = place.map_or_else(String::new, ToString::to_string);
+            let key = (BTreeSet::from([location.clone()]), Kind::Endless, String::new());
+            ran.content.reached.entry(location.clone()).or_default().insert(0);
+            ran.content.wrong.insert(key.clone(), BTreeSet::new());
+            ran.hazards
+                .push((key, hazard(Kind::Endless, location, one_line(text), "unknown".to_owned())));
+        }
+        ran
+    }
+}
+
+/// The names of the number of workgroups, and of lengths, among what a pass needs.
+const WORKGROUPS: &str = "another number of workgroups";
+const SIZES: &str = "other sizes of arrays and textures";
+
+/// The name that an access begins with: `tile` of `tile[i].sum = 1.0`.
+fn variable_of(text: &str) -> &str {
+    text.split(|c: char| c != '_' && !c.is_alphanumeric()).next().unwrap_or_default()
+}
+
+/// One run of passes.
+#[derive(Default)]
+struct Ran {
+    hazards: Vec<(Key, Hazard)>,
+    content: InContent,
+    /// Why it wasn't run to its end.
+    reason: Option<String>,
+    /// Invocations.
+    of: usize,
+    too_long: bool,
+}
+
+/// `None` of what is no finding: workgroup memory is zero where nothing wrote it, by WGSL (7.3).
+fn kind_of(kind: ViolationKind) -> Option<Kind> {
+    Some(match kind {
+        ViolationKind::ReadWrite | ViolationKind::WriteWrite => Kind::Race,
+        ViolationKind::EqualWrites => Kind::EqualWrites,
+        ViolationKind::Barrier => Kind::Barrier,
+        ViolationKind::Unwritten => return None,
+        ViolationKind::Outside => Kind::OutOfRange,
+        ViolationKind::Wrapped => Kind::Wrapped,
+    })
+}
+
+/// The place of a violation, and the text there.
+fn place_of(violation: &Violation, diagnostic: &Diagnostic) -> (String, String) {
+    match diagnostic.location() {
+        Some(span) => {
+            let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+            (span.to_string(), one_line(text))
+        }
+        None => {
+            let place = violation.accesses.first().map(|access| access.place.clone());
+            (place.unwrap_or_default(), violation.headline.clone())
+        }
+    }
+}

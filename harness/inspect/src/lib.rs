@@ -1,0 +1,30 @@
+//! What can be said of WGSL shaders without a test.
+//!
+//! | question | answer |
+//! |---|---|
+//! | what goes wrong inside of these functions and passes? | [`hazards()`] |
+//! | what does this edit change? | [`compare`] |
+//! | do naga's translations say the same, here and on other drivers? | [`matrix()`] |
+//!
+//! All three run what they ask about, over inputs that [`made_up`] draws by what is declared, by the text and by types.
+//!
+//! ```
+//! use karat::Package;
+//!
+//! let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
+//! let found = karat_inspect::hazards(&package).run()?;
+//! assert_eq!(found.found[0].function, "m::inverse");
+//! # Ok::<(), karat_inspect::hazards::HazardError>(())
+//! ```
+//!
+//! Names and meanings may change in any release.
+
+pub mod compare;
+pub mod hazards;
+pub mod made_up;
+pub mod matrix;
+mod passes;
+
+pub use hazards::hazards;
+pub use matrix::matrix;
+pub use passes::Usual;

@@ -1,0 +1,930 @@
+//! Arguments and resources for functions of which no test says what they are: one description of them for
+//! [`hazards`](mod@crate::hazards), [`compare`](mod@crate::compare), the matrix of translations and tests
+//! without Rust.
+//!
+//! A number is described by the range that [`Ranges`] declares for its name, else by its name (`n_dot_l`,
+//! `NoV`, `worldNormal`, `perceptualRoughness`), else by its type. Both ends of each range are drawn, and 0
+//! and 1 where they lie in it. Members of structures and of buffers have names, too.
+
+#[cfg(test)]
+mod bounds;
+mod extents;
+mod meaning;
+mod resources;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use karat::package::{Package, PackageError};
+use karat::unstable::package::{Declaration, End, declared_hazards, scope};
+use karat::unstable::reflect::{Function, Literals, Program};
+use karat_core::domain::{Dynamic, Numbering, Part, Stream};
+use karat_core::value::{Scalar, Shape};
+
+use meaning::Meaning;
+
+pub(crate) use extents::Extents;
+pub(crate) use resources::fitted;
+pub(crate) use resources::{INVOCATIONS, beyond, data, fixtures, rows};
+pub(crate) use resources::{Input, Mix, Resources, VARIANTS};
+
+/// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
+/// `karat hazards --input` does.
+///
+/// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an
+/// argument (`params.groups`), which comes first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ranges {
+    declared: BTreeMap<String, Declaration>,
+    /// Paths of arguments and members that are builtin values.
+    builtins: Vec<(String, String)>,
+    /// The dispatch of a compute pass.
+    extents: Option<Extents>,
+    /// True if the range that a name means counts as declared.
+    named: bool,
+    /// True if no name says anything: what isn't declared is any number of its type.
+    nameless: bool,
+    /// True if numbers of buffers are below 0 where nothing says what they are.
+    negative: bool,
+    /// The numbers of the text, if inputs are tried there.
+    literals: Option<Literals>,
+    /// The values of overrides, which are declared.
+    overrides: BTreeMap<String, f64>,
+}
+
+impl Ranges {
+    /// Those that a package's `karat.toml` declares.
+    ///
+    /// # Errors
+    /// If `karat.toml` can't be read.
+    pub fn of(package: &Package) -> Result<Self, PackageError> {
+        let hazards = declared_hazards(package)?;
+        Ok(Self { declared: hazards.inputs, overrides: hazards.overrides, ..Self::default() })
+    }
+
+    /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
+    ///
+    /// # Errors
+    /// If an end isn't finite or the first is above the second, in a sentence.
+    pub fn declare(&mut self, name: &str, least: f64, most: f64) -> Result<(), String> {
+        if !(least <= most && least.is_finite() && most.is_finite()) {
+            return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
+        }
+        self.declared.insert(name.to_owned(), Declaration::Range(least, most));
+        Ok(())
+    }
+
+    pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
+        self.declared.keys()
+    }
+
+    /// The same for one function: what is declared of it alone comes first.
+    #[must_use]
+    pub(crate) fn scoped(&self, function: &str) -> Self {
+        let mut all = self.clone();
+        for (key, declared) in &self.declared {
+            if let (Some(of), own) = scope(key)
+                && of == function
+            {
+                all.declared.insert(own.to_owned(), declared.clone());
+            }
+        }
+        all
+    }
+
+    /// The declarations of lengths, and of the workgroups of a pass, that are met.
+    pub(crate) fn note_sizes<'b>(
+        &self,
+        bindings: impl Iterator<Item = &'b str>,
+        pass: Option<&str>,
+        drawn: &mut Drawn,
+    ) {
+        let own = |path: &str| path.rsplit("::").next().unwrap_or(path).to_owned();
+        let lengths = bindings.map(|binding| format!("length({})", own(binding)));
+        let passes = pass.into_iter().flat_map(|pass| [pass.to_owned(), own(pass)]);
+        let all = lengths.chain(passes.map(|pass| format!("workgroups({pass})")));
+        all.filter(|key| self.declared.contains_key(key)).for_each(|key| drawn.add(key));
+    }
+
+    /// The elements of an array without a length, where so many are usual; of two contents one has the least that is declared.
+    pub(crate) fn length(&self, binding: &str, usual: u32, least: bool) -> u32 {
+        let own = binding.rsplit("::").next().unwrap_or(binding);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        match self.declared.get(&format!("length({own})")) {
+            Some(Declaration::Range(from, _)) if least => from.ceil() as u32,
+            Some(Declaration::Range(from, to)) => {
+                usual.clamp(from.ceil() as u32, (to.floor() as u32).max(from.ceil() as u32))
+            }
+            Some(Declaration::MultipleOf(of)) => usual.max(1).next_multiple_of(*of),
+            _ => usual,
+        }
+    }
+
+    /// The workgroups of a pass, where so many are usual: in all as many as are declared.
+    pub(crate) fn workgroups(&self, pass: &str, usual: [u32; 3]) -> [u32; 3] {
+        let own = pass.rsplit("::").next().unwrap_or(pass);
+        let keys = [pass, own].map(|name| format!("workgroups({name})"));
+        let declared = keys.iter().find_map(|key| self.declared.get(key));
+        let Some(Declaration::Range(least, most)) = declared else { return usual };
+        let total = usual.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let [least, most] = [least.ceil() as u32, most.floor() as u32];
+        match total.clamp(least.max(1), most.max(least).max(1)) {
+            same if same == total => usual,
+            other => [other, 1, 1],
+        }
+    }
+
+    /// The same, with the ranges that names mean as declarations: of a function that nothing calls.
+    #[must_use]
+    pub(crate) fn with_names(&self) -> Self {
+        Self { named: true, ..self.clone() }
+    }
+
+    /// The same, where no name says anything.
+    #[must_use]
+    pub(crate) fn without_names(&self) -> Self {
+        Self { nameless: true, ..self.clone() }
+    }
+
+    /// The same, where numbers of buffers are below 0 if nothing says what they are.
+    #[must_use]
+    pub(crate) fn negative(&self) -> Self {
+        Self { negative: true, ..self.clone() }
+    }
+
+    /// The same for a text that compares with some numbers: inputs are tried there, too.
+    #[must_use]
+    pub(crate) fn with_literals(&self, literals: Literals) -> Self {
+        Self { literals: Some(literals), ..self.clone() }
+    }
+
+    /// Gives an `override` a value, by its name or its `@id`, in each function that has one.
+    pub(crate) fn set_override(&mut self, name: &str, value: f64) {
+        self.overrides.insert(name.to_owned(), value);
+    }
+
+    /// The values of the overrides that a function has.
+    pub(crate) fn overrides_of(&self, package: &Package, name: &str) -> BTreeMap<String, f64> {
+        if self.overrides.is_empty() {
+            return BTreeMap::new();
+        }
+        let program = Program::of_function(package, name).ok();
+        let has =
+            |name: &String| program.as_ref().is_some_and(|program| program.has_override(name));
+        self.overrides
+            .iter()
+            .filter(|(name, _)| has(name))
+            .map(|(name, x)| (name.clone(), *x))
+            .collect()
+    }
+
+    /// The numbers of a type that the text has, each between its neighbours, and another one first for another name. Whole
+    /// numbers may be 0, and below 0, whatever they are called.
+    fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
+        let Some(literals) = &self.literals else { return Vec::new() };
+        let mut all: Vec<[u32; 3]> = match scalar {
+            Scalar::F32 => {
+                let near = |x: &f32| [*x, x.next_up(), x.next_down()].map(f32::to_bits);
+                literals.floats.iter().map(near).collect()
+            }
+            Scalar::U32 | Scalar::I32 => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "of a literal of the other type"
+                )]
+                let near = |x: &i64| [*x, x + 1, x - 1].map(|x| x as u32);
+                literals.wholes.iter().map(near).collect()
+            }
+            _ => return Vec::new(),
+        };
+        if !all.is_empty() {
+            let own = usize::from(blake3::hash(path.as_bytes()).as_bytes()[0]);
+            let count = all.len();
+            all.rotate_left(own % count);
+        }
+        let least = match scalar {
+            Scalar::U32 => &[0][..],
+            Scalar::I32 => &[0, u32::MAX],
+            _ => &[],
+        };
+        least.iter().chain(all.as_flattened()).map(|word| vec![*word]).collect()
+    }
+
+    /// The same over the arguments of a function, which may be an entry point with builtin values.
+    #[must_use]
+    pub fn of_function(&self, function: &Function) -> Self {
+        Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
+    }
+
+    /// The declaration of a path such as `params.groups`.
+    pub(crate) fn get(&self, path: &str) -> Option<&Declaration> {
+        let own = path.rsplit('.').next().unwrap_or(path);
+        self.declared.get(path).or_else(|| self.declared.get(own))
+    }
+
+    /// The builtin value that a path of an entry point is.
+    fn builtin(&self, path: &str) -> Option<&str> {
+        let mut all = self.builtins.iter();
+        all.find(|(known, _)| known == path).map(|(_, builtin)| builtin.as_str())
+    }
+}
+
+/// The parts of a [`Dynamic`] domain for an argument of which the name and the type are known.
+///
+/// # Errors
+/// If a declared range has no value of the argument's type, in a sentence.
+pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>, String> {
+    Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
+}
+
+/// The most that a number changes from pixel to pixel.
+const STEEPEST: f64 = 0.5;
+
+/// The name of derivatives in a report of the numbers that are drawn.
+const DERIVATIVES: &str = "derivatives";
+
+/// One number or direction of an argument or a resource.
+struct Described {
+    path: String,
+    part: Part,
+    /// Neither a declaration nor the name says what it is.
+    guessed: bool,
+    declared: bool,
+    /// It is declared, or its name means a range and names count as declarations.
+    known: bool,
+    /// It is a size that follows from what is dispatched.
+    sized: bool,
+    scalars: Vec<Scalar>,
+}
+
+/// The numbers of an argument, in the order of its lanes.
+fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
+    if let Some(value) = shape.quad() {
+        let mut all = described(path, value, ranges)?;
+        let values = all.len();
+        for direction in [0, 1] {
+            for at in 0..values {
+                all.extend(slopes(&all[..values], at, direction, ranges));
+            }
+        }
+        return Ok(all);
+    }
+    match shape {
+        Shape::Struct { members, .. } => {
+            let own = |(name, member): &(String, Shape)| {
+                described(&format!("{path}.{name}"), member, ranges)
+            };
+            let all = members.iter().map(own).collect::<Result<Vec<_>, _>>()?;
+            Ok(all.into_iter().flatten().collect())
+        }
+        Shape::Array { element, length } => {
+            let all = (0..*length).map(|_| described(path, element, ranges));
+            Ok(all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+        }
+        other => described_numbers(path, other, ranges),
+    }
+}
+
+/// The derivatives of one of some numbers, to the right or downwards.
+fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) -> Vec<Described> {
+    let path = &values[at].path;
+    let is_pixel = ranges.builtin(path) == Some(meaning::POSITION);
+    let lane = values[..at].iter().rev().take_while(|before| before.path == *path).count();
+    let slope = |scalar: &Scalar| {
+        // The next pixel is one step of the screen away.
+        let step = f32::from(u8::from(lane == direction)).to_bits();
+        // Levels of textures follow the logarithm of a slope, so small ones are common.
+        let small = || Part::range(*scalar, -STEEPEST..=STEEPEST);
+        let part = if is_pixel {
+            Part::just(*scalar, step)
+        } else {
+            small().unwrap_or_else(|| Part::just(*scalar, 0))
+        };
+        Described {
+            // The step isn't drawn, and has no name in reports.
+            path: if is_pixel { String::new() } else { DERIVATIVES.to_owned() },
+            part,
+            guessed: false,
+            declared: false,
+            known: false,
+            sized: false,
+            scalars: vec![*scalar],
+        }
+    };
+    values[at].scalars.iter().map(slope).collect()
+}
+
+fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
+    let own = path.rsplit('.').next().unwrap_or(path);
+    let declared = ranges.get(path);
+    let meaning = match declared {
+        Some(Declaration::Range(least, most)) => Meaning::Range(*least, *most),
+        Some(_) => Meaning::Any,
+        None if ranges.nameless => Meaning::Any,
+        None => Meaning::of(own, shape),
+    };
+    let builtin = ranges.builtin(path);
+    let is_whole = matches!(shape.lanes().first(), Some(Scalar::U32 | Scalar::I32));
+    let one = |part, scalars| Described {
+        path: path.to_owned(),
+        part,
+        guessed: meaning == Meaning::Any && builtin.is_none(),
+        declared: declared.is_some(),
+        known: declared.is_some()
+            // Of a whole number a name says no end.
+            || ranges.named && meaning != Meaning::Any && builtin.is_none() && !is_whole
+            || builtin.is_some_and(meaning::has_range),
+        sized: false,
+        scalars,
+    };
+    if let Some(Declaration::Elements { .. }) = declared {
+        return Err(format!(
+            "`{path}` is declared by its elements, and it is {shape}: write `[least, most]`"
+        ));
+    }
+    if let Some(Declaration::Named(kind)) = declared {
+        let size = match shape {
+            Shape::Vector { size, scalar: Scalar::F32 } => *size,
+            _ => 0,
+        };
+        return match Part::named(kind, size) {
+            Some(part) => Ok(vec![one(part, shape.lanes())]),
+            None => Err(format!("`{path}` is declared as \"{kind}\", and it is {shape}")),
+        };
+    }
+    if meaning == Meaning::Direction {
+        return Ok(Part::named("unit_vector", 3)
+            .map(|part| one(part, shape.lanes()))
+            .into_iter()
+            .collect());
+    }
+    if let (Meaning::Any, Shape::Matrix { columns, rows, .. }) = (meaning, shape)
+        && !ranges.nameless
+        && meaning::is_transform(own)
+        && let Some(part) = Part::transform(*columns, *rows, meaning::is_projection(own))
+    {
+        return Ok(vec![Described { guessed: false, known: false, ..one(part, shape.lanes()) }]);
+    }
+    let listed = match declared {
+        Some(Declaration::Values(all)) => Some(all),
+        _ => None,
+    };
+    let part = |(lane, scalar): (usize, Scalar)| {
+        if let Some(all) = listed {
+            let words = all.iter().map(|x| Some(vec![exact(scalar, *x)?]));
+            let words = words.collect::<Option<Vec<_>>>().ok_or_else(|| {
+                let scalar = Shape::Scalar(scalar);
+                format!("`{path}` is declared as one of {all:?}, and not all of them are {scalar}")
+            })?;
+            return Ok(one(Part::listed(vec![scalar], words), vec![scalar]));
+        }
+        let of_builtin = || Meaning::of_builtin(builtin?, lane);
+        let of_size = || {
+            // A count may be less than the elements that there are.
+            let is_named = !ranges.nameless;
+            let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
+            let extents = ranges.extents.filter(|_| whole || scalar == Scalar::F32)?;
+            let size = extents.size(own, lane, shape.lanes().len(), whole);
+            let size = size.filter(|_| is_named);
+            let is_unknown = whole && meaning == Meaning::Any;
+            let unknown = || extents.unknown(own, lane).filter(|_| is_unknown);
+            let size = f64::from(size.or_else(unknown)?);
+            Some(Meaning::Range(size, size))
+        };
+        let meaning = match declared {
+            None => of_builtin().or_else(of_size).unwrap_or(meaning),
+            Some(_) => meaning,
+        };
+        let part = match (meaning.part(scalar), declared) {
+            (Some(part), _) => part,
+            (None, Some(Declaration::Range(least, most))) => {
+                let scalar = Shape::Scalar(scalar);
+                return Err(format!(
+                    "`{path}` is declared from {least} to {most}, and no {scalar} lies there"
+                ));
+            }
+            // A name that means a number, `is_diffuse`, says nothing of a truth value.
+            (None, _) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
+        };
+        let sized = declared.is_none() && of_size().is_some();
+        let part = match declared.is_some() || sized || builtin.is_some() {
+            true => part,
+            false => part.beside(ranges.beside(path, scalar), is_whole),
+        };
+        let one = one(part, vec![scalar]);
+        Ok(Described { sized, known: one.known && !sized, ..one })
+    };
+    shape.lanes().into_iter().enumerate().map(part).collect()
+}
+
+/// The word of a number in a type that has it.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
+fn exact(scalar: Scalar, x: f64) -> Option<u32> {
+    let whole = x.fract() == 0.0;
+    match scalar {
+        Scalar::F32 => Some((x as f32).to_bits()),
+        Scalar::F16 => Some(u32::from(half::f16::from_f64(x).to_bits())),
+        Scalar::I32 if whole && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&x) => {
+            Some((x as i32).cast_unsigned())
+        }
+        Scalar::U32 if whole && (0.0..=f64::from(u32::MAX)).contains(&x) => Some(x as u32),
+        Scalar::Bool if x == 0.0 || x == 1.0 => Some(x as u32),
+        _ => None,
+    }
+}
+
+/// The arguments of a function.
+pub(crate) struct Arguments {
+    pub(crate) domain: Dynamic,
+    described: Vec<Described>,
+}
+
+impl Arguments {
+    pub(crate) fn of(function: &Function, ranges: &Ranges) -> Result<Self, String> {
+        let mut parts = Vec::new();
+        let mut all = Vec::new();
+        let ranges = ranges.of_function(function);
+        for (name, shape) in &function.parameters {
+            parts.push(suggested(name, shape, &ranges)?);
+            all.extend(described(name, shape, &ranges)?);
+        }
+        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
+    }
+
+    /// The inputs of a fragment function, whose sizes follow from the pixels.
+    pub(crate) fn of_draw(
+        function: &Function,
+        ranges: &Ranges,
+        extents: Extents,
+    ) -> Result<Self, String> {
+        Self::of(function, &Ranges { extents: Some(extents), ..ranges.clone() })
+    }
+
+    /// How many rows there are, at most `cases`, and their words: edges first, at most half of them.
+    /// A domain that has fewer values gives each of them once.
+    pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
+        let numbering = Numbering::of(&self.domain, seed, cases as u64, cases as u64);
+        let mut rows = Vec::new();
+        let count = self.domain.rows(&numbering, 0..numbering.count, &mut rows);
+        (usize::try_from(count).unwrap_or_default(), rows)
+    }
+
+    /// Rows as [`rows`](Self::rows) gives, and behind them a quarter as many of `others`, to which names say nothing. In every
+    /// other one of these two inputs of one type are equal.
+    pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
+        /// One row in so many.
+        const SHARE: usize = 4;
+        let (count, mut rows) = self.rows(seed, cases - cases / SHARE);
+        let (more, mut of_others) = others.rows(seed, (cases - count).min(cases / SHARE));
+        let lanes: Vec<Option<Scalar>> =
+            self.lanes().map(|(one, scalar)| Some(scalar).filter(|_| !one.declared)).collect();
+        let pairs: Vec<(usize, usize)> = (0..lanes.len())
+            .flat_map(|to| (0..to).map(move |from| (from, to)))
+            .filter(|(from, to)| lanes[*from].is_some() && lanes[*from] == lanes[*to])
+            .collect();
+        let width = self.width().max(1);
+        for (at, row) in of_others.chunks_exact_mut(width).enumerate().skip(1).step_by(2) {
+            if let Some((from, to)) = pairs.get(at / 2 % pairs.len().max(1)) {
+                row[*to] = row[*from];
+            }
+        }
+        rows.extend(of_others);
+        (count + more, rows)
+    }
+
+    /// The rows that meet a variant of the resources: all of them meet the first, a part each other one.
+    pub(crate) fn part(&self, rows: &[u32], count: usize, variant: usize) -> (usize, Vec<u32>) {
+        /// One row in so many.
+        const SHARE: usize = 4;
+        self.share(rows, count, (variant, if variant == 0 { 1 } else { SHARE }))
+    }
+
+    /// One row in so many, by the number of the first.
+    pub(crate) fn share(
+        &self,
+        rows: &[u32],
+        count: usize,
+        (first, of): (usize, usize),
+    ) -> (usize, Vec<u32>) {
+        self.select(rows, count, |at| count < of || at % of == first % of)
+    }
+
+    /// The rows of some numbers.
+    pub(crate) fn select(
+        &self,
+        rows: &[u32],
+        count: usize,
+        wanted: impl Fn(usize) -> bool,
+    ) -> (usize, Vec<u32>) {
+        let width = self.width();
+        let at: Vec<usize> = (0..count).filter(|at| wanted(*at)).collect();
+        (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
+    }
+
+    /// Words of a row.
+    pub(crate) fn width(&self) -> usize {
+        self.domain.width()
+    }
+
+    /// The lanes of a row, each with what is known of it.
+    fn lanes(&self) -> impl Iterator<Item = (&Described, Scalar)> {
+        self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
+    }
+
+    /// True if each argument is declared.
+    pub(crate) fn are_declared(&self) -> bool {
+        self.described.iter().all(|one| one.declared || one.path.is_empty())
+    }
+
+    /// True if no argument is free.
+    pub(crate) fn are_known(&self) -> bool {
+        self.described.iter().all(|one| one.known)
+    }
+
+    /// Of each lane whether it is free: not known, or not even declared.
+    pub(crate) fn free(&self, not_declared: bool) -> Vec<bool> {
+        self.lanes().map(|(one, _)| if not_declared { !one.declared } else { !one.known }).collect()
+    }
+
+    /// The words of a row that are known.
+    pub(crate) fn known_of(&self, row: &[u32]) -> Vec<u32> {
+        let all = self.lanes().zip(row);
+        all.filter(|((one, _), _)| one.known).map(|(_, word)| *word).collect()
+    }
+
+    /// Makes 0 of what is subnormal, which drivers may take for it (WGSL 15.7.4): what only one of them shows is no finding.
+    pub(crate) fn without_subnormals(&self, rows: &mut [u32]) {
+        let scalars: Vec<Scalar> = self.lanes().map(|(_, scalar)| scalar).collect();
+        for (word, scalar) in rows.iter_mut().zip(scalars.iter().cycle()) {
+            if *scalar == Scalar::F32 && f32::from_bits(*word).is_subnormal() {
+                *word = 0;
+            }
+        }
+    }
+
+    /// Rows that hold what is known of one row, and are free as others are: so many, from the first of the others again where
+    /// they are fewer.
+    pub(crate) fn held(&self, row: &[u32], others: &[u32], count: usize) -> Vec<u32> {
+        let known: Vec<bool> = self.lanes().map(|(one, _)| one.known).collect();
+        self.replaced(row, others, count, &|lane| !known[lane])
+    }
+
+    /// Rows of which some lanes are those of others.
+    pub(crate) fn replaced(
+        &self,
+        row: &[u32],
+        others: &[u32],
+        count: usize,
+        takes: &dyn Fn(usize) -> bool,
+    ) -> Vec<u32> {
+        let width = self.width();
+        let all = others.len() / width.max(1);
+        // Evenly spread, so that edges and draws both come.
+        let number = |at: usize| if all > count { at * all / count } else { at % all.max(1) };
+        let other = |at: usize| &others[number(at) * width..][..width];
+        let lane = |at, lane| if takes(lane) { other(at)[lane] } else { row[lane] };
+        (0..count).flat_map(|at| (0..width).map(move |own| lane(at, own))).collect()
+    }
+
+    /// How far a row is from what people would try first: its extreme numbers, then those that are neither 0, 1, -1 nor an
+    /// end of their range.
+    pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
+        /// Positions, times and sizes are thousands at most.
+        const MOST: f32 = 1e4;
+        /// No distance, weight or density of a scene is so small.
+        const LEAST: f32 = 1e-10;
+        let is_extreme = |scalar: Scalar, word: u32| {
+            let size = f32::from_bits(word).abs();
+            scalar == Scalar::F32 && (size > MOST || size > 0.0 && size < LEAST)
+        };
+        let all = || self.lanes().zip(row);
+        let extreme = all().filter(|((_, scalar), word)| is_extreme(*scalar, **word)).count();
+        let odd = all().filter(|((_, scalar), word)| !Part::is_plain(*scalar, **word)).count();
+        [extreme, odd]
+    }
+
+    /// A row for each pixel of a draw. A position is the pixel's own, the first two numbers of a vector go from 0 to 1 across
+    /// and down, as texture coordinates do, and another float goes from that of one row to that of another one. All else is
+    /// that of the first row.
+    pub(crate) fn of_pixels(
+        &self,
+        function: &Function,
+        [row, other]: [&[u32]; 2],
+        [across, down]: [u32; 2],
+    ) -> Vec<u32> {
+        let is_position = |one: &Described| {
+            let mut builtins = function.form.builtins.iter();
+            builtins.any(|(path, builtin)| *path == one.path && builtin == meaning::POSITION)
+        };
+        // The place in a row of the first two numbers of vectors, and whether it is a position.
+        let (mut at, mut vectors, mut others) = (0, Vec::new(), Vec::new());
+        for (index, one) in self.described.iter().enumerate() {
+            let path = |other: usize| self.described.get(other).map(|other| &other.path);
+            let begins = index.checked_sub(1).and_then(path) != Some(&one.path);
+            let is_number = one.scalars == [Scalar::F32] && !one.declared;
+            if begins && is_number && path(index + 1) == Some(&one.path) {
+                vectors.push((at, is_position(one)));
+            }
+            if one.scalars == [Scalar::F32] {
+                others.push(at);
+            }
+            at += one.scalars.len();
+        }
+        let pixels = (0..down).flat_map(|y| (0..across).map(move |x| [x, y]));
+        let mut rows = Vec::with_capacity(row.len() * (across * down) as usize);
+        for pixel in pixels {
+            let first = rows.len();
+            rows.extend_from_slice(row);
+            // Along the diagonal, so that a float differs between neighbours in each direction.
+            let share = (pixel[0] + pixel[1]) as f32 / (across + down - 2).max(1) as f32;
+            for at in &others {
+                let [one, other] = [row, other].map(|row| f32::from_bits(row[*at]));
+                rows[first + at] = (one + (other - one) * share).to_bits();
+            }
+            for (at, is_position) in &vectors {
+                for (lane, (index, count)) in pixel.into_iter().zip([across, down]).enumerate() {
+                    let center = index as f32 + 0.5;
+                    let value = if *is_position { center } else { center / count as f32 };
+                    rows[first + at + lane] = value.to_bits();
+                }
+            }
+        }
+        rows
+    }
+
+    /// The rows in which each integer that isn't declared is small enough for loops to count to.
+    pub(crate) fn few(&self, rows: &[u32]) -> Vec<u32> {
+        /// Loops of three in each other make as many rounds as fit into the engine's patience.
+        const MOST: u32 = 8;
+        let counts: Vec<Option<Scalar>> = self
+            .described
+            .iter()
+            .flat_map(|one| {
+                one.scalars.iter().map(|scalar| Some(*scalar).filter(|_| !one.declared))
+            })
+            .collect();
+        let little = |(scalar, word): (&Option<Scalar>, &u32)| match scalar {
+            Some(Scalar::I32) => word.cast_signed().unsigned_abs() <= MOST,
+            Some(Scalar::U32) => *word <= MOST,
+            _ => true,
+        };
+        let few = rows.chunks_exact(self.width().max(1));
+        few.filter(|row| counts.iter().zip(*row).all(little)).flatten().copied().collect()
+    }
+
+    /// The range of each number.
+    pub(crate) fn drawn(&self) -> Drawn {
+        let mut drawn = Drawn::default();
+        self.described.iter().for_each(|one| drawn.note(one));
+        drawn
+    }
+}
+
+/// One call of a function, of which nothing is given.
+#[derive(Clone, Debug)]
+pub struct MadeUp {
+    /// The words of the arguments.
+    pub lanes: Vec<u32>,
+    /// The contents of buffers and textures, and samplers.
+    pub fixtures: karat::fixture::Fixtures,
+    /// The members of buffers that aren't elements of arrays, with their values.
+    pub members: Vec<(String, String)>,
+    /// The ranges that all of it was drawn from.
+    pub drawn: Drawn,
+}
+
+impl MadeUp {
+    /// Case `case` of those that a search tries: edges come first.
+    ///
+    /// # Errors
+    /// If a resource can't be made up, or a declared range has no value of its argument's type, in a sentence.
+    pub fn of(
+        probed: &karat::unstable::probe::Probed,
+        ranges: &Ranges,
+        case: usize,
+    ) -> Result<Self, String> {
+        let arguments = Arguments::of(probed.function(), ranges)?;
+        let (count, rows) = arguments.rows(resources::SEED, CASES);
+        let width = arguments.width();
+        let lanes = rows.get(case * width..(case + 1) * width).filter(|_| case < count);
+        let lanes = lanes.ok_or_else(|| format!("there are {count} cases, from 0"))?.to_vec();
+        let Resources { fixtures, members, drawn, .. } =
+            Resources::of(probed, ranges, case % VARIANTS)?;
+        let mut all = arguments.drawn();
+        all.merge(drawn);
+        Ok(Self { lanes, fixtures, members, drawn: all })
+    }
+
+    /// Content `case` of the resources of a compute pass over so many workgroups. Sizes follow from what is dispatched,
+    /// and in the first two cases indices in buffers do.
+    ///
+    /// # Errors
+    /// If the entry point isn't valid, or a resource can't be made up.
+    pub fn of_pass(
+        (package, name): (&Package, &str),
+        overrides: &BTreeMap<String, f64>,
+        workgroups: [u32; 3],
+        ranges: &Ranges,
+        case: usize,
+    ) -> Result<Self, String> {
+        let (program, bindings, size) = Program::of_pass(package, name, overrides)?;
+        let case = case % Extents::VARIANTS;
+        let extents = Extents::of(size, workgroups, case);
+        extents.expect_few()?;
+        let made = Resources::of_pass((&program, &bindings), ranges, extents, (case, None))?;
+        let Resources { fixtures, members, drawn, .. } = made;
+        Ok(Self { lanes: Vec::new(), fixtures, members, drawn })
+    }
+
+    /// The arguments of that function, by their names.
+    #[must_use]
+    pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
+        let mut rest = &*self.lanes;
+        // A pass has none.
+        if rest.is_empty() {
+            return Vec::new();
+        }
+        let named = function.parameters.iter().map(|(name, shape)| {
+            let (own, others) = rest.split_at(shape.lanes().len().min(rest.len()));
+            rest = others;
+            (name.clone(), shape.format(own))
+        });
+        named.collect()
+    }
+}
+
+/// The cases of which one can be chosen.
+const CASES: usize = 1024;
+
+/// The ranges that names were drawn from: for a report.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(transparent)]
+pub struct Drawn {
+    /// Names by what they are drawn from.
+    by: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl Drawn {
+    fn note(&mut self, one: &Described) {
+        if one.path.is_empty() {
+            return;
+        }
+        let described = if one.sized { "by what is dispatched" } else { one.part.described() };
+        self.by.entry(described.to_owned()).or_default().insert(one.path.clone());
+    }
+
+    /// Adds a name that isn't drawn, as it is declared.
+    fn add(&mut self, name: String) {
+        self.by.entry("as declared".to_owned()).or_default().insert(name);
+    }
+
+    pub(crate) fn merge(&mut self, other: Self) {
+        for (key, names) in other.by {
+            self.by.entry(key).or_default().extend(names);
+        }
+    }
+
+    /// The same, where a quarter of what is drawn is what `others` draw.
+    pub(crate) fn beside(self, others: &Self) -> Self {
+        let mut all = Self::default();
+        for (key, names) in self.by {
+            for name in names {
+                let is_known = others.by.get(&key).is_some_and(|known| known.contains(&name));
+                let wider = || format!("{key}, a quarter of them anywhere");
+                let key = if is_known { key.clone() } else { wider() };
+                all.by.entry(key).or_default().insert(name);
+            }
+        }
+        all
+    }
+
+    /// All names, with their paths.
+    pub(crate) fn names(&self) -> BTreeSet<&str> {
+        let all = self.by.values().flatten();
+        all.flat_map(|path| [path.as_str(), path.rsplit('.').next().unwrap_or(path)]).collect()
+    }
+}
+
+impl Drawn {
+    /// A line for each kind of number: what it is drawn from, and at most so many of the names that are.
+    #[must_use]
+    pub fn lines(&self, most: usize) -> Vec<String> {
+        let line = |(text, names): (&String, &BTreeSet<String>)| {
+            let shown: Vec<&str> = names.iter().take(most).map(String::as_str).collect();
+            let more = match names.len().saturating_sub(most) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("{text}: {}{more}", shown.join(", "))
+        };
+        self.by.iter().map(line).collect()
+    }
+}
+
+impl std::fmt::Display for Drawn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.lines(usize::MAX).join("\n"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is declared of a member of a variable comes before what is declared of each member of that name.
+    #[test]
+    fn a_path_comes_before_its_last_name() {
+        let mut ranges = Ranges::default();
+        for (name, ends) in [("b", [0.0, 1.0]), ("a.b", [2.0, 3.0]), ("c.d.b", [4.0, 5.0])] {
+            ranges.declare(name, ends[0], ends[1]).expect("it is a range");
+        }
+        let get = |path: &str| match ranges.get(path) {
+            Some(Declaration::Range(least, most)) => Some((*least, *most)),
+            _ => None,
+        };
+        assert_eq!([get("a.b"), get("c.d.b")], [Some((2.0, 3.0)), Some((4.0, 5.0))]);
+        assert_eq!([get("b"), get("x.b"), get("d.b"), get("x.a.b")], [Some((0.0, 1.0)); 4]);
+        assert_eq!([get("a"), get("b.a"), get("bb"), get("")], [None; 4]);
+        ranges.declare("b", -1.0, -1.0).expect("one number is a range");
+        let last = Some(&Declaration::Range(-1.0, -1.0));
+        assert_eq!(ranges.get("b"), last, "the last declaration holds");
+        for (least, most) in [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
+            ranges.declare("b", least, most).expect_err("it is no range");
+        }
+    }
+
+    fn function(text: &str) -> (karat::unstable::probe::Probed, Ranges) {
+        let package = Package::from_source("p", text);
+        let probed = karat::unstable::probe::Probed::new(&package, "f").expect("it is called");
+        (probed, Ranges::default())
+    }
+
+    /// Rows are few where a function has few values: each content of resources meets all of them.
+    #[test]
+    fn contents_meet_a_part_of_many_rows_and_all_of_few() {
+        let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let (count, rows) = arguments.rows(1, 100);
+        assert_eq!((count, rows.len()), (2, 2));
+        assert_eq!(arguments.part(&rows, count, 3), (count, rows));
+        let many: Vec<u32> = (0..10).collect();
+        assert_eq!(arguments.part(&many, 10, 0), (10, many.clone()));
+        assert_eq!(arguments.part(&many, 10, 1), (3, vec![1, 5, 9]));
+        assert_eq!(arguments.part(&many, 10, 4), (3, vec![0, 4, 8]));
+        // One case has no arguments, and there is no second one.
+        let (probed, ranges) = function("fn f() -> f32 { return 1.0; }");
+        let cases = [0, 1].map(|case| MadeUp::of(&probed, &ranges, case).map(|one| one.lanes));
+        assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
+    }
+
+    /// The rows whose loops end soon.
+    #[test]
+    fn rows_are_few() {
+        let text = "fn f(k: i32, n: u32, x: f32) -> f32 { return x; }";
+        let (probed, mut ranges) = function(text);
+        ranges.declare("n", 0.0, 1e6).expect("it is a range");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let row = |k: i32, n: u32| vec![k.cast_unsigned(), n, 1.0_f32.to_bits()];
+        let few = [row(8, 0), row(-8, 1_000_000)];
+        let all = [row(9, 0), few[0].clone(), row(-9, 0), few[1].clone()].concat();
+        assert_eq!(arguments.few(&all), few.concat(), "`n` is declared");
+    }
+
+    /// Declared lanes are held, a name counts where nothing calls the function, and plain numbers come first.
+    #[test]
+    fn known_lanes_are_held() {
+        let (probed, mut ranges) =
+            function("fn f(x: f32, roughness: f32, k: u32) -> f32 { return x; }");
+        ranges.declare("k", 0.0, 9.0).expect("it is a range");
+        let of = |ranges: &Ranges| Arguments::of(probed.function(), ranges).expect("made up");
+        let (called, root) = (of(&ranges), of(&ranges.with_names()));
+        let others: Vec<u32> = (10..22).collect();
+        assert_eq!(called.known_of(&[1, 2, 3]), [3]);
+        assert_eq!(root.known_of(&[1, 2, 3]), [2, 3]);
+        assert_eq!(called.held(&[1, 2, 3], &others, 2), [10, 11, 3, 16, 17, 3]);
+        assert_eq!(root.held(&[1, 2, 3], &others[..3], 2), [10, 2, 3, 10, 2, 3]);
+        let oddity = |x: f32| root.oddity(&[x.to_bits(), 0, 1]);
+        assert_eq!([oddity(1.0), oddity(3.5), oddity(1e6)], [[0, 0], [0, 1], [1, 1]]);
+        assert!(!root.are_declared() && !root.are_known());
+    }
+
+    /// Texture coordinates are the first two numbers of a vector.
+    #[test]
+    fn pixels_have_coordinates() {
+        let (probed, ranges) = function("fn f(uv: vec3f, k: u32) -> f32 { return uv.x; }");
+        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
+        let [row, other] = [[8.0_f32, 8.0, 2.0], [0.0, 0.0, 4.0]]
+            .map(|floats| floats.map(f32::to_bits).into_iter().chain([5]).collect::<Vec<u32>>());
+        let words = arguments.of_pixels(probed.function(), [&row, &other], [2, 2]);
+        let rows: Vec<[f32; 3]> = words
+            .chunks_exact(4)
+            .map(|row| [0, 1, 2].map(|lane| f32::from_bits(row[lane])))
+            .collect();
+        let expected = [[0.25, 0.25, 2.0], [0.75, 0.25, 3.0], [0.25, 0.75, 3.0], [0.75, 0.75, 4.0]];
+        assert_eq!(rows, expected);
+        assert!(
+            words.chunks_exact(4).all(|row| row[3] == 5),
+            "an integer is that of the first row"
+        );
+    }
+}

@@ -1,0 +1,69 @@
+//! How much WGSL bounds of the shader library: rules that allow more must leave something to judge by.
+
+use karat::package::Package;
+use karat::unstable::interpret::{Bound, Interpreted};
+use karat::unstable::probe::Probed;
+use karat_core::domain::Source;
+use karat_core::value::Scalar;
+
+use super::{Ranges, Resources};
+
+/// Cases of each function.
+const CASES: usize = 128;
+
+/// What `Spec` asks for when a test says no more: bounds that are this near to the result.
+const NEEDED: f64 = 1.0 / 1024.0;
+
+/// Numbers of the unit interval, where most of the library is defined, and small counts.
+fn row(scalars: &[Scalar], source: &mut Source) -> Vec<u32> {
+    let word = |scalar: &Scalar| match scalar {
+        Scalar::F32 | Scalar::F16 => (source.unit() as f32).to_bits(),
+        Scalar::I32 | Scalar::U32 => 1 + source.below(8) as u32,
+        Scalar::Bool => source.below(2) as u32,
+    };
+    scalars.iter().map(word).collect()
+}
+
+fn is_narrow(bound: &Bound) -> bool {
+    bound.ends().is_some_and(|(least, most)| most - least <= NEEDED * least.abs().max(most.abs()))
+}
+
+/// The cases of a function that are bounded, and those whose bounds are as near as is needed.
+fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
+    let probed = Probed::new(package, name).ok()?;
+    let engine =
+        Interpreted::new(&probed, &Resources::of(&probed, &Ranges::default(), 0).ok()?.fixtures)
+            .ok()?;
+    let parameters = &probed.function().parameters;
+    let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+    let rows = (0..CASES as u64).flat_map(|case| row(&scalars, &mut Source::new(0x5ea, case)));
+    let bounds = engine.bounds(CASES, &rows.collect::<Vec<_>>()).ok()?;
+    let cases = || bounds.chunks(bounds.len() / CASES);
+    let all = |holds: fn(&Bound) -> bool| cases().filter(|case| case.iter().all(holds)).count();
+    Some((all(|bound| bound.ends().is_some()), all(is_narrow)))
+}
+
+/// 99.0 % were bounded, and 80.4 % as near as is needed, before bounds followed each order of operations.
+/// They may fall by 3 %.
+#[test]
+fn most_of_the_library_is_bounded() {
+    let library = Package::relative(env!("CARGO_MANIFEST_DIR"), "../../shaders");
+    let functions = library.functions().expect("the library is valid");
+    let shares: Vec<(String, usize, usize)> = functions
+        .iter()
+        .filter(|function| {
+            function.entry_point.is_none() && !function.name.starts_with("as_written")
+        })
+        .filter_map(|function| {
+            let (bounded, narrow) = share(&library, &function.name)?;
+            Some((function.name.clone(), bounded, narrow))
+        })
+        .collect();
+    let cases = (shares.len() * CASES) as f64;
+    let per_cent = |of: usize| 100.0 * of as f64 / cases;
+    let bounded = per_cent(shares.iter().map(|(_, bounded, _)| bounded).sum());
+    let narrow = per_cent(shares.iter().map(|(_, _, narrow)| narrow).sum());
+    let found =
+        format!("{bounded:.1} % bounded, {narrow:.1} % narrow, of {}: {shares:?}", shares.len());
+    assert!(shares.len() > 150 && bounded > 96.0 && narrow > 77.4, "{found}");
+}

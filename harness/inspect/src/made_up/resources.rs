@@ -1,0 +1,1068 @@
+//! Contents of the buffers and textures, and the samplers, that a function asks for.
+
+use std::collections::BTreeMap;
+
+use karat::fixture::{Address, Buffer, Compare, CubeMap, Fixture, Sampler, Texel, Texture};
+use karat::unstable::fixture::{Fixtures, without_mips};
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels};
+use karat_core::domain::{Part, Source};
+use karat_core::value::{Scalar, Shape};
+
+use super::extents::{Numbered, hashed};
+use super::{Declaration, Described, Drawn, End, Extents, Ranges, described};
+
+/// Small whole numbers, of textures.
+const MOST: u64 = 16;
+
+/// The same contents for each variable of one name, on every machine.
+pub(super) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
+
+/// The arguments of so many cases, one row each. Where there are fewer values they come again.
+pub(crate) fn rows(probed: &Probed, ranges: &Ranges, cases: usize) -> Result<Vec<u32>, String> {
+    let arguments = super::Arguments::of(probed.function(), ranges)?;
+    let (_, mut rows) = arguments.rows(SEED, cases);
+    // Where one driver stops a loop that counts too far, none runs.
+    if probed.program.most_rounds().is_none() {
+        rows = arguments.few(&rows);
+    }
+    let width = arguments.width();
+    if rows.is_empty() && width > 0 {
+        return Err("no arguments can be made up for it".to_owned());
+    }
+    let words = if rows.is_empty() { 0 } else { cases * width };
+    Ok(rows.iter().copied().cycle().take(words).collect())
+}
+
+/// A function that takes note of how long its made-up resources are, if there are such. Where it takes
+/// derivatives its arguments have some.
+pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
+    let mut probed = probed.with_varying();
+    if let Ok(made) = Resources::made_of(&probed, &Ranges::default(), 0, Content::Own) {
+        probed.fit(&made.fixtures)?;
+    }
+    Ok(probed)
+}
+
+/// Contents of buffers that are tried: draws; then the first of the numbers that are tried first, in each
+/// member, the second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each.
+pub(crate) const VARIANTS: usize = 6;
+
+/// A member of a buffer, the elements of an array together, or a texture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Input {
+    pub(crate) path: String,
+    /// True if a range is declared for it, as `[inputs]` does.
+    pub(crate) declared: bool,
+    /// True if that is so, or its name means a range and names count as declarations.
+    pub(crate) known: bool,
+    /// Its lanes in the buffer, one after the other.
+    lanes: usize,
+}
+
+/// Inputs that have their values of another content.
+#[derive(Clone, Copy)]
+pub(crate) struct Mix<'m> {
+    /// That content.
+    pub(crate) variant: usize,
+    /// The sizes of that content, of a pass.
+    pub(crate) extents: Option<Extents>,
+    pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
+}
+
+/// Something for each resource that a function reads.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Resources {
+    pub(crate) fixtures: Fixtures,
+    /// The members of buffers that aren't elements of arrays, with their values.
+    pub(crate) members: Vec<(String, String)>,
+    pub(crate) drawn: Drawn,
+    /// True if there is any, so that another variant has other contents.
+    pub(crate) varies: bool,
+    /// The inputs in them: members of buffers, arrays and textures.
+    pub(crate) inputs: Vec<Input>,
+    /// The number of the element of an array that is filled.
+    element: Option<u32>,
+    /// Arrays around what is filled.
+    depth: usize,
+    /// The elements of the arrays of all buffers.
+    lengths: BTreeMap<String, u32>,
+    /// True if a pass writes the buffer, so that a number in it counts additions from 0.
+    counts: bool,
+}
+
+impl Resources {
+    /// Makes textures and samplers that differ from each other, so that one that is taken for
+    /// another is seen. An error names the resource that there is nothing for, or the declared range without a
+    /// value.
+    pub(crate) fn of(probed: &Probed, ranges: &Ranges, variant: usize) -> Result<Self, String> {
+        Self::made_of(probed, ranges, variant, Content::Own)
+    }
+
+    /// The same, with some inputs as in another content.
+    pub(crate) fn mixed(
+        probed: &Probed,
+        ranges: &Ranges,
+        variant: usize,
+        mix: &Mix<'_>,
+    ) -> Result<Self, String> {
+        let of = (&*probed.program, &*probed.function().bindings);
+        let ranges = ranges.scoped(&probed.function().name);
+        Self::of_bindings(of, &ranges, (variant, Some(mix)), Content::Own)
+    }
+
+    fn made_of(
+        probed: &Probed,
+        ranges: &Ranges,
+        variant: usize,
+        content: Content,
+    ) -> Result<Self, String> {
+        let of = (&*probed.program, &*probed.function().bindings);
+        let ranges = ranges.scoped(&probed.function().name);
+        Self::of_bindings(of, &ranges, (variant, None), content)
+    }
+
+    /// The resources of a compute pass. Their sizes follow from what is dispatched.
+    pub(crate) fn of_pass(
+        of: (&Program, &[Binding]),
+        ranges: &Ranges,
+        extents: Extents,
+        (variant, mix): (usize, Option<&Mix<'_>>),
+    ) -> Result<Self, String> {
+        let ranges = Ranges { extents: Some(extents), ..ranges.clone() };
+        Self::of_bindings(of, &ranges, (variant, mix), Content::Own)
+    }
+
+    fn of_bindings(
+        (program, bindings): (&Program, &[Binding]),
+        ranges: &Ranges,
+        (variant, mix): (usize, Option<&Mix<'_>>),
+        content: Content,
+    ) -> Result<Self, String> {
+        let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
+        let mut named = Vec::new();
+        let elements_of = |binding: &Binding| {
+            let usual = match ranges.extents {
+                Some(extents) => extents.elements_of(&binding.path),
+                // A buffer that is written is as long as the results that are read back.
+                None if binding.kind.is_written() => ELEMENTS as u32,
+                None => LENGTHS[variant % LENGTHS.len()] as u32,
+            };
+            ranges.length(&binding.path, usual, variant % 2 == 1) as usize
+        };
+        let grows =
+            |binding: &&Binding| program.buffer_of(binding, 1) != program.buffer_of(binding, 2);
+        let of_size = bindings.iter().filter(grows).map(|one| &*one.path);
+        ranges.note_sizes(of_size, None, &mut all.drawn);
+        let mut elements: BTreeMap<&str, usize> =
+            bindings.iter().map(|one| (one.name(), elements_of(one))).collect();
+        let length = |binding: &Binding, elements: &BTreeMap<&str, usize>| {
+            length_of(&program.buffer_of(binding, elements[binding.name()])?)
+        };
+        // Elements that differ need as many places.
+        for binding in bindings {
+            if let Some(Declaration::Elements { least: End::Number(least), most, distinct: true }) =
+                ranges.get(binding.name())
+                && let End::Length(other, less) = most
+                && let Some(own) = length(binding, &elements)
+                && let Some(places) = elements.get_mut(&**other)
+            {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "saturates"
+                )]
+                let needed = (f64::from(own) + less + least).ceil() as usize;
+                let most = ranges.length(other, u32::MAX, false) as usize;
+                if needed > most {
+                    return Err(format!(
+                        "`{}` is declared to have {own} elements that differ, and length({other}) is at most {most}",
+                        binding.name()
+                    ));
+                }
+                *places = (*places).max(needed);
+            }
+        }
+        for binding in bindings {
+            if let Some(length) = length(binding, &elements) {
+                all.lengths.insert(binding.name().to_owned(), length);
+            }
+        }
+        for (place, binding) in bindings.iter().enumerate() {
+            let elements = elements[binding.name()];
+            let ranges = &ranges.of_buffer(place);
+            let fixture = match binding.kind {
+                BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
+                    let of = (program, binding, elements);
+                    let mix = mix.map(|mix| Mix {
+                        extents: mix.extents.map(|extents| extents.of_buffer(place)),
+                        ..*mix
+                    });
+                    let bytes = all.buffer(of, ranges, (variant, mix.as_ref()))?;
+                    Some(Buffer::from_bytes(bytes).into())
+                }
+                _ => {
+                    let (declared, known, lanes) = (false, false, 0);
+                    let path = binding.name().to_owned();
+                    let input = Input { path, declared, known, lanes };
+                    let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.variant);
+                    all.inputs.push(input);
+                    {
+                        let of = (ranges.extents, ranges.floats());
+                        texture_or_sampler(binding, content, other.unwrap_or(variant), of)
+                    }
+                }
+            };
+            let fixture = fixture.ok_or_else(|| {
+                format!(
+                    "it reads `{}`, a {}, for which no data is made up",
+                    binding.path, binding.kind
+                )
+            })?;
+            named.push((binding.path.clone(), fixture));
+        }
+        Ok(Self { fixtures: named.into_iter().collect(), ..all })
+    }
+
+    /// The bytes of a buffer.
+    fn buffer(
+        &mut self,
+        (program, binding, elements): (&Program, &Binding, usize),
+        ranges: &Ranges,
+        (variant, mix): (usize, Option<&Mix<'_>>),
+    ) -> Result<Vec<u8>, String> {
+        let shape = program.buffer_of(binding, elements);
+        let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
+        let first = self.inputs.len();
+        let is_written = binding.kind.is_written();
+        let mut lanes =
+            self.lanes((&binding.path, binding.name(), &shape), ranges, variant, is_written)?;
+        if let Some(mix) = mix {
+            // Both contents have the same lanes, as they have the same shape.
+            let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
+            let of = (&*binding.path, binding.name(), &shape);
+            let lengths = self.lengths.clone();
+            let other =
+                Self { lengths, ..Self::default() }.lanes(of, &ranges, mix.variant, is_written)?;
+            let mut at = 0;
+            for input in &self.inputs[first..] {
+                let own = at..at + input.lanes;
+                if (mix.takes)(input) {
+                    lanes[own.clone()].copy_from_slice(&other[own.clone()]);
+                }
+                at = own.end;
+            }
+        }
+        program.bytes(binding, &lanes).map_err(|error| error.to_string())
+    }
+
+    /// The lanes of a buffer.
+    fn lanes(
+        &mut self,
+        (path, name, shape): (&str, &str, &Shape),
+        ranges: &Ranges,
+        variant: usize,
+        is_written: bool,
+    ) -> Result<Vec<u32>, String> {
+        let mut lanes = Vec::new();
+        self.counts = is_written && ranges.numbered().is_some();
+        let mut source = source_of(path, variant);
+        self.fill((name, shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
+        Ok(lanes)
+    }
+
+    /// Notes the input that the lanes behind so many are.
+    fn input(&mut self, parts: &[Described], path: &str, from: usize, lanes: &[u32]) {
+        let declared = parts.iter().all(|one| one.declared);
+        let known = parts.iter().all(|one| one.known);
+        let lanes = lanes.len() - from;
+        self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
+    }
+
+    /// Draws the lanes of a value. Elements of an array take the numbers that are tried first in turn.
+    fn fill(
+        &mut self,
+        (path, shape): (&str, &Shape),
+        ranges: &Ranges,
+        index: Option<usize>,
+        source: &mut Source,
+        lanes: &mut Vec<u32>,
+    ) -> Result<(), String> {
+        match shape {
+            Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
+                let path = format!("{path}.{member}");
+                // Members in another order hold the same.
+                let mut own = source_of(&path, index.map_or(0, |index| index + 1));
+                let source = if self.depth == 0 { &mut own } else { &mut *source };
+                self.fill((&path, shape), ranges, index, source, lanes)
+            }),
+            Shape::Array { element, length } => {
+                // Elements have no place in a line of a report.
+                let shown = self.members.len();
+                if let Some(declared @ Declaration::Elements { .. }) = ranges.get(path) {
+                    let words =
+                        self.elements((path, element), declared, *length, ranges, source)?;
+                    let input = Input {
+                        path: path.to_owned(),
+                        declared: true,
+                        known: true,
+                        lanes: words.len(),
+                    };
+                    self.inputs.push(input);
+                    self.drawn.add(path.to_owned());
+                    lanes.extend(words);
+                    return Ok(());
+                }
+                let each = (0..*length as usize).map(|at| index.map(|index| index + at));
+                self.depth += 1;
+                match **element {
+                    Shape::Struct { .. } | Shape::Array { .. } => {
+                        for (at, index) in (0..).zip(each) {
+                            let number = ranges.numbered().map(|how| how.of(at, *length));
+                            let around = std::mem::replace(&mut self.element, number);
+                            self.fill((path, element), ranges, index, source, lanes)?;
+                            self.element = around;
+                        }
+                    }
+                    // Described once: there may be a million.
+                    _ => {
+                        let parts = described_elements(path, element, ranges)?;
+                        let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
+                        let start = lanes.len();
+                        if !in_order {
+                            parts.iter().for_each(|one| self.drawn.note(one));
+                        }
+                        for (at, index) in (0..).zip(each) {
+                            if let Some(all) = parts
+                                .iter()
+                                .map(|one| ranges.constant(one))
+                                .collect::<Option<Vec<_>>>()
+                            {
+                                lanes.extend(all.concat());
+                                continue;
+                            }
+                            if let Some(how) = ranges.numbered().filter(|_| in_order) {
+                                lanes.extend(parts.iter().map(|_| how.of(at, *length)));
+                                continue;
+                            }
+                            let first = lanes.len();
+                            let values = parts.iter().map(|one| one.part.value(index, source));
+                            lanes.extend(values.flatten().flatten());
+                            ranges.negate(&parts, &mut lanes[first..]);
+                        }
+                        self.input(&parts, path, start, lanes);
+                    }
+                }
+                self.depth -= 1;
+                self.members.truncate(shown);
+                Ok(())
+            }
+            other => {
+                let start = lanes.len();
+                let parts = described(path, other, ranges)?;
+                for one in &parts {
+                    if let Some(words) = ranges.constant(one).filter(|_| self.depth > 0) {
+                        lanes.extend(words);
+                        continue;
+                    }
+                    if let Some(at) = self.element.filter(|_| ranges.numbers_elements(one)) {
+                        lanes.push(at);
+                        continue;
+                    }
+                    if self.counts && self.depth == 0 && ranges.numbers_elements(one) {
+                        lanes.push(0);
+                        continue;
+                    }
+                    self.drawn.note(one);
+                    let first = lanes.len();
+                    lanes.extend(one.part.value(index, source).unwrap_or_default());
+                    if self.depth > 0 || ranges.negative {
+                        ranges.negate(std::slice::from_ref(one), &mut lanes[first..]);
+                    }
+                }
+                self.input(&parts, path, start, lanes);
+                self.members.push((path.to_owned(), other.format(&lanes[start..])));
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Resources {
+    /// The elements of an array of whole numbers, as they are declared: in order, in the opposite order, or in any.
+    fn elements(
+        &self,
+        (path, element): (&str, &Shape),
+        declared: &Declaration,
+        length: u32,
+        ranges: &Ranges,
+        source: &mut Source,
+    ) -> Result<Vec<u32>, String> {
+        let Declaration::Elements { least, most, distinct } = declared else {
+            return Ok(Vec::new());
+        };
+        if !matches!(element, Shape::Scalar(Scalar::U32 | Scalar::I32)) {
+            return Err(format!("`{path}` is declared by its elements, and these are {element}"));
+        }
+        let end = |end: &End| match end {
+            End::Number(number) => Ok(*number),
+            End::Length(name, less) => match self.lengths.get(name) {
+                Some(length) => Ok(f64::from(*length) - less),
+                None => Err(format!(
+                    "`{path}` is declared by length({name}), and no buffer is `{name}`"
+                )),
+            },
+        };
+        let (least, most) = (end(least)?.ceil(), end(most)?.floor());
+        let count = most - least + 1.0;
+        if count < 1.0 {
+            return Err(format!("`{path}` is declared from {least} to {most}: no range"));
+        }
+        if *distinct && count < f64::from(length) {
+            return Err(format!(
+                "`{path}` is declared to have {length} elements that differ, and {count} numbers lie from {least} to {most}"
+            ));
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "both saturate"
+        )]
+        let (first, count) = (least as i64, count as u64);
+        let number = |at: u64| (first + (at % count).cast_signed()) as u32;
+        // Both ends come: from the least upwards, from the most downwards, or over the whole range.
+        let all = 0..u64::from(length);
+        Ok(match ranges.numbered() {
+            Some(Numbered::Forwards) => all.map(number).collect(),
+            Some(Numbered::Backwards) => all.map(|at| number(count - 1 - at % count)).collect(),
+            _ if *distinct => {
+                // Steps without a common divisor come to each number once.
+                let divides = |step: &u64| gcd(*step, count) == 1;
+                let step = (count / 2 + source.below(count)..).find(divides).unwrap_or(1);
+                all.map(|at| number(count - 1 + (at % count) * (step % count))).collect()
+            }
+            _ => {
+                let drawn = |at| if at == 0 { count - 1 } else { source.below(count) };
+                all.map(drawn).map(number).collect()
+            }
+        })
+    }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// The elements of a buffer's array: its own, or that of its last member.
+fn length_of(shape: &Shape) -> Option<u32> {
+    match shape {
+        Shape::Array { length, .. } => Some(*length),
+        Shape::Struct { members, .. } => length_of(&members.last()?.1),
+        _ => None,
+    }
+}
+
+/// The numbers of an array's elements. A name says nothing of whole ones: they may be indices of anything.
+fn described_elements(
+    path: &str,
+    shape: &Shape,
+    ranges: &Ranges,
+) -> Result<Vec<Described>, String> {
+    let mut parts = described(path, shape, ranges)?;
+    for one in &mut parts {
+        if let [scalar @ (Scalar::U32 | Scalar::I32)] = *one.scalars
+            && !one.declared
+        {
+            one.part = Part::plausible(scalar);
+        }
+    }
+    Ok(parts)
+}
+
+impl Ranges {
+    /// True if a whole number of an element is the element's own, as nothing else says its value.
+    fn numbers_elements(&self, one: &Described) -> bool {
+        let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
+        whole && !one.declared && self.numbered().is_some()
+    }
+
+    /// The words of an element that is one number in all elements.
+    fn constant(&self, one: &Described) -> Option<Vec<u32>> {
+        // A range that a name means may not have the number.
+        let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
+        let numbered = self.numbered().filter(|_| !one.declared && (whole || one.guessed))?;
+        one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
+    }
+
+    /// Makes floats negative where that is wanted, and nothing says what they are.
+    fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
+        const SIGN: u32 = 1 << 31;
+        if !(self.negative || self.extents.is_some_and(|extents| extents.negative)) {
+            return;
+        }
+        let scalars =
+            parts.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, scalar)));
+        for (lane, (one, scalar)) in lanes.iter_mut().zip(scalars) {
+            match scalar {
+                Scalar::F32 if one.guessed => *lane |= SIGN,
+                Scalar::I32 if one.guessed && self.negative => {
+                    *lane = lane.cast_signed().saturating_abs().wrapping_neg().cast_unsigned();
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The same for a buffer by its place among all.
+    fn of_buffer(&self, place: usize) -> Self {
+        let extents = self.extents.map(|extents| extents.of_buffer(place));
+        Self { extents, ..self.clone() }
+    }
+
+    /// The floats of the text.
+    fn floats(&self) -> &[f32] {
+        self.literals.as_ref().map_or(&[], |all| &all.floats)
+    }
+
+    fn numbered(&self) -> Option<Numbered> {
+        self.extents?.numbered
+    }
+}
+
+/// The contents of textures and samplers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    /// Equal ones, on which drivers agree, and what samplers find beyond the edges of a texture.
+    Plain(Address),
+    /// Those of each variable are its own, so that one that is taken for another is seen.
+    Own,
+}
+
+/// Something for each resource that the function reads, on which drivers agree; or the one that there is
+/// nothing for.
+pub(crate) fn fixtures(
+    probed: &Probed,
+    ranges: &Ranges,
+    beyond: Address,
+) -> Result<Fixtures, String> {
+    Ok(Resources::made_of(probed, ranges, 0, Content::Plain(beyond))?.fixtures)
+}
+
+/// What the samplers of a function find beyond the edges, in a share of its cases each: no driver takes one way for another.
+pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
+    const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
+    let mut bindings = probed.function().bindings.iter();
+    let samples = bindings.any(|one| one.kind == BindingKind::Sampler { comparison: false });
+    if samples { &ALL } else { &ALL[..1] }
+}
+
+/// The contents of an entry point's resources, the same on each column; or the resource that nothing is made up for. An
+/// array whose length the shader doesn't say has an element for each invocation. Each variant is another content. Samplers
+/// repeat, which shows where one that clamps is taken for it.
+pub(crate) fn data(
+    program: &Program,
+    bindings: &[Binding],
+    ranges: &Ranges,
+    invocations: usize,
+    variant: usize,
+) -> Result<Vec<(Binding, Fixture)>, String> {
+    // More words than a buffer may have are refused below.
+    let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
+    let one = |binding: &Binding| {
+        if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
+            let made =
+                texture_or_sampler(binding, Content::Plain(Address::Repeat), variant, (None, &[]));
+            let none =
+                || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
+            return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
+        }
+        let bytes =
+            Resources::default().buffer((program, binding, elements), ranges, (variant, None))?;
+        if bytes.len() > MOST_BYTES {
+            return Err(format!(
+                "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
+                binding.path,
+                bytes.len()
+            ));
+        }
+        Ok((binding.clone(), Buffer::from_bytes(bytes).into()))
+    };
+    bindings.iter().map(one).collect()
+}
+
+/// Invocations of an entry point, at least.
+pub(crate) const INVOCATIONS: u32 = 64;
+
+/// A buffer of an entry point, at most. Mesa's GL takes minutes to compile a shader whose arrays have a
+/// million elements.
+const MOST_BYTES: usize = 1 << 20;
+
+/// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
+const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
+
+/// Elements of an array whose length the shader doesn't say.
+const ELEMENTS: usize = 64;
+
+/// The same in each variant, of an array that is read: a guard that is left out shows where it is short.
+const LENGTHS: [usize; VARIANTS] = [ELEMENTS, ELEMENTS, 16, ELEMENTS, 3, ELEMENTS];
+
+/// The variant whose textures are black and transparent, of functions.
+const BLACK: usize = VARIANTS - 2;
+
+/// The variant whose textures are noise, of functions.
+const NOISE: usize = VARIANTS - 1;
+
+/// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
+fn source_of(path: &str, variant: usize) -> Source {
+    let hash = blake3::hash(path.as_bytes());
+    let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
+    Source::new(SEED + variant as u64, stream)
+}
+
+/// Texels along each side of a variable's textures: each has another shape, so that a size that is asked of
+/// another one is seen.
+fn sides(source: &mut Source) -> [u32; 2] {
+    let mut side = || SIDES[source.below(SIDES.len() as u64) as usize];
+    [side(), side()]
+}
+
+fn texture_or_sampler(
+    binding: &Binding,
+    content: Content,
+    variant: usize,
+    (extents, literals): (Option<Extents>, &[f32]),
+) -> Option<Fixture> {
+    let mut source = source_of(&binding.path, variant);
+    let is_own = content == Content::Own;
+    // Weights of filters have 8 bits: where a texture repeats, its edges may be but so far apart for drivers to agree.
+    let contrast = match content {
+        Content::Own | Content::Plain(Address::Clamp) => 1.0,
+        Content::Plain(_) => 0.25,
+    };
+    // What is written is as large as the results that are read back, whatever else there is.
+    let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
+    // A pass meets colours below 0.
+    let noise = match extents {
+        Some(extents) => extents.noise.then_some(-0.5),
+        None => (variant == NOISE).then_some(0.0),
+    };
+    let noise = noise.map(|least| Noise { least, literals });
+    let sides = match extents {
+        // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
+        Some(Extents { elements: [across, down, _], workgroups, .. }) => {
+            let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
+            let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
+            let sides = [part(across), part(down).max(rows.min(LAYERS))];
+            match extents {
+                // A square beyond the dispatch, with a level of one texel, as what goes from level to level wants.
+                Some(extents) if extents.long => [2 * across.max(down).next_power_of_two(); 2],
+                _ => sides,
+            }
+            .map(|side| side.min(MOST_SIDE))
+        }
+        // So large that each number of the text has its squares.
+        None if noise.is_some() && !written && !literals.is_empty() => [SIDES[SIDES.len() - 1]; 2],
+        None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
+    };
+    Some(match binding.kind {
+        BindingKind::TEXTURE_CUBE => {
+            // A power of two tells it from another one, and loses no digit.
+            let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
+            let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
+            CubeMap::from_fn(sides[0].next_power_of_two().min(MOST_FACE), texel).with_mips().into()
+        }
+        BindingKind::Texture(kind) => {
+            let samples = if kind.multisampled { 4 } else { 1 };
+            let own = is_own.then_some((&mut source, variant % 2 == 1));
+            let of = (kind.dimension, kind.arrayed);
+            // Black and white, and all of it the same, as an image may be that a shader divides by.
+            let constant = match extents.map_or(Some(variant), |_| None) {
+                Some(BLACK) if is_own => Some(0.0),
+                // A filter keeps a number of the text where all of the texture is that.
+                Some(drawn) if is_own && drawn >= VARIANTS && !literals.is_empty() => {
+                    Some(literals[drawn / VARIANTS % literals.len()])
+                }
+                _ => extents
+                    .and_then(|extents| extents.numbered?.constant(Scalar::F32))
+                    .map(f32::from_bits),
+            };
+            match (constant, kind.texels) {
+                (Some(x), Texels::Float) => {
+                    made(kind.dimension, kind.arrayed, sides, samples, |_, _, _| {
+                        glam::Vec4::splat(x)
+                    })
+                    .into()
+                }
+                _ => texture(of, sides, (kind.texels, noise, contrast), samples, own).into(),
+            }
+        }
+        BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
+            let texels = format.texels();
+            let own = is_own.then_some((&mut source, variant % 2 == 1));
+            without_mips(texture((dimension, arrayed), sides, (texels, noise, 1.0), 1, own)).into()
+        }
+        BindingKind::Sampler { comparison: true } if !is_own => {
+            Sampler::LINEAR.compare(Compare::LessEqual).into()
+        }
+        BindingKind::Sampler { comparison: false } if let Content::Plain(beyond) = content => {
+            Sampler::LINEAR.address([beyond; 3]).into()
+        }
+        BindingKind::Sampler { comparison: false } => {
+            // Textures are smooth: another least level is seen in the last bits, and is no jump.
+            let least = source.unit() as f32;
+            let sampler = Sampler::LINEAR.lod(least, 32.0);
+            match source.below(3) {
+                0 => sampler.into(),
+                1 => sampler.mirror().into(),
+                _ => sampler.repeat().into(),
+            }
+        }
+        BindingKind::Sampler { comparison: true } => {
+            let ways = [Compare::LessEqual, Compare::Less, Compare::GreaterEqual, Compare::Greater];
+            Sampler::LINEAR.compare(ways[source.below(4) as usize]).into()
+        }
+        BindingKind::Uniform
+        | BindingKind::Storage { .. }
+        | BindingKind::Immediate
+        | BindingKind::Other => return None,
+    })
+}
+
+/// The nearest numbers that textures of 16-bit floats hold, too, which GL filters in place of 32-bit ones.
+fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
+    /// Steps of halves below 8.
+    const STEPS: f32 = 128.0;
+    (texel * STEPS).round() / STEPS
+}
+
+/// Texels that differ from their neighbours.
+#[derive(Clone, Copy)]
+struct Noise<'l> {
+    /// Of colours.
+    least: f32,
+    /// The numbers of the text.
+    literals: &'l [f32],
+}
+
+impl Noise<'_> {
+    /// A number of the text, a neighbour of it, 0 or 1, of every other square of four texels each way: a filter in its middle
+    /// gives it, too.
+    fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
+        const SIDE: u32 = 4;
+        if self.literals.is_empty() {
+            return None;
+        }
+        let bits = [x / SIDE, y / SIDE, z].into_iter().fold(own.to_bits() ^ 1, hashed);
+        let near = |x: f32| [x, x.next_up(), x.next_down()];
+        let all: Vec<f32> = self.literals.iter().flat_map(|x| near(*x)).chain([0.0, 1.0]).collect();
+        let own = hashed(bits, channel);
+        (bits & 1 == 0).then(|| all[(own >> 8) as usize % all.len()])
+    }
+}
+
+/// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
+/// curved, too, so that levels differ; and may be transparent. They may be noise instead, so that each order of neighbours
+/// comes; or lie within a part of their range, the contrast.
+fn texture(
+    (dimension, arrayed): (Dimension, bool),
+    sides: [u32; 2],
+    (texels, noise, contrast): (Texels, Option<Noise<'_>>, f32),
+    samples: u32,
+    own: Option<(&mut Source, bool)>,
+) -> Texture {
+    let transparent = own.as_ref().is_some_and(|(_, transparent)| *transparent);
+    let (own, whole) = own.map_or((0.0, 0), |(source, _)| {
+        let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
+        (source.unit() as f32, whole)
+    });
+    // Of each texel and channel another one: of what is its own alone.
+    let noise = noise.filter(|_| own > 0.0);
+    let drawn = |at: [u32; 3], channel: u32| {
+        let bits = [at[0], at[1], at[2], channel].into_iter().fold(own.to_bits(), hashed);
+        (bits >> 8) as f32 / (1 << 24) as f32
+    };
+    let wave = |x: u32, y: u32, z: u32| {
+        let of_text = |channel| noise?.of_text(own, [x, y, z, channel]);
+        if let [Some(r), Some(g), Some(b), Some(a)] = [0, 1, 2, 3].map(of_text) {
+            return glam::Vec4::new(r, g, b, a);
+        }
+        if let Some(Noise { least, .. }) = noise {
+            let texel =
+                glam::Vec4::from_array([0, 1, 2, 3].map(|channel| drawn([x, y, z], channel)));
+            let color = held_by_halves(texel.truncate() * (1.0 - least) + least);
+            return color.extend(if transparent { texel.w } else { 1.0 });
+        }
+        let [x, y] = [(x, sides[0]), (y, sides[1])].map(|(n, side)| n as f32 / side as f32);
+        let z = z as f32 / LAYERS as f32;
+        let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
+        let texel = glam::Vec3::new(x + own, y, 0.5 * (x + y) + 0.25 * z);
+        let texel = held_by_halves(texel * contrast + (1.0 - contrast));
+        // A shader that divides by alpha meets 0.
+        texel.extend(if transparent { texel.y.clamp(0.0, 1.0) } else { 1.0 })
+    };
+    let number = |x: u32, y: u32, z: u32| match noise {
+        Some(_) => (drawn([x, y, z], 0) * MOST as f32) as u32 + whole,
+        None => x + y + z + whole,
+    };
+    match texels {
+        Texels::Float => {
+            let texture = made(dimension, arrayed, sides, samples, wave);
+            // Lines have one level, and so have textures of several samples.
+            let halve = sides.iter().all(|side| side.is_power_of_two());
+            match (samples, dimension) {
+                (1, Dimension::D2 | Dimension::D3 | Dimension::Cube) if halve => {
+                    texture.with_mips()
+                }
+                // As large as a pass is dispatched: a level has every other texel of the one before.
+                (1, Dimension::D2) if !arrayed => {
+                    let last = sides[0].max(sides[1]).ilog2();
+                    let level = |n: u32| {
+                        let sides = sides.map(|side| (side >> n).max(1));
+                        made(dimension, arrayed, sides, 1, |x, y, z| wave(x << n, y << n, z))
+                    };
+                    texture.with_levels((1..=last).map(level))
+                }
+                _ => texture,
+            }
+        }
+        Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| match noise {
+            Some(noise) => noise
+                .of_text(own, [x, y, z, 0])
+                .unwrap_or_else(|| drawn([x, y, z], 0))
+                .clamp(0.0, 1.0),
+            None => 0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32,
+        }),
+        Texels::Sint => {
+            made(dimension, arrayed, sides, samples, |x, y, z| number(x, y, z).cast_signed() - 4)
+        }
+        Texels::Uint => made(dimension, arrayed, sides, samples, number),
+    }
+}
+
+/// A texture whose values are made of columns, rows, and slices, layers or samples.
+fn made<T: Texel>(
+    dimension: Dimension,
+    arrayed: bool,
+    [width, height]: [u32; 2],
+    samples: u32,
+    value: impl Fn(u32, u32, u32) -> T,
+) -> Texture {
+    let layer = |z: u32| Texture::from_fn(width, height, |x, y| value(x, y, z));
+    let side = width.min(MOST_FACE);
+    let face = |z: u32| Texture::from_fn(side, side, |x, y| value(x, y, z));
+    match (dimension, arrayed) {
+        (Dimension::D1, _) => Texture::from_fn_1d(width, |x| value(x, 0, 0)),
+        (Dimension::D2, false) if samples > 1 => {
+            Texture::multisampled(width, height, samples, value)
+        }
+        (Dimension::D2, false) => layer(0),
+        (Dimension::D2, true) => Texture::array((0..LAYERS).map(layer)),
+        (Dimension::D3, _) => Texture::volume([width, height, LAYERS], value),
+        (Dimension::Cube, false) => Texture::cube((0..6).map(face)),
+        (Dimension::Cube, true) => Texture::cube_array((0..12).map(face)),
+    }
+}
+
+/// Texels along a side of a texture, on every device (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
+const MOST_SIDE: u32 = 8192;
+
+/// Texels along a side of a cube's face: there are six of them, with levels.
+const MOST_FACE: u32 = 64;
+
+/// Layers and slices.
+const LAYERS: u32 = 4;
+
+#[cfg(test)]
+mod tests {
+    use karat::unstable::fixture::{bytes, levels};
+
+    use super::*;
+
+    /// Textures of passes are as large as these are dispatched, and have levels all the same.
+    #[test]
+    fn textures_of_any_size_have_levels() {
+        for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
+            let made = texture((Dimension::D2, false), sides, (Texels::Float, None, 1.0), 1, None);
+            let fixture = Fixture::from(made);
+            let levels = levels(&fixture).len();
+            assert_eq!(levels, count, "{sides:?}");
+        }
+    }
+
+    fn probed(text: &str) -> Probed {
+        let package = karat::Package::from_source("p", text);
+        Probed::new(&package, "f").expect("it is called")
+    }
+
+    /// The words of a buffer.
+    fn words(made: &Resources, name: &str) -> Vec<u32> {
+        let found = made.fixtures.iter().find(|(path, _)| path == name);
+        let Some((_, Fixture::Buffer(buffer))) = found else { panic!("no `{name}`") };
+        bytemuck::pod_collect_to_vec(bytes(buffer))
+    }
+
+    /// A guard that is left out shows where an array is short; one that is written is read back whole.
+    #[test]
+    fn arrays_that_are_read_have_several_lengths() {
+        let probed = probed(
+            "@group(0) @binding(0) var<storage, read> d: array<f32>;
+            @group(0) @binding(1) var<storage, read_write> w: array<f32>;
+            fn f(i: u32) -> f32 { w[i] = d[i]; return d[i]; }",
+        );
+        let made = |variant| Resources::of(&probed, &Ranges::default(), variant).expect("made up");
+        let lengths = |name: &str| {
+            (0..VARIANTS).map(|variant| words(&made(variant), name).len()).collect::<Vec<_>>()
+        };
+        assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
+        assert_eq!(lengths("w"), [64; 6]);
+        // Elements take the numbers that are tried first in turn.
+        let first = words(&made(1), "d");
+        assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
+    }
+
+    /// Textures that are read have other sizes in each content; those that are written are read back whole.
+    #[test]
+    fn written_textures_keep_their_size() {
+        let probed = probed(
+            "@group(0) @binding(0) var image: texture_2d<f32>;
+            @group(0) @binding(1) var stored: texture_storage_2d<r32float, write>;
+            fn f(i: u32) -> f32 {
+                textureStore(stored, vec2u(i), vec4f(1.0));
+                return textureLoad(image, vec2u(i), 0).x;
+            }",
+        );
+        let sizes = |name: &str| {
+            let size = |variant| {
+                let made = Resources::of(&probed, &Ranges::default(), variant).expect("made up");
+                let (_, fixture) = made.fixtures.iter().find(|(path, _)| path == name)?;
+                levels(fixture).first().map(|level| (level.width, level.height))
+            };
+            (0..VARIANTS).map(size).collect::<std::collections::BTreeSet<_>>().len()
+        };
+        assert_eq!(sizes("stored"), 1);
+        assert!(sizes("image") > 2);
+    }
+
+    /// Behind an array of a buffer, whole numbers are no elements' any more; what is declared is none.
+    #[test]
+    fn whole_numbers_of_elements_are_their_own() {
+        let text =
+            "struct Item { id: u32, next: i32 } struct S { items: array<Item, 4>, mode: u32 }
+            @group(0) @binding(0) var<storage, read> s: S;
+            @group(0) @binding(1) var<storage, read> given: array<u32, 3>;
+            @group(0) @binding(2) var<storage, read_write> sum: array<u32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                sum[g.x] = s.items[g.x].id + s.mode + given[g.x % 3u];
+            }";
+        let package = karat::Package::from_source("p", text);
+        let (program, bindings, size) =
+            Program::of_pass(&package, "f", &karat::unstable::reflect::Overrides::new())
+                .expect("a pass");
+        let mut ranges = Ranges::default();
+        ranges.declare("given", 7.0, 7.0).expect("it is a range");
+        let of = |variant: usize| {
+            let extents = Extents::of(size, [2, 1, 1], variant);
+            let of = (variant, None);
+            let made = Resources::of_pass((&program, &bindings), &ranges, extents, of);
+            let made = made.expect("it is made up");
+            (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec())
+        };
+        assert_eq!(of(0), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3]));
+        assert_eq!(of(1), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3]));
+        assert_eq!(of(Extents::ONES), (vec![1; 9], vec![7; 3]));
+    }
+
+    /// An input that is mixed in has the value of the other content, and all others keep theirs.
+    #[test]
+    fn contents_are_mixed_by_inputs() {
+        let probed = probed(
+            "struct Item { id: u32, gain: f32 } struct S { a: f32, b: vec2f, items: array<Item, 3> }
+            @group(0) @binding(0) var<storage, read> s: S;
+            fn f(i: u32) -> f32 { return s.a * s.b.x * s.items[i].gain; }",
+        );
+        let ranges = Ranges::default();
+        let plain =
+            |variant| words(&Resources::of(&probed, &ranges, variant).expect("it is made up"), "s");
+        let [own, other] = [plain(0), plain(3)];
+        let mixed = |path: &'static str| {
+            let takes = move |input: &Input| input.path == path;
+            let mix = Mix { variant: 3, extents: None, takes: &takes };
+            words(&Resources::mixed(&probed, &ranges, 0, &mix).expect("it is made up"), "s")
+        };
+        let changed = |path| {
+            let mixed = mixed(path);
+            let all = (0..own.len()).filter(|at| mixed[*at] != own[*at]);
+            let all: Vec<usize> = all.collect();
+            assert!(all.iter().all(|at| mixed[*at] == other[*at]), "{path}");
+            all
+        };
+        assert_eq!(changed("s.a"), [0]);
+        assert!(changed("s.b").iter().all(|at| (2..4).contains(at)), "{:?}", changed("s.b"));
+        assert!(changed("s.items.gain").iter().all(|at| at % 2 == 1 && *at > 4));
+        assert_eq!(changed("s.none"), [0; 0]);
+    }
+
+    /// Values are those of names, wherever their members stand.
+    #[test]
+    fn members_in_another_order_hold_the_same() {
+        let of = |members: &str, variant| {
+            let probed = probed(&format!(
+                "struct Q {{ u: f32, v: f32 }} struct L {{ l: vec4f }} struct P {{ {members} }}
+                @group(0) @binding(0) var<storage, read> p: P;
+                fn f(x: f32) -> f32 {{ return x * p.a * p.b.y * p.q.v * f32(p.c) * p.list[1].l.x; }}"
+            ));
+            let made = Resources::of(&probed, &Ranges::default(), variant).expect("it is made up");
+            let mut members = made.members;
+            members.sort_unstable();
+            assert_eq!(members.len(), 5);
+            members
+        };
+        for variant in 0..VARIANTS {
+            let one = of("a: f32, b: vec2f, q: Q, c: u32, list: array<L, 3>", variant);
+            assert_eq!(of("c: u32, q: Q, list: array<L, 3>, b: vec2f, a: f32", variant), one);
+            assert_eq!(of("list: array<L, 3>, b: vec2f, c: u32, a: f32, q: Q", variant), one);
+        }
+    }
+
+    /// An element that isn't there is 0, which is the largest of numbers below it.
+    #[test]
+    fn floats_of_one_content_are_below_zero() {
+        let text = "struct P { mass: f32, other: f32 }
+            @group(0) @binding(0) var<storage, read> d: array<f32>;
+            @group(0) @binding(1) var<storage, read> p: array<P>;
+            @group(0) @binding(2) var<storage, read> roughness: array<f32>;
+            @group(0) @binding(3) var<storage, read_write> sum: array<f32>;
+            @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
+                sum[g.x] = d[g.x] + p[g.x].other + roughness[g.x];
+            }";
+        let package = karat::Package::from_source("p", text);
+        let (program, bindings, size) =
+            Program::of_pass(&package, "f", &karat::unstable::reflect::Overrides::new())
+                .expect("a pass");
+        let positive = |name: &str| {
+            let all = (0..Extents::VARIANTS).filter(|variant| {
+                let extents = Extents::of(size, [2, 1, 1], *variant);
+                let of = (&*program, &*bindings);
+                let made = Resources::of_pass(of, &Ranges::default(), extents, (*variant, None));
+                let floats = words(&made.expect("it is made up"), name).into_iter();
+                floats.map(f32::from_bits).any(|x| x > 0.0)
+            });
+            all.collect::<Vec<_>>()
+        };
+        assert_eq!([positive("d"), positive("p")], [[0, 1, 2, 3, 5, 6, 7, 8]; 2]);
+        assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name says what it is");
+    }
+
+    #[test]
+    fn what_is_differentiated_varies() {
+        let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
+        let probed = Probed::new(&karat::Package::from_source("p", text), "f").and_then(fitted);
+        let rows = rows(&probed.expect("it is called"), &Ranges::default(), 64).expect("drawn");
+        // a, its dx and dy; k; v, its dx and dy
+        let cases = || rows.chunks_exact(3 + 1 + 6).skip(32);
+        for slope in [1, 2, 6, 8] {
+            let varying = cases().filter(|row| f32::from_bits(row[slope]) != 0.0).count();
+            assert!(2 * varying > cases().count(), "{varying} cases have slope {slope}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Whether results are what WGSL allows.
+
+use karat::unstable::interpret::Bound;
+use karat::unstable::probe::Probed;
+use karat_core::value::Scalar;
+use serde::Serialize;
+
+use super::Row;
+use super::execute::shown;
+
+/// How many results of a function on a column are what the WGSL specification allows.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Allowed {
+    /// Cases in which WGSL bounds each component.
+    pub bounded: usize,
+    /// Cases of which a component is outside of its bounds.
+    pub outside: usize,
+    /// The first of these: the arguments, what WGSL allows, and the result.
+    pub first: Option<String>,
+}
+
+impl Allowed {
+    /// Looks at each case.
+    pub(super) fn of(probed: &Probed, rows: &[u32], bounds: &[Bound], results: &[u32]) -> Self {
+        let function = probed.function();
+        let scalars = function.result.lanes();
+        let arguments: Vec<Scalar> =
+            function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        let width = scalars.len();
+        let mut allowed = Self { bounded: 0, outside: 0, first: None };
+        let cases = bounds.chunks_exact(width).zip(results.chunks_exact(width));
+        for (case, (bounds, words)) in cases.enumerate() {
+            let ends: Vec<_> = bounds.iter().map(Bound::ends).collect();
+            allowed.bounded += usize::from(ends.iter().all(Option::is_some));
+            let outside = |lane: usize| !bounds[lane].allows(scalars[lane].decode(words[lane]));
+            let Some(lane) = (0..width).find(|lane| outside(*lane)) else { continue };
+            allowed.outside += 1;
+            allowed.first.get_or_insert_with(|| {
+                let row = &rows[case * arguments.len()..][..arguments.len()];
+                let (least, most) = ends[lane].expect("what has no ends allows all");
+                let (at, result) = (shown(&arguments, row), shown(&scalars, words));
+                format!("at {at} it returns {result}, of which WGSL allows {least} to {most}")
+            });
+        }
+        allowed
+    }
+
+    /// These cases and more of them.
+    pub(super) fn and(self, more: Self) -> Self {
+        let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
+        Self { bounded, outside, first: self.first.or(more.first) }
+    }
+}
+
+impl Row {
+    /// The columns whose results aren't all what WGSL allows, by index.
+    pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
+        let cells = self.cells.iter().enumerate();
+        let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));
+        outside.filter(|(_, allowed)| allowed.outside > 0)
+    }
+}

@@ -1,0 +1,352 @@
+//! Compute entry points: run on each column, and what they wrote compared.
+
+use karat::fixture::{self, Fixture};
+use karat::path::{Api, Path, Via};
+use karat::unstable::dispatch::{Afterwards, DispatchError, Pass, Passes};
+use karat::unstable::executor;
+use karat::unstable::fixture::{bytes, laid_out, levels};
+use karat::unstable::interpret::{Runner, dispatch_briefly, strays};
+use karat::unstable::path::{self, Device};
+use karat::unstable::probe::ProbeError;
+use karat::unstable::reflect::{Binding, BindingKind, Texels, Watched};
+use karat_core::diagnostic::Diagnostic;
+use karat_core::tolerance::Tolerance;
+use karat_core::value::Scalar;
+
+use super::execute::{Comparison, conclude, flushed, not_run};
+use super::{Buffer, Cell, Request, Status, Stop};
+
+/// Runs a compute entry point on each column that got so far, and compares what it wrote.
+pub(super) fn run_entry_point_on_each(
+    request: &Request,
+    passes: Result<&Passes, &String>,
+    cells: &mut [Cell],
+) {
+    let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
+    // What doesn't end on one column isn't tried on others.
+    let mut endless: Option<Stop> = None;
+    for (index, column) in request.columns.iter().enumerate() {
+        let cell = &mut cells[index];
+        if cell.stopped.is_some() {
+            continue;
+        }
+        if let Some(stop) = endless.as_ref().filter(|_| column.path.is_some()) {
+            cell.stopped = Some(stop.clone());
+            continue;
+        }
+        let words = match (passes, column.path) {
+            (_, None) => Err(Stop::Unavailable(column.without_path())),
+            (Err(why), _) => Err(Stop::NotRun(why.clone())),
+            (Ok(passes), Some(path)) => written(path, passes).map_err(|error| match error {
+                Unwritten::Stop(stop) => stop,
+                Unwritten::Error(error) => {
+                    let rounds = matches!(
+                        error,
+                        DispatchError::Rounds(_) | DispatchError::Probe(ProbeError::Rounds { .. })
+                    );
+                    let stop = Stop::NotRun(match error {
+                        DispatchError::Probe(error) => not_run(error),
+                        other => other.to_string(),
+                    });
+                    if rounds {
+                        endless = Some(stop.clone());
+                    }
+                    stop
+                }
+            }),
+        };
+        match words {
+            Ok(words) => {
+                cell.status = Some(Status::Executed);
+                ran.push((index, words));
+            }
+            Err(stop) => cell.stopped = Some(stop),
+        }
+    }
+    let before = passes.map_or_else(|_| Vec::new(), initial);
+    // What nobody has written agrees on each column, and shows nothing.
+    if ran.iter().all(|(_, words)| *words == before) {
+        for (index, _) in &ran {
+            let what = if before.is_empty() { "it writes nothing" } else { UNCHANGED };
+            cells[*index].stopped = Some(Stop::NothingToCompare(what.to_owned()));
+        }
+        return;
+    }
+    let Some(((first, expected), others)) = ran.split_first() else { return };
+    let (steps, floats) =
+        passes.map_or_else(|_| Default::default(), |all| (steps(all), floats(all)));
+    let differs = |at: &usize, actual: &[u32]| {
+        let (was, is) = (expected[*at], actual[*at]);
+        let step = steps.get(*at).copied().unwrap_or_default();
+        let is_float = floats.get(*at).copied().unwrap_or_default();
+        let [was, is] = [was, is].map(|word| if is_float { flushed(word) } else { word });
+        !same_word(was, is, &request.within) && !is_next(was, is, step)
+    };
+    // The same resources were read back on each. Only where they differ is it asked what may.
+    let all = 0..expected.len();
+    let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
+    let open = match passes {
+        Ok(passes) if differ => open(passes, expected, &floats),
+        _ => vec![false; expected.len()],
+    };
+    let mut agreeing = None;
+    for (index, actual) in others {
+        let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
+        cell.against = Some(baseline.to_string());
+        let (left_open, places): (Vec<usize>, Vec<usize>) =
+            all.clone().filter(|at| differs(at, actual)).partition(|at| open[*at]);
+        let compared = expected.len() - left_open.len();
+        (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
+        if let Some(place) = places.first() {
+            cell.stopped = Some(Stop::Differs(format!(
+                "{} of {compared} words that it leaves differ from `{baseline}`: word {place} is \
+                 {:#010x}, there {:#010x}",
+                places.len(),
+                actual[*place],
+                expected[*place]
+            )));
+        } else if compared == 0 {
+            let none = "WGSL leaves open what each word that it leaves is".to_owned();
+            cell.stopped = Some(Stop::NothingToCompare(none));
+        } else {
+            cell.status = Some(Status::Agrees);
+            agreeing = Some(compared);
+        }
+    }
+    let agreeing = agreeing.map(|compared| Comparison { compared, ..Comparison::default() });
+    conclude(&mut cells[*first], agreeing, others.len());
+}
+
+/// Why there are no words to compare.
+enum Unwritten {
+    Stop(Stop),
+    Error(DispatchError),
+}
+
+impl From<DispatchError> for Unwritten {
+    fn from(error: DispatchError) -> Self {
+        Self::Error(error)
+    }
+}
+
+/// The words that an entry point writes on a path.
+fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
+    let device = path::device(path);
+    let device = device.map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
+    if let Some(device) = device {
+        let Pass { program, entry_point, .. } = pass(passes);
+        let barriers = program.barriers(entry_point);
+        if is_slow(device, barriers) {
+            let name = &device.adapter().name;
+            let why =
+                format!("{name} may take minutes to compile its {barriers} barriers on `{path}`");
+            return Err(Unwritten::Stop(Stop::NotRun(why)));
+        }
+        expect_ends(device, passes)?;
+    }
+    let executor = executor::of(path).map_err(DispatchError::from)?;
+    Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
+}
+
+/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a moment.
+pub(super) fn changes(passes: &Passes) -> Option<bool> {
+    let left = dispatch_briefly(passes).ok()?;
+    Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
+}
+
+/// The one pass.
+fn pass(passes: &Passes) -> &Pass {
+    &passes.passes[0]
+}
+
+/// Rounds of an invocation that made-up data may make. More take a software driver seconds.
+const PATIENCE: u32 = 4096;
+
+/// Refuses loops that don't end with these data, and would hang a driver. An entry point whose loops have no bound
+/// that naga's IR shows runs in a copy, which leaves them after [`PATIENCE`] rounds.
+fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
+    let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
+    if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {
+        return Ok(());
+    }
+    let number = program.free_binding();
+    let Watched { program, loops } = program.watching_rounds(number, PATIENCE, true);
+    let is_count = |binding: &Binding| (binding.group, binding.binding) == (0, number);
+    let bound = program.compute_entry_point(entry_point).map(|(bindings, _)| bindings);
+    // Another entry point of the module may have the loops.
+    let Some(count) = bound.into_iter().flatten().find(is_count) else { return Ok(()) };
+    let held = |(binding, held): &(Binding, usize)| {
+        (binding.clone(), passes.resources[*held].fixture.clone())
+    };
+    let mut resources: Vec<_> = bindings.iter().map(held).collect();
+    resources.push((count, fixture::Buffer::zeros(4 * loops.len()).into()));
+    let counted = Passes::over(program.into(), entry_point, *workgroups, &resources);
+    // After so few rounds no driver leaves a loop by itself.
+    let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
+    let (_, counts) = afterwards.last().expect("the counts are written");
+    let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
+    let Some((place, count)) = most.filter(|(_, count)| **count > 0) else { return Ok(()) };
+    let message = format!("with made-up data this loop goes round {count} times or more");
+    let mut diagnostic = Diagnostic::new(message);
+    if let Some(place) = place {
+        diagnostic = diagnostic.at(place.first_line(), "");
+    }
+    Err(DispatchError::Rounds(Box::new(diagnostic)))
+}
+
+const UNCHANGED: &str = "with made-up data it changes no word of its buffers and textures";
+
+/// The resources that may be written, with their words before: of a texture four a texel.
+fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
+    let Pass { program, bindings, .. } = pass(passes);
+    bindings.iter().filter(|(binding, _)| binding.kind.is_written()).map(|(binding, held)| {
+        let fixture = &passes.resources[*held].fixture;
+        if let Some(level) = levels(fixture).first() {
+            return (binding, level.words.iter().flatten().copied().collect());
+        }
+        let bytes = laid_out(fixture, program, binding);
+        let bytes = bytes.and_then(Result::ok).expect("it is a buffer of its own size");
+        (binding, bytemuck::pod_collect_to_vec(&bytes))
+    })
+}
+
+/// The words of the resources that may be written, before they are.
+fn initial(passes: &Passes) -> Vec<u32> {
+    writable(passes).flat_map(|(_, words)| words).collect()
+}
+
+/// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
+/// they depend on what is read or written outside of an array, on the order of invocations or on the size of subgroups, or are
+/// floats that aren't finite.
+fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
+    let mut open = strays(passes).unwrap_or_default();
+    open.resize(expected.len(), false);
+    /// Orders that are drawn.
+    const ORDERS: u64 = 6;
+    let mut usual: Vec<u32> = Vec::new();
+    // A pass that doesn't run in a moment differs in no order.
+    for run in Runner::new(passes).few(ORDERS) {
+        let Some(left) = run.left else { continue };
+        let words: Vec<u32> = left.into_iter().flat_map(|(_, words)| words).collect();
+        let Some(order) = run.order else {
+            usual = words;
+            continue;
+        };
+        let pairs = usual.iter().zip(&words).map(|(usual, word)| usual != word);
+        if order.is_of_size() {
+            open.iter_mut().zip(pairs).for_each(|(open, differs)| *open |= differs);
+            continue;
+        }
+        // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
+        let differs: Vec<bool> = pairs.collect();
+        let mut begin = 0;
+        for (_, own) in writable(passes) {
+            let own = begin..begin + own.len();
+            begin = own.end;
+            if differs.get(own.clone()).is_some_and(|differs| differs.contains(&true)) {
+                open[own].fill(true);
+            }
+        }
+    }
+    let words = open.iter_mut().zip(expected).zip(floats);
+    for ((open, word), is_float) in words {
+        *open |= *is_float && !f32::from_bits(*word).is_finite();
+    }
+    open
+}
+
+/// The step between two numbers of each word: of texels that are stored as fractions of a whole number, as two columns
+/// may round a number between two of them to either one; of others 0.
+fn steps(passes: &Passes) -> Vec<f32> {
+    let of = |(binding, words): (&Binding, Vec<u32>)| {
+        let step = match binding.kind {
+            BindingKind::StorageTexture { format, .. } => format.step(),
+            _ => 0.0,
+        };
+        std::iter::repeat_n(step, words.len())
+    };
+    writable(passes).flat_map(of).collect()
+}
+
+/// Which of these words are floats.
+fn floats(passes: &Passes) -> Vec<bool> {
+    let program = &pass(passes).program;
+    let of_resource = |(binding, words): (&Binding, Vec<u32>)| {
+        if let BindingKind::StorageTexture { format, .. } = binding.kind {
+            return vec![format.texels() == Texels::Float; words.len()];
+        }
+        // As many elements as there may be words: what is beyond the data is cut off.
+        let marked = program.buffer_of(binding, words.len()).and_then(|shape| {
+            let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
+            program.bytes(binding, &marks.collect::<Vec<_>>()).ok()
+        });
+        let mut marks: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
+        marks.resize(words.len(), 0);
+        marks.into_iter().map(|word| word == u32::MAX).collect()
+    };
+    writable(passes).flat_map(of_resource).collect()
+}
+
+/// Whether a driver may not compile an entry point with so many barriers in time. llvmpipe takes more than 40 s for vello's
+/// `binning`, with four, on GL and of what glslang makes, and 0.3 s on Vulkan of what naga does.
+fn is_slow(device: &Device, barriers: usize) -> bool {
+    const MOST_BARRIERS: usize = 3;
+    let path = device.path();
+    let of_naga = matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv);
+    let is_quick = path.api() == Api::Vulkan && of_naga;
+    device.adapter().is_llvmpipe() && !is_quick && barriers > MOST_BARRIERS
+}
+
+impl Buffer {
+    /// `None` of a texture or a sampler.
+    pub(super) fn of((binding, fixture): &(Binding, Fixture)) -> Option<Self> {
+        let Fixture::Buffer(buffer) = fixture else { return None };
+        let bytes = bytes(buffer).to_vec();
+        Some(Self { group: binding.group, binding: binding.binding, bytes })
+    }
+}
+
+/// True of two floats that are at most a step apart.
+fn is_next(expected: u32, actual: u32, step: f32) -> bool {
+    /// Of the step: fractions of 255 and the like are rounded themselves.
+    const ROUNDED: f32 = 1.001;
+    step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
+}
+
+/// Whether two words of a buffer are the same number. It isn't known which of them are floats: a pair
+/// whose words differ is one of floats if both are normal ones.
+fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
+    let [a, b] = [expected, actual].map(f32::from_bits);
+    let both_normal = a.is_normal() && b.is_normal();
+    // `==` of floats: 0 and -0 are one number.
+    expected == actual || a == b || (both_normal && within.measure(0, b, f64::from(a)).passes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{initial, open};
+    use crate::made_up::Ranges;
+    use karat::package::Package;
+
+    /// Each driver has an order of its own in which invocations take their places.
+    #[test]
+    fn what_an_order_decides_is_open() {
+        let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
+            @group(0) @binding(1) var<storage, read_write> found: array<u32, 64>;
+            @group(0) @binding(2) var<storage, read_write> twice: array<u32, 64>;
+            @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+                found[atomicAdd(&next, 1u) % 64u] = i;
+                twice[i] = 2u * i;
+            }";
+        let package = Package::from_source("append", text);
+        let ranges = Ranges::of(&package).expect("it declares none");
+        let made =
+            crate::passes::arbitrary(&package, "main", None, &ranges, (0, None, &Vec::new()));
+        let (passes, _) = made.expect("its resources are made up");
+        let expected = initial(&passes);
+        let open = open(&passes, &expected, &vec![false; expected.len()]);
+        // The counter's buffer has more than its one word.
+        let list = expected.len() - 128..expected.len() - 64;
+        assert!((0..open.len()).all(|at| open[at] == list.contains(&at)), "{open:?}");
+    }
+}

@@ -1,0 +1,185 @@
+//! Why two columns differ: the simplest input, and the first let-binding whose value differs there.
+
+use std::borrow::Cow;
+
+use karat::fixture::Address;
+use karat::unstable::executor::{self, Caller};
+use karat::unstable::probe::{Let, Probed, lets};
+use serde::Serialize;
+
+use super::Request;
+use super::excerpt::definition_line;
+use super::execute::{Judge, Ran, shown};
+use super::leeway::Leeway;
+use super::reduce::{Case, Pair};
+use crate::made_up::{self, Ranges};
+
+/// Two columns that differ.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Divergence {
+    /// The column that this one is compared with.
+    pub baseline: String,
+    /// The simplest input found: each argument with its value.
+    pub arguments: Vec<(String, String)>,
+    /// What this column returns.
+    pub here: String,
+    /// What the baseline returns.
+    pub there: String,
+    /// The arguments' words, as the kernel reads them.
+    pub words: Vec<u32>,
+    /// The results' words: of this column and of the baseline.
+    pub results: (Vec<u32>, Vec<u32>),
+    /// True if the columns differ, too, where this input is the only one. If not, a result depends on the
+    /// inputs that run beside it: some drivers take one invocation's level of a texture for those of
+    /// all.
+    pub alone: bool,
+    /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
+    /// difference is in the result's own expression or in what isn't bound by `let`.
+    pub first: Option<Intermediate>,
+    /// The let-bindings that can't be looked at, of those that come before `first`: pointers, those in
+    /// the head of a `for`, those that are NaN or infinite, and those behind the first 48.
+    pub unseen: Vec<String>,
+}
+
+/// A let-binding whose value differs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Intermediate {
+    /// Its name.
+    pub name: String,
+    /// Its place in the author's file.
+    pub location: Option<String>,
+    /// The line of that place.
+    pub line: Option<usize>,
+    /// Its value on this column.
+    pub here: String,
+    /// Its value on the baseline.
+    pub there: String,
+    /// Whether it is in a loop: then these are its last values, and one that differs before it in the
+    /// text may come of it.
+    pub in_loop: bool,
+    /// Its line in this column's translation.
+    pub text_line: Option<usize>,
+}
+
+impl Divergence {
+    /// What differs, in a sentence or two.
+    #[must_use]
+    pub fn sentence(&self, column: &str) -> String {
+        let named: Vec<String> =
+            self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let Self { baseline, here, there, .. } = self;
+        let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
+        let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
+        if !self.alone {
+            text += "; run alone, this input gives the same on both: a driver mixes the inputs that \
+                     run together";
+        }
+        if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
+            let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
+            let last = if *in_loop { ", by its last value in a loop" } else { "" };
+            text += &format!("; `{name}`{place} differs first{last}: {here}, and {there}");
+        }
+        if !self.unseen.is_empty() {
+            text += &format!(" (not looked at: `{}`)", self.unseen.join("`, `"));
+        }
+        text
+    }
+}
+
+/// What is known of a case that differs between two columns. `text` is the translation of the second
+/// one, with the lines of the function.
+pub(super) fn divergence(
+    request: &Request,
+    probed: &Probed,
+    rows: &[u32],
+    (first, other): (&Ran<'_>, &Ran<'_>),
+    case: usize,
+    (pair, beyond): (&Pair<'_, '_>, Address),
+    text: Option<(&str, (usize, usize))>,
+) -> Divergence {
+    let function = probed.function();
+    let Pair { arguments, results, .. } = *pair;
+    let of = |words: &[u32], width: usize| words[case * width..][..width].to_vec();
+    let seen = Case {
+        row: of(rows, arguments.len()),
+        expected: of(&first.results, results.len()),
+        actual: of(&other.results, results.len()),
+    };
+    let reduced = pair.reduce(&seen);
+    let alone = reduced.is_some();
+    let Case { row, expected, actual } = reduced.unwrap_or(seen);
+    let mut at = 0;
+    let named = function.parameters.iter().map(|(name, shape)| {
+        let count = shape.lanes().len();
+        at += count;
+        (name.clone(), shown(&arguments[at - count..at], &row[at - count..at]))
+    });
+    let named = named.collect();
+    let (mut found, mut unseen) = (None, Vec::new());
+    // Bindings are looked at alone.
+    for one in if alone { lets(probed) } else { Vec::new() } {
+        match differing(request, (&one, beyond), &row, (&first.caller, &other.caller), text) {
+            Ok(None) => {}
+            Ok(Some(differing)) => {
+                found = Some(differing);
+                break;
+            }
+            Err(Unseen) => unseen.push(one.name),
+        }
+    }
+    Divergence {
+        baseline: request.columns[first.column].to_string(),
+        arguments: named,
+        here: shown(results, &actual),
+        there: shown(results, &expected),
+        words: row,
+        results: (actual, expected),
+        alone,
+        first: found,
+        unseen,
+    }
+}
+
+/// A let-binding whose value isn't known on both columns.
+struct Unseen;
+
+/// The values of a let-binding, if they differ.
+fn differing(
+    request: &Request,
+    (one, beyond): (&Let, Address),
+    row: &[u32],
+    (first, other): (&Caller<'_>, &Caller<'_>),
+    text: Option<(&str, (usize, usize))>,
+) -> Result<Option<Intermediate>, Unseen> {
+    let probed = one.probed.as_ref().ok_or(Unseen)?;
+    let ranges = Ranges::of(&request.package).map_err(|_| Unseen)?;
+    let fixtures = made_up::fixtures(probed, &ranges, beyond).map_err(|_| Unseen)?;
+    let value = |caller: &Caller<'_>| {
+        let executor = executor::of(caller.path).map_err(|_| Unseen)?;
+        let caller = Caller::new(executor, Cow::Borrowed(probed), &fixtures, 1);
+        caller.and_then(|caller| caller.results(row, 1)).map_err(|_| Unseen)
+    };
+    let (there, here) = (value(first)?, value(other)?);
+    let scalars = probed.function().result.lanes();
+    let judge = Judge::new(&scalars, &request.within, &there);
+    let latitude = Leeway::of(probed, &fixtures).at(row, 1);
+    let seen = judge.case(&there, &here, latitude.as_ref().map(|all| all.case(0, scalars.len())));
+    if there == here || (seen.compared && !seen.differs) {
+        return Ok(None);
+    }
+    if !seen.compared {
+        // What WGSL leaves open is nothing that a column has to repeat.
+        return Err(Unseen);
+    }
+    let line = one.span.as_ref().map(|span| span.file.line_column(span.range.start).0);
+    let defined = |(text, lines)| definition_line(text, lines, &one.name, one.of_name);
+    Ok(Some(Intermediate {
+        name: one.name.clone(),
+        location: one.span.as_ref().map(ToString::to_string),
+        line,
+        in_loop: one.repeats,
+        here: shown(&scalars, &here),
+        there: shown(&scalars, &there),
+        text_line: text.and_then(defined),
+    }))
+}

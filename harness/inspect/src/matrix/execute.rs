@@ -1,0 +1,238 @@
+//! Running a function on a column's path, and comparing it with another one's results.
+
+use karat::unstable::executor::Caller;
+use karat::unstable::probe::ProbeError;
+use karat_core::tolerance::{Tolerance, ulp_distance};
+use karat_core::value::{Scalar, format_f32};
+
+use super::leeway::{Freedom, Latitude, OfCase};
+use super::{Cell, Status, Stop};
+
+/// What a column made of the inputs.
+pub(super) struct Ran<'p> {
+    pub(super) column: usize,
+    pub(super) caller: Caller<'p>,
+    pub(super) results: Vec<u32>,
+}
+
+/// Why something wasn't run; without the function's name, so that equal reasons are one.
+pub(super) fn not_run(error: ProbeError) -> String {
+    match error {
+        ProbeError::Compile { error, .. } => error.to_string(),
+        other => other.to_string(),
+    }
+}
+
+/// The first column was compared with each other one: what agrees with it has it agree, too.
+pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
+    first.stopped = match agreeing {
+        Some(seen) => {
+            first.status = Some(Status::Agrees);
+            (first.compared, first.worst_ulp) = (seen.compared, seen.worst_ulp);
+            return;
+        }
+        None if others == 0 => Some(Stop::NothingToCompare("no other column ran it".to_owned())),
+        None => Some(Stop::NothingToCompare("no other column agrees with it".to_owned())),
+    };
+}
+
+/// How the results of two columns compare.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Comparison {
+    pub(super) compared: usize,
+    /// The cases that differ by more than WGSL allows.
+    pub(super) differing: Vec<usize>,
+    /// Cases with a lane that differs where WGSL allows both results.
+    pub(super) open: usize,
+    pub(super) worst_ulp: Option<u64>,
+}
+
+/// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
+/// is usual, 1e-6 of it, some 8 steps of `f32`.
+const CANCELLED: f64 = 1e-3;
+
+/// How results of a function are compared.
+#[derive(Clone, Debug)]
+pub(super) struct Judge<'j> {
+    scalars: &'j [Scalar],
+    within: &'j Tolerance,
+    /// The largest result of each component, at most 1: what an absolute bound is relative to.
+    /// Otherwise a function whose results are all small would agree with anything.
+    scales: Vec<f64>,
+}
+
+impl<'j> Judge<'j> {
+    /// For these results of the first column.
+    pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
+        let mut scales = vec![0.0_f64; scalars.len()];
+        for case in expected.chunks_exact(scalars.len()) {
+            for (scale, (scalar, word)) in scales.iter_mut().zip(scalars.iter().zip(case)) {
+                let size = scalar.decode(*word).abs();
+                *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
+            }
+        }
+        // Beside a large component a small one is what is left of terms that cancel.
+        let least = CANCELLED * scales.iter().copied().fold(0.0, f64::max);
+        let one = |scale: f64| if scale > 0.0 { scale.max(least) } else { 1.0 };
+        Self { scalars, within, scales: scales.into_iter().map(one).collect() }
+    }
+
+    /// Compares results case by case.
+    pub(super) fn compare(
+        &self,
+        expected: &[u32],
+        actual: &[u32],
+        latitude: Option<&Latitude>,
+    ) -> Comparison {
+        let width = self.scalars.len();
+        let mut comparison = Comparison::default();
+        let cases = expected.chunks_exact(width).zip(actual.chunks_exact(width));
+        for (index, (expected, actual)) in cases.enumerate() {
+            let seen = self.case(expected, actual, latitude.map(|all| all.case(index, width)));
+            comparison.open += usize::from(seen.open);
+            comparison.worst_ulp = comparison.worst_ulp.max(seen.worst_ulp);
+            comparison.compared += usize::from(seen.compared);
+            if seen.differs {
+                comparison.differing.push(index);
+            }
+        }
+        comparison
+    }
+
+    /// Compares one case, lane by lane. Where WGSL allows both results of a lane, they are both right. Where that isn't known, and a float of the first result isn't finite, the floats of
+    /// this case are left out: WGSL lets implementations assume that there is none, so what is
+    /// computed along with it isn't determined, either.
+    pub(super) fn case(
+        &self,
+        expected: &[u32],
+        actual: &[u32],
+        latitude: Option<OfCase<'_>>,
+    ) -> Seen {
+        let finite = self.scalars.iter().zip(expected).all(|(s, word)| s.decode(*word).is_finite());
+        let mut seen = Seen::default();
+        for (lane, scalar) in self.scalars.iter().enumerate() {
+            let (wanted, found) = (expected[lane], actual[lane]);
+            let freedom = latitude
+                .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
+            let agrees = self.agree(lane, wanted, found);
+            // What isn't a number agrees with nothing, and shows nothing where any value is allowed.
+            let is_number = scalar.decode(wanted).is_finite();
+            match freedom {
+                Freedom::Any if !(agrees && is_number) => {
+                    seen.open |= wanted != found;
+                    continue;
+                }
+                Freedom::Both if !agrees => {
+                    (seen.open, seen.compared) = (true, true);
+                    continue;
+                }
+                Freedom::Unknown if scalar.is_float() && !finite => continue,
+                _ => {}
+            }
+            seen.compared = true;
+            if is_number {
+                seen.worst_ulp = seen.worst_ulp.max(distance((scalar, (&wanted, &found))));
+            }
+            seen.differs |= !agrees;
+        }
+        seen
+    }
+
+    /// True if two results of a lane are equal within the tolerance.
+    fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
+        let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
+        if expected == actual || !scalar.is_float() {
+            return expected == actual;
+        }
+        // Both in the unit of the largest result, so that an absolute bound is one of that.
+        let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
+        self.within.measure_sum(0, found, wanted).passes()
+    }
+}
+
+/// How two results of a case compare.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Seen {
+    /// A lane was compared.
+    pub(super) compared: bool,
+    /// A lane differs, and it isn't known that WGSL allows both results.
+    pub(super) differs: bool,
+    /// A lane differs where WGSL allows both results.
+    pub(super) open: bool,
+    worst_ulp: Option<u64>,
+}
+
+/// A float in which what may be flushed to 0 is 0: subnormal numbers.
+pub(super) fn flushed(word: u32) -> u32 {
+    let is_subnormal = f32::from_bits(word).abs() < f32::MIN_POSITIVE;
+    if is_subnormal { 0 } else { word }
+}
+
+/// Steps of `f32` between two components; what may be flushed to 0 is 0.
+fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
+    if !scalar.is_float() {
+        return None;
+    }
+    let value = |word: &u32| f32::from_bits(flushed(*word));
+    ulp_distance(value(expected), value(actual))
+}
+
+/// The words of a value as a person reads them.
+pub(super) fn shown(scalars: &[Scalar], words: &[u32]) -> String {
+    let one = |(scalar, word): (&Scalar, &u32)| match scalar {
+        Scalar::F32 | Scalar::F16 => format_f32(f32::from_bits(*word)),
+        Scalar::Bool => (*word != 0).to_string(),
+        Scalar::I32 | Scalar::U32 => scalar.decode(*word).to_string(),
+    };
+    scalars.iter().zip(words).map(one).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karat_core::tolerance::{Abs, Rel};
+
+    #[test]
+    fn one_other_bit_in_many_words_is_seen() {
+        let scalars = [Scalar::F32, Scalar::U32];
+        let within = Rel(1e-3).or(Abs(1e-3));
+        let expected: Vec<u32> = (0..65_536_u32).flat_map(|i| [(i as f32).to_bits(), i]).collect();
+        let judge = Judge::new(&scalars, &within, &expected);
+        let same = judge.compare(&expected, &expected, None);
+        assert_eq!((same.compared, same.differing.len(), same.worst_ulp), (65_536, 0, Some(0)));
+        for bit in [30, 22, 15] {
+            let mut actual = expected.clone();
+            actual[2 * 40_000] ^= 1 << bit;
+            assert_eq!(judge.compare(&expected, &actual, None).differing, [40_000], "{bit}");
+        }
+        let mut actual = expected.clone();
+        actual[2 * 7 + 1] ^= 1;
+        assert_eq!(judge.compare(&expected, &actual, None).differing, [7], "of an integer");
+    }
+
+    #[test]
+    fn what_is_not_finite_is_left_out_and_never_agrees() {
+        let (scalars, within) = ([Scalar::F32, Scalar::I32], Tolerance::from(Abs(1.0)));
+        let words = |values: [f32; 3], number: u32| values.map(|v| [v.to_bits(), number]).concat();
+        let expected = words([f32::NAN, 1.0, f32::INFINITY], 7);
+        let judge = Judge::new(&scalars, &within, &expected);
+        assert!(judge.compare(&expected, &expected, None).differing.is_empty());
+        let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
+        assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
+        // The other component is compared all the same.
+        let other = words([1.0, 1.0, 1.0], 8);
+        assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
+        let alone = Judge::new(&scalars[..1], &within, &expected);
+        assert_eq!(alone.compare(&[f32::NAN.to_bits()], &[0], None).compared, 0);
+    }
+
+    #[test]
+    fn small_results_are_compared_by_their_size() {
+        let (scalars, within) = ([Scalar::F32], Rel(1e-3).or(Abs(1e-3)));
+        let words = |values: [f32; 3]| values.map(f32::to_bits);
+        let expected = words([0.0, 1e-5, -1e-5]);
+        let judge = Judge::new(&scalars, &within, &expected);
+        assert_eq!(judge.compare(&expected, &words([0.0, -1e-5, -1e-5]), None).differing, [1]);
+        assert!(judge.compare(&expected, &words([1e-9, 1e-5, -1e-5]), None).differing.is_empty());
+    }
+}

@@ -1,0 +1,294 @@
+//! Rows that end the process: a driver that hangs can't be torn down, and one that crashes takes the process
+//! with it. So a file says which row runs where, and who begins again does it without that row.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus};
+use std::sync::Arc;
+
+use karat::unstable::path::{Moment, watched};
+use serde::{Deserialize, Serialize};
+
+use super::{Cell, Column, Stop};
+
+/// A line of the file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Line {
+    Began(At),
+    /// The sentence says what passed the deadline.
+    Overdue(At, String),
+    Ended(At),
+    /// The process ended, as the sentence says.
+    Process(String),
+}
+
+/// A row on a path; without one it is prepared or compared.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct At {
+    package: String,
+    row: String,
+    path: Option<String>,
+}
+
+/// A row that ran when a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Culprit {
+    at: At,
+    /// How the process ended, in a sentence.
+    why: String,
+}
+
+/// The rows of a package at which earlier processes ended.
+#[derive(Debug, Default)]
+pub(super) struct Journal {
+    file: Option<PathBuf>,
+    package: String,
+    /// Once for each process that a row may have ended.
+    culprits: BTreeMap<String, Vec<Culprit>>,
+}
+
+impl Journal {
+    /// Reads a file; nothing has ended where there is none.
+    pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
+        let mut journal = Self { package: package.to_owned(), ..Self::default() };
+        let Some(file) = file else { return Ok(journal) };
+        journal.file = Some(file.to_owned());
+        for culprit in culprits(&lines(file)?) {
+            if culprit.at.package == package {
+                journal.culprits.entry(culprit.at.row.clone()).or_default().push(culprit);
+            }
+        }
+        Ok(journal)
+    }
+
+    /// True if a row is suspected, so that it runs alone: another one that ran beside it may have been
+    /// what ended the process.
+    pub(super) fn is_suspected(&self, row: &str) -> bool {
+        self.culprits.contains_key(row)
+    }
+
+    /// True if a row isn't run, as it has ended the process alone: its cells then say so.
+    pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
+        let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
+        let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
+            None => column.path().map(|path| path.to_string()),
+            Some(_) => None,
+        };
+        let mut open: Vec<_> =
+            columns.iter().zip(cells).filter(|pair| runs(pair).is_some()).collect();
+        // Where no path is known, or another one, the row is to blame all the same, once.
+        let blamed = open.iter().position(|pair| runs(pair) == last.at.path).unwrap_or(0);
+        let on = open.get(blamed).map_or_else(String::new, |(column, _)| column.to_string());
+        for (index, (_, cell)) in open.iter_mut().enumerate() {
+            cell.stopped = Some(match index == blamed {
+                true => Stop::Broke(last.why.clone()),
+                false => Stop::NotRun(format!(
+                    "it isn't run, as it ends the process on `{on}`: {}",
+                    last.why
+                )),
+            });
+        }
+        true
+    }
+
+    /// Runs a row, and writes down where it is.
+    pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
+        let Some(file) = self.file.clone() else { return work() };
+        let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
+        // A process that ends without a line doesn't begin again, and says how it ended.
+        let write = move |line: Line| drop(line.write(&file));
+        let note = {
+            let (write, row) = (write.clone(), row.clone());
+            move |path: karat::path::Path, moment: Moment<'_>| {
+                let at = At { path: Some(path.to_string()), ..row.clone() };
+                write(match moment {
+                    Moment::Begins => Line::Began(at),
+                    Moment::Overdue(why) => Line::Overdue(at, why.to_owned()),
+                    Moment::Ends => Line::Ended(at),
+                });
+            }
+        };
+        write(Line::Began(row.clone()));
+        let result = watched(Arc::new(note), work);
+        write(Line::Ended(row));
+        result
+    }
+}
+
+impl Line {
+    fn write(&self, file: &Path) -> io::Result<()> {
+        let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
+        // Behind half a line a new one begins.
+        let begin = if matches!(self, Self::Process(_)) { "\n" } else { "" };
+        file.write_all(format!("{begin}{}\n", serde_json::to_string(self)?).as_bytes())
+    }
+}
+
+/// The lines of a file; none where there is no file.
+fn lines(file: &Path) -> io::Result<Vec<Line>> {
+    let text = match std::fs::read_to_string(file) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+        text => text?,
+    };
+    // A process that ended as it wrote left half a line.
+    Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
+}
+
+/// The rows that ran as each process ended. Where one passed the deadline, it alone.
+fn culprits(lines: &[Line]) -> Vec<Culprit> {
+    let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
+    for line in lines {
+        match line {
+            Line::Began(at) => running.push(at.clone()),
+            Line::Ended(at) => {
+                let last = running.iter().rposition(|one| one == at);
+                last.map(|last| running.remove(last));
+            }
+            Line::Overdue(at, why) => {
+                let same = |one: &Culprit| (&one.at.package, &one.at.row) == (&at.package, &at.row);
+                if !overdue.iter().any(same) {
+                    overdue.push(Culprit { at: at.clone(), why: why.clone() });
+                }
+            }
+            Line::Process(how) => {
+                let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
+                // Behind the row stands the path that it is on.
+                for at in running.drain(..) {
+                    rows.insert((at.package.clone(), at.row.clone()), at);
+                }
+                let crashed = rows.into_values().map(|at| {
+                    let on =
+                        at.path.as_ref().map_or_else(String::new, |path| format!(" on `{path}`"));
+                    let why = format!("the process ended as `{}` ran{on}: {how}", at.row);
+                    Culprit { at, why }
+                });
+                match overdue.is_empty() {
+                    true => culprits.extend(crashed),
+                    false => culprits.append(&mut overdue),
+                }
+            }
+        }
+    }
+    culprits
+}
+
+/// Runs a program that makes matrices, and again as often as a row of them ends it: by the deadline, or
+/// because a driver crashes. It passes the same file to [`Request::journal`](super::Request::journal). How
+/// the last one ended.
+///
+/// # Errors
+/// If the program can't be run, or the file can't be read or written.
+pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
+    loop {
+        let before = culprits(&lines(file)?).len();
+        let status = program.status()?;
+        // A process that ends by itself has a small code; a crash has none, or a large one on Windows.
+        if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
+            return Ok(status);
+        }
+        Line::Process(status.to_string()).write(file)?;
+        if culprits(&lines(file)?).len() == before {
+            return Ok(status);
+        }
+    }
+}
+
+/// True if a signal asked the process to end.
+#[cfg(unix)]
+fn is_asked_to_end(status: ExitStatus) -> bool {
+    /// SIGHUP, SIGINT and SIGTERM, which have these numbers by POSIX.
+    const ASKING: [i32; 3] = [1, 2, 15];
+    let signal = std::os::unix::process::ExitStatusExt::signal(&status);
+    signal.is_some_and(|signal| ASKING.contains(&signal))
+}
+
+#[cfg(not(unix))]
+fn is_asked_to_end(_: ExitStatus) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::Status;
+
+    fn at(package: &str, row: &str, path: Option<&str>) -> At {
+        let [package, row] = [package, row].map(str::to_owned);
+        At { package, row, path: path.map(str::to_owned) }
+    }
+
+    /// The one that was noted first may have waited for the one that hung.
+    #[test]
+    fn a_row_is_given_up_when_it_ends_the_process_alone() {
+        let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
+        let hangs = |package: &str| {
+            let at = at(package, "slow", Some("vulkan"));
+            vec![
+                Line::Began(at.clone()),
+                Line::Overdue(at, "it hangs".to_owned()),
+                Line::Process("signal: 6".to_owned()),
+            ]
+        };
+        let crashes = |package: &str| {
+            // One is over, and one waits for the other.
+            let over = at(package, "fast", Some("vulkan"));
+            vec![
+                Line::Began(at(package, "slow", None)),
+                Line::Began(over.clone()),
+                Line::Began(at(package, "slow", Some("vulkan"))),
+                Line::Ended(over),
+                Line::Process("signal: 11".to_owned()),
+            ]
+        };
+        let crashed = "the process ended as `slow` ran on `vulkan`: signal: 11";
+        for why in ["it hangs", crashed] {
+            let lines = |package| if why == crashed { crashes(package) } else { hangs(package) };
+            let folder = tempfile::tempdir().expect("a folder");
+            let file = folder.path().join("journal");
+            let read = || Journal::read(Some(&file), "p").expect("it is read");
+            let cell = Cell { status: Some(Status::Valid), ..Cell::default() };
+            let mut cells = [cell.clone(), cell.clone(), cell];
+            assert!(!read().is_suspected("slow"), "there is no file yet");
+            for (times, package) in [(1, "p"), (1, "other"), (2, "p")] {
+                for line in lines(package) {
+                    line.write(&file).expect("written");
+                }
+                assert!(read().is_suspected("slow") && !read().is_suspected("fast"));
+                assert_eq!(read().ends("slow", &columns, &mut cells), times == 2);
+            }
+            let [gl, vulkan, msl] = cells.map(|cell| cell.stopped);
+            assert_eq!(vulkan, Some(Stop::Broke(why.to_owned())));
+            assert!(gl.is_some_and(|stop| !stop.is_wrong() && stop.text().contains("`vulkan`")));
+            assert_eq!(msl, None, "nothing runs there");
+        }
+    }
+
+    /// A row that crashes beside its dispatches is one finding, and half a line hides no other.
+    #[test]
+    fn a_row_that_runs_nowhere_is_blamed_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        for _ in 0..2 {
+            Line::Began(at("p", "r", None)).write(&file).expect("written");
+            let mut half = std::fs::OpenOptions::new().append(true).open(&file).expect("there");
+            half.write_all(b"{\"ended\":{\"pack").expect("written");
+            Line::Process("signal: 11".to_owned()).write(&file).expect("written");
+        }
+        let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
+        let cell = Cell { status: Some(Status::Valid), ..Cell::default() };
+        let mut cells = [cell.clone(), cell.clone(), cell];
+        assert!(Journal::read(Some(&file), "p").expect("read").ends("r", &columns, &mut cells));
+        let wrong = cells.iter().filter(|cell| cell.stopped.as_ref().is_some_and(Stop::is_wrong));
+        assert_eq!(wrong.count(), 1, "{cells:?}");
+    }
+
+    /// A process that ends with nothing running is no row's fault.
+    #[test]
+    fn a_process_that_ends_between_rows_has_no_culprit() {
+        let row = at("p", "r", None);
+        let lines = [Line::Began(row.clone()), Line::Ended(row), Line::Process("no".to_owned())];
+        assert_eq!(culprits(&lines), []);
+    }
+}

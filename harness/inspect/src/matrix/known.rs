@@ -1,0 +1,193 @@
+//! What is declared not to work, and what is found that isn't declared.
+
+use std::fmt;
+
+use karat::path::{Path, Selector, adapter};
+use karat::unstable::path::{expect_sound, selects};
+use karat_core::diagnostic::nearest;
+use serde::Serialize;
+
+use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
+
+/// A row that is declared not to get to a status on some columns. It must not get there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Known {
+    /// `module::name`
+    pub row: String,
+    /// A column (`vulkan:hlsl`, `msl`), or a selector of paths (`:hlsl`, `@swiftshader`).
+    pub column: String,
+    /// What it doesn't get to.
+    pub status: Status,
+    /// Why.
+    pub reason: String,
+}
+
+impl Known {
+    /// Refuses what names no row, no column or no reason. `rows` are those of the whole package.
+    pub(super) fn expect_sound<'r>(
+        &self,
+        mut rows: impl Iterator<Item = &'r str> + Clone,
+    ) -> Result<(), MatrixError> {
+        let wrong = |why: String| {
+            let (row, column) = (self.row.clone(), self.column.clone());
+            MatrixError::Known { row, column, why }
+        };
+        if self.reason.trim().is_empty() {
+            return Err(wrong("it has no reason".to_owned()));
+        }
+        if rows.clone().all(|row| row != self.row) {
+            let near = nearest(&self.row, &mut rows);
+            let near = near.map_or_else(String::new, |row| format!("; did you mean `{row}`?"));
+            return Err(wrong(format!("the package has no such row{near}")));
+        }
+        match self.column.parse::<Column>() {
+            Ok(_) => {}
+            Err(_) => {
+                let selector = Selector::from(&*self.column);
+                expect_sound(&selector).map_err(|error| wrong(error.to_string()))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_of(&self, column: Column) -> bool {
+        if self.column == column.to_string() {
+            return true;
+        }
+        let Some(path) = column.path() else { return false };
+        // `vulkan` as a column is the direct route; as a selector it would be all of them.
+        let other_route = self.column.parse::<Path>().is_ok_and(|named| named.via() != path.via());
+        let selector = Selector::from(&*self.column);
+        !other_route && adapter(path).is_ok_and(|adapter| selects(&selector, path, &adapter))
+    }
+}
+
+/// Notes in each cell what is declared of it. Returns what nothing here shows or refutes: of columns that
+/// aren't in the matrix, of rows that can't be judged, and where a validator or a driver is missing.
+pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
+    let here = |known: &&Known| {
+        let absent = !columns.iter().any(|column| known.is_of(*column));
+        absent && rows.iter().any(|row| row.name == known.row)
+    };
+    let mut undecided: Vec<Known> = known.iter().filter(here).cloned().collect();
+    for row in &*rows {
+        let unjudged = |known: &&Known| known.row == row.name && row.cells.is_empty();
+        undecided.extend(known.iter().filter(unjudged).cloned());
+    }
+    for row in rows {
+        for (column, cell) in columns.iter().zip(&mut row.cells) {
+            let of = |known: &&Known| known.row == row.name && known.is_of(*column);
+            // Of several the one that promises least.
+            cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
+            undecided.extend(cell.known.clone().filter(|_| cell.is_undecided()));
+        }
+    }
+    undecided
+}
+
+impl Cell {
+    /// What it doesn't get to; `None`: it gets as far as there is.
+    fn misses(&self) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| Some(*status) > self.status)
+    }
+
+    /// The declaration that it fails, if it fails as that says: there, not before, and because of
+    /// what was seen.
+    #[must_use]
+    pub fn fails_as_declared(&self) -> Option<&Known> {
+        let seen = matches!(
+            self.stopped,
+            Some(
+                Stop::Rejected(_)
+                    | Stop::Differs(_)
+                    | Stop::Unsupported(_)
+                    | Stop::Unable(_)
+                    | Stop::Panicked(_)
+                    | Stop::NotRun(_)
+            )
+        );
+        self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
+    }
+
+    /// Whether something is declared of it that nothing here shows or refutes.
+    fn is_undecided(&self) -> bool {
+        let wrong = self.stopped.as_ref().is_some_and(Stop::is_wrong);
+        !wrong && self.fails_as_declared().is_none() && !self.contradicts()
+    }
+
+    /// Whether it fails as declared, so that it can't get to this status.
+    pub(super) fn is_known_to_miss(&self, status: Status) -> bool {
+        self.fails_as_declared().is_some_and(|known| known.status <= status)
+    }
+
+    /// Whether it gets to what it is declared not to get to.
+    pub(super) fn contradicts(&self) -> bool {
+        self.known.as_ref().is_some_and(|known| self.status >= Some(known.status))
+    }
+}
+
+/// A row that is wrong on a column, or declared to be and isn't.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The row.
+    pub row: String,
+    /// The column.
+    pub column: String,
+    /// What is wrong.
+    pub why: String,
+    /// Whether what is wrong is a declaration: the row gets to what it is declared not to get to.
+    pub outdated: bool,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` on `{}`: {}", self.row, self.column, self.why)
+    }
+}
+
+impl Matrix {
+    /// Rows as which naga panics, that a validator rejects or has no verdict on, and whose results differ, if that isn't
+    /// declared; and rows that are declared to fail and don't.
+    #[must_use]
+    pub fn findings(&self) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for row in &self.rows {
+            for (head, cell) in self.columns.iter().zip(&row.cells) {
+                let why = match (&cell.known, &cell.stopped) {
+                    (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
+                        "it gets to `{}`, though it is declared not to, and fails behind: {}",
+                        known.status,
+                        stop.text()
+                    ),
+                    (Some(known), _) if cell.contradicts() => {
+                        format!("it gets to `{}`, though it is declared not to", known.status)
+                    }
+                    _ if cell.fails_as_declared().is_some() => continue,
+                    (Some(known), Some(stop)) if stop.is_wrong() => format!(
+                        "it is declared not to get to `{}`, and fails before: {}",
+                        known.status,
+                        stop.text()
+                    ),
+                    (None, Some(stop)) if stop.is_wrong() => stop.text().to_owned(),
+                    _ => continue,
+                };
+                let (row, column) = (row.name.clone(), head.name.clone());
+                let wrong = cell.stopped.as_ref().is_some_and(Stop::is_wrong);
+                findings.push(Finding { row, column, why, outdated: cell.contradicts() && !wrong });
+            }
+        }
+        findings
+    }
+
+    /// Wants nothing to be found.
+    ///
+    /// # Panics
+    /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got
+    /// further than its translation.
+    #[track_caller]
+    pub fn expect_no_findings(&self) {
+        self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));
+        let findings: Vec<String> = self.findings().iter().map(ToString::to_string).collect();
+        assert!(findings.is_empty(), "{} findings:\n{}", findings.len(), findings.join("\n"));
+    }
+}

@@ -1,0 +1,92 @@
+//! What the package's own tests found on the columns' paths.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use karat::unstable::record::{FileRead, PathRecord, Record, Subject, Verdict};
+use serde::Serialize;
+
+use super::{Cell, Matrix, Row, Status, Stop};
+
+/// What tests of a function found on one path.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Reference {
+    /// Checks that ran there.
+    pub checks: usize,
+    /// Those that failed.
+    pub failed: Vec<String>,
+    /// The largest error, as a share of what its check allows; `None` if that isn't a number.
+    pub worst: Option<f64>,
+}
+
+impl Matrix {
+    /// Judges functions by what their tests found on the same path, in the record of a run: against a
+    /// reference, and by a tolerance that somebody chose for this function. That decides; what columns
+    /// say of each other stays in the cell. A verdict on files that have changed since says nothing.
+    ///
+    /// How many cells were judged.
+    pub fn judge_by(&mut self, records: &[Record]) -> usize {
+        let current: Vec<&Record> = records.iter().filter(|record| is_current(record)).collect();
+        let mut judged = 0;
+        for row in &mut self.rows {
+            let file = whole(&row.source.file);
+            let of_row: Vec<&Record> = current
+                .iter()
+                .copied()
+                .filter(|record| is_of(record, row, file.as_ref()))
+                .collect();
+            for (head, cell) in self.columns.iter().zip(&mut row.cells) {
+                let on = |record: &Record| {
+                    let mut paths = record.paths.iter();
+                    paths.find(|path| path.adapter.path == head.name && path.cases > 0).cloned()
+                };
+                let found: Vec<(&Record, PathRecord)> =
+                    of_row.iter().filter_map(|record| Some((*record, on(record)?))).collect();
+                if !found.is_empty() && cell.status >= Some(Status::Executed) {
+                    judge(cell, &found);
+                    judged += 1;
+                }
+            }
+        }
+        judged
+    }
+}
+
+fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
+    let mut reference = Reference { checks: found.len(), ..Reference::default() };
+    for (record, path) in found {
+        // A path without failures has none, whatever became of others.
+        if path.failures > 0 || (record.paths.len() == 1 && record.verdict != Verdict::Pass) {
+            reference.failed.push(record.test.clone());
+        }
+        reference.worst = match (reference.worst, path.ratio) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        };
+    }
+    if reference.failed.is_empty() {
+        (cell.status, cell.stopped) = (Some(Status::Agrees), None);
+    } else {
+        cell.status = Some(Status::Executed);
+        let tests = reference.failed.join("`, `");
+        cell.stopped = Some(Stop::Differs(format!("its tests fail on this path: `{tests}`")));
+    }
+    cell.reference = Some(reference);
+}
+
+/// Whether a verdict is on the files as they are now.
+fn is_current(record: &Record) -> bool {
+    let same = |read: &FileRead| FileRead::now(&read.file) == *read;
+    record.overlay.is_none() && !record.read.is_empty() && record.read.iter().all(same)
+}
+
+fn is_of(record: &Record, row: &Row, file: Option<&PathBuf>) -> bool {
+    let Subject::Function { function, .. } = &record.subject else { return false };
+    let read: BTreeSet<Option<PathBuf>> =
+        record.read.iter().map(|read| read.file.canonicalize().ok()).collect();
+    *function == row.name && file.is_some_and(|file| read.contains(&Some(file.clone())))
+}
+
+fn whole(file: &str) -> Option<PathBuf> {
+    PathBuf::from(file).canonicalize().ok()
+}

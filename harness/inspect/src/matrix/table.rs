@@ -1,0 +1,476 @@
+//! All rows, and what is wanted of them.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use karat::package::{Package, PackageError};
+use karat::path::{self, PathError};
+use karat::unstable::package::{FunctionItem, KnownRows, for_validating, known_rows};
+use karat::unstable::reflect::Program;
+use karat_core::diagnostic::nearest;
+use karat_core::settings::{self, SettingsError};
+use karat_translate::{NAGA_VERSION, Tool};
+use serde::Serialize;
+
+use super::journal::Journal;
+use super::judge::Judged;
+use super::known::{Known, declare};
+use super::subject::{Ready, Subject, prepare};
+use super::{Cell, Column, Request, Row, Source, Status, row};
+
+use rayon::prelude::*;
+
+/// Functions and entry points on every column.
+#[derive(Clone, Debug, Serialize)]
+pub struct Matrix {
+    /// The package.
+    pub package: String,
+    /// The version of naga whose translations these are. Users of other versions have others.
+    pub naga: String,
+    /// The validators that judged, with their versions.
+    pub validators: BTreeMap<String, String>,
+    /// Inputs of each function.
+    pub cases: usize,
+    /// The columns, with their adapters.
+    pub columns: Vec<Head>,
+    /// The rows, in the order of modules and lines.
+    pub rows: Vec<Row>,
+    /// What is declared of these rows and nothing here shows or refutes: a column isn't in the matrix, a
+    /// row can't be judged, or a validator or driver is missing.
+    pub undecided: Vec<Known>,
+}
+
+/// The head of a column.
+#[derive(Clone, Debug, Serialize)]
+pub struct Head {
+    /// Its name.
+    pub name: String,
+    /// The language that is translated into.
+    pub language: String,
+    /// What runs it: adapter and driver.
+    pub adapter: Option<String>,
+    /// Why nothing runs it.
+    pub unavailable: Option<String>,
+}
+
+/// Why there is no matrix.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MatrixError {
+    /// The package can't be read.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// There is no row.
+    #[error("package `{package}` has no function and no entry point{}", match only.as_slice() {
+        [] => String::new(),
+        names => format!(" whose name contains `{}`", names.join("` or `")),
+    })]
+    Nothing {
+        /// The package.
+        package: String,
+        /// What names were to contain.
+        only: Vec<String>,
+    },
+    /// There is no column, or no case.
+    #[error("a matrix has at least one column and one case")]
+    Empty,
+    /// There are more cases than are kept in memory.
+    #[error("a matrix has at most {most} cases a function, not {cases}")]
+    TooMany {
+        /// What was asked for.
+        cases: usize,
+        /// What is possible.
+        most: usize,
+    },
+    /// The file that says which row ran as a process ended can't be read.
+    #[error("can't read `{file}`, which says what ran as a process ended: {why}")]
+    Journal {
+        /// The file.
+        file: String,
+        /// Why.
+        why: String,
+    },
+    /// A declaration of what doesn't work can't be true.
+    #[error("row `{row}` is declared not to work on `{column}`: {why}")]
+    Known {
+        /// The row.
+        row: String,
+        /// The column.
+        column: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// An override that no row has, or a value that isn't of its type.
+    #[error("an override: {0}")]
+    Override(String),
+    /// A column is named twice.
+    #[error("the column `{0}` is named twice")]
+    Repeated(String),
+}
+
+/// Cases of a function, all in memory on each column: as many as `karat call` takes.
+const MOST_CASES: usize = 1 << 22;
+
+/// Rows that are translated, judged and run together: enough for a process of a validator to judge
+/// several, and few enough that their texts don't fill the memory.
+const TOGETHER: usize = 64;
+
+pub(super) fn make(
+    request: &Request,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Matrix, MatrixError> {
+    settings::current()?;
+    if request.columns.is_empty() || request.cases == 0 {
+        return Err(MatrixError::Empty);
+    }
+    if request.cases > MOST_CASES {
+        return Err(MatrixError::TooMany { cases: request.cases, most: MOST_CASES });
+    }
+    for (index, column) in request.columns.iter().enumerate() {
+        if request.columns[..index].contains(column) {
+            return Err(MatrixError::Repeated(column.to_string()));
+        }
+    }
+    let (mut items, mut unread) = items(&request.package)?;
+    let known = known(request)?;
+    for known in &known {
+        known.expect_sound(items.iter().map(|item| &*item.name))?;
+    }
+    let wanted =
+        |name: &str| request.only.is_empty() || request.only.iter().any(|part| name.contains(part));
+    items.retain(|item| wanted(&item.name));
+    unread.retain(|row| wanted(&row.name));
+    let package = request.package.name();
+    if items.is_empty() && unread.is_empty() {
+        return Err(MatrixError::Nothing { package, only: request.only.clone() });
+    }
+    if let Some(name) = request.overrides.keys().find(|name| !request.has_override(name)) {
+        return Err(MatrixError::Override(format!("no function and no entry point uses `{name}`")));
+    }
+    let misfit = |program: Arc<Program>| program.misfit(&request.overrides_of(&program));
+    if let Some(wrong) = request.programs().find_map(misfit) {
+        return Err(MatrixError::Override(wrong));
+    }
+    let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
+        let file = request.journal.as_ref().map_or_else(String::new, |f| f.display().to_string());
+        MatrixError::Journal { file, why: error.to_string() }
+    })?;
+    let all = items.len();
+    let order: BTreeMap<String, usize> =
+        items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
+    // First, each alone: who ends the process again does so before the others have run.
+    let suspected: Vec<FunctionItem> =
+        items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
+    // Devices are opened before the rows need them, one after the other.
+    let columns = request.columns.iter().map(head).collect();
+    let done = Mutex::new(0);
+    let together = suspected.chunks(1).chain(items.chunks(TOGETHER));
+    let rows = together.flat_map(|items| {
+        let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
+        let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
+        let judged = Judged::of(&ready, &request.columns, &request.package);
+        let mut rows = 0_usize..;
+        let mut of = |ready: &Ready| {
+            let row = rows.next().expect("it has no end");
+            request.columns.iter().map(|c| judged.cell(row, ready, *c)).collect()
+        };
+        let cells: Vec<Option<Vec<Cell>>> =
+            subjects.iter().map(|subject| subject.ready().map(&mut of)).collect();
+        let one = |(subject, cells): (Subject, Option<Vec<Cell>>)| {
+            let row = match (subject, cells) {
+                (Subject::Ready(ready), Some(mut cells)) => {
+                    let name = ready.row.name.clone();
+                    match journal.ends(&name, &request.columns, &mut cells) {
+                        true => ready.row(cells),
+                        false => journal.watched(&name, || row::run(request, *ready, cells)),
+                    }
+                }
+                (Subject::Ready(ready), None) => ready.row(Vec::new()),
+                (Subject::Row(row), _) => *row,
+            };
+            // Whoever counts tells it before another one counts, so that no count is told late.
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            *done += 1;
+            progress(*done, all);
+            row
+        };
+        subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
+    });
+    let mut rows: Vec<Row> = rows.collect();
+    rows.sort_by_key(|row| order.get(&row.name));
+    rows.extend(unread);
+    let undecided = declare(&known, &request.columns, &mut rows);
+    let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
+    let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
+    let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);
+    Ok(Matrix { package, naga, validators, cases, columns, rows, undecided })
+}
+
+/// The functions and entry points; and a row for each module that can't be read.
+fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageError> {
+    let (mut items, mut unread) = (Vec::new(), Vec::new());
+    for module in package.modules()? {
+        match package.functions_in(&module) {
+            Ok(functions) => items.extend(functions),
+            Err(error) => unread.push(Row::of_module(&module, error.to_string())),
+        }
+    }
+    Ok((items, unread))
+}
+
+impl Request {
+    /// The package's modules, as entry points are opened.
+    fn programs(&self) -> impl Iterator<Item = Arc<Program>> + '_ {
+        let modules = self.package.modules().unwrap_or_default().into_iter();
+        modules.filter_map(|module| {
+            Program::of_module(&for_validating(&self.package, &module), &module).ok()
+        })
+    }
+
+    /// True if something in the package has an override of this name or number.
+    #[must_use]
+    pub fn has_override(&self, name: &str) -> bool {
+        Program::some_has_override(&self.package, name)
+    }
+}
+
+/// What is declared in the test and in `karat.toml`.
+fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
+    let mut all = request.known.clone();
+    for written in known_rows(&request.package)? {
+        let KnownRows { rows, columns, status, reason } = written;
+        for row in &rows {
+            for column in &columns {
+                let (row, column, reason) = (row.clone(), column.clone(), reason.clone());
+                let status = status.parse().map_err(|why| {
+                    let (row, column) = (row.clone(), column.clone());
+                    MatrixError::Known { row, column, why }
+                })?;
+                all.push(Known { row, column, status, reason });
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn head(column: &Column) -> Head {
+    let opened = column.path().map(path::adapter);
+    let (adapter, unavailable) = match opened {
+        None => (None, Some(column.without_path())),
+        Some(Ok(adapter)) => (Some(format!("{}, {}", adapter.name, adapter.driver)), None),
+        Some(Err(error @ PathError::Unavailable { .. })) => (None, Some(error.to_string())),
+        Some(Err(error)) => (None, Some(error.to_string())),
+    };
+    let (name, language) = (column.to_string(), column.language().to_owned());
+    Head { name, language, adapter, unavailable }
+}
+
+/// What a matrix lacks.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Missed {
+    /// No column has this name.
+    #[error("the matrix has no column `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    NoColumn {
+        /// What was asked for.
+        name: String,
+        /// The closest column.
+        nearest: Option<String>,
+    },
+    /// No row is a function that can be called, or an entry point.
+    #[error(
+        "the matrix has no row to judge: there is no entry point, and no function can be called"
+    )]
+    NoRow,
+    /// Each row was translated, and no more.
+    #[error(
+        "of {rows} rows none was judged: there is no validator of these languages, and nothing ran \
+             them; `karat doctor` lists what is missing and how to get it"
+    )]
+    NothingJudged {
+        /// How many rows there are.
+        rows: usize,
+    },
+    /// Rows don't get that far.
+    #[error("{} of {of} rows don't get to `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
+    Rows {
+        /// The column.
+        column: String,
+        /// What they should get to.
+        status: Status,
+        /// Each with the reason.
+        rows: Vec<(String, String)>,
+        /// Of how many.
+        of: usize,
+    },
+    /// Rows that are declared to fail pass.
+    #[error("on `{column}` these rows get to `{status}`, though they are declared not to; delete \
+             their declarations: {}", rows.join(", "))]
+    Passing {
+        /// The column.
+        column: String,
+        /// What they get to.
+        status: Status,
+        /// The rows.
+        rows: Vec<String>,
+    },
+    /// A declaration names no row.
+    #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
+    NoSuchRow {
+        /// The row.
+        name: String,
+    },
+}
+
+fn list(rows: &[(String, String)]) -> String {
+    let lines: Vec<String> = rows.iter().map(|(name, why)| format!("  {name}: {why}")).collect();
+    lines.join("\n")
+}
+
+impl Matrix {
+    /// Wants a row, and a cell that something has judged: a validator, or another column.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn try_expect_evidence(&self) -> Result<(), Missed> {
+        let rows = self.rows.iter().filter(|row| row.is_judged()).count();
+        let judged = |cell: &Cell| {
+            cell.status > Some(Status::Translated)
+                || cell.stopped.as_ref().is_some_and(|stop| {
+                    stop.is_wrong() || matches!(stop, super::Stop::Unsupported(_))
+                })
+        };
+        match self.rows.iter().flat_map(|row| &row.cells).any(judged) {
+            _ if rows == 0 => Err(Missed::NoRow),
+            true => Ok(()),
+            // What can't be read is an error of its own.
+            false if self.rows.iter().any(|row| row.is_judged() && row.error.is_some()) => Ok(()),
+            false => Err(Missed::NothingJudged { rows }),
+        }
+    }
+
+    /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
+    /// judged.
+    ///
+    /// # Panics
+    /// If a row doesn't get that far, or there is no such column or no row.
+    #[track_caller]
+    pub fn expect(&self, column: &str, status: Status) {
+        self.expect_but(column, status, &[]);
+    }
+
+    /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
+    /// not get that far: a declaration that isn't true any more is an error.
+    ///
+    /// # Panics
+    /// As [`expect`](Self::expect); or if a declared row gets that far.
+    #[track_caller]
+    pub fn expect_but(&self, column: &str, status: Status, known: &[(&str, &str)]) {
+        self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
+    }
+
+    /// [`expect_but`](Self::expect_but) without the panic.
+    ///
+    /// # Errors
+    /// If a row doesn't get that far, a declared one does, or there is no such column or no row.
+    pub fn try_expect_but(
+        &self,
+        column: &str,
+        status: Status,
+        known: &[(&str, &str)],
+    ) -> Result<(), Missed> {
+        let names = || self.columns.iter().map(|head| head.name.as_str());
+        let index = names().position(|name| name == column).ok_or_else(|| Missed::NoColumn {
+            name: column.to_owned(),
+            nearest: nearest(column, names()).map(str::to_owned),
+        })?;
+        if let Some((name, _)) = known.iter().find(|(k, _)| self.rows.iter().all(|r| r.name != *k))
+        {
+            return Err(Missed::NoSuchRow { name: (*name).to_owned() });
+        }
+        let judged: Vec<&Row> = self.rows.iter().filter(|row| row.is_judged()).collect();
+        if judged.is_empty() {
+            return Err(Missed::NoRow);
+        }
+        let (mut missing, mut passing) = (Vec::new(), Vec::new());
+        for row in &judged {
+            let cell = row.cells.get(index);
+            let reached = cell.and_then(|cell| cell.status) >= Some(status);
+            if !reached && cell.is_some_and(|cell| cell.is_known_to_miss(status)) {
+                continue;
+            }
+            let declared = known.iter().any(|(name, _)| *name == row.name);
+            match (reached, declared) {
+                (false, false) => missing.push((row.name.clone(), row.why(index))),
+                (true, true) => passing.push(row.name.clone()),
+                (true, false) | (false, true) => {}
+            }
+        }
+        let column = column.to_owned();
+        if !missing.is_empty() {
+            return Err(Missed::Rows { column, status, rows: missing, of: judged.len() });
+        }
+        if !passing.is_empty() {
+            return Err(Missed::Passing { column, status, rows: passing });
+        }
+        Ok(())
+    }
+}
+
+impl Row {
+    /// A module that can't be read.
+    fn of_module(module: &str, error: String) -> Self {
+        let source = Source { file: String::new(), line: 1, text: String::new() };
+        Self {
+            name: module.to_owned(),
+            kind: "module".to_owned(),
+            location: String::new(),
+            source,
+            text: "".into(),
+            buffers: Vec::new(),
+            error: Some(error),
+            cells: Vec::new(),
+        }
+    }
+
+    /// Whether there is anything to judge: not where no kernel can call the function.
+    #[must_use]
+    pub fn is_judged(&self) -> bool {
+        self.kind != "not callable"
+    }
+
+    /// Why it gets no further on a column.
+    #[must_use]
+    pub fn why(&self, column: usize) -> String {
+        let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());
+        let text = stopped.map(super::Stop::text).or(self.error.as_deref());
+        text.unwrap_or("it isn't known why").to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_row_is_told_once_and_in_order() {
+        let functions = |at: usize| format!("fn f{at}(x: f32) -> f32 {{ return x * {at}.0; }}\n");
+        // More than are run together.
+        let text: String = (0..TOGETHER + 3).map(functions).collect();
+        let package = Package::from_modules("m", [("a", text), ("b", "fn broken(".to_owned())]);
+        let told = Mutex::new(Vec::new());
+        let request = crate::matrix(&package).columns(["cpu".parse().expect("a column")]).cases(4);
+        let made = request.run_with(&|done, of| told.lock().expect("whole").push((done, of)));
+        // A module that can't be read is a row that takes no time.
+        assert_eq!(made.expect("made").rows.len(), TOGETHER + 4);
+        let all = TOGETHER + 3;
+        assert_eq!(
+            told.into_inner().expect("whole"),
+            (1..=all).map(|done| (done, all)).collect::<Vec<_>>()
+        );
+    }
+}

@@ -1,0 +1,88 @@
+//! A fragment function that writes storage, as a pass: each invocation is a pixel of a draw that nothing orders.
+
+use std::sync::Arc;
+
+use karat::fixture::{Fixture, Storage, Uniform};
+use karat::package::Package;
+use karat::unstable::dispatch::Passes;
+use karat::unstable::fixture;
+use karat::unstable::probe::Probed;
+
+use crate::made_up::{Arguments, Extents, Mix, Ranges, Resources};
+
+/// Pixels across and down, one after the other: as many as a compute pass of 8 x 8 invocations usually has, and rows are no
+/// columns. An edge at any tenth, quarter or third parts a quad in one of them.
+const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
+
+/// The same rows for each function of one signature, on every machine.
+const SEED: u64 = 0x7069_7865_6c73; // "pixels"
+
+/// The pixels of one draw, with made-up inputs and resources, whose sizes follow from the pixels. A single one if that
+/// is asked for.
+///
+/// # Errors
+/// If the function isn't valid, or an input or a resource can't be made up.
+pub(crate) fn of_pixels(
+    package: &Package,
+    name: &str,
+    single: bool,
+    ranges: &Ranges,
+    (variant, mix): (usize, Option<&Mix<'_>>),
+) -> Result<(Passes, Resources), String> {
+    let ranges = &ranges.scoped(name);
+    let overrides = ranges.overrides_of(package, name);
+    let probed = Probed::with_overrides(package, name, &overrides);
+    let probed = probed.map_err(|error| error.to_string())?;
+    let (program, function) = (&probed.program, probed.function());
+    // A single pixel has the others of its quad for neighbours.
+    let whole = SIZES[variant % SIZES.len()];
+    let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
+    let extents = Extents::of([1; 3], [whole[0], whole[1], 1], variant);
+    let draws = variant % Extents::ZEROS;
+    let mix = mix.map(|mix| Mix {
+        variant: mix.variant % Extents::ZEROS,
+        extents: Some(Extents::of([1; 3], [whole[0], whole[1], 1], mix.variant)),
+        ..*mix
+    });
+    let of = (draws, mix.as_ref());
+    let made = Resources::of_pass((program, &function.bindings), ranges, extents, of)?;
+    let arguments = Arguments::of_draw(function, ranges, extents)?;
+    let (count, rows) = arguments.rows(SEED, Extents::VARIANTS);
+    let width = arguments.width();
+    let row = |number: usize| {
+        rows.chunks_exact(width.max(1)).nth(number % count.max(1)).unwrap_or_default()
+    };
+    let words = arguments.of_pixels(function, [draws, draws + 1].map(row), [across, down]);
+    let kernel = probed.kernel.of_pixels();
+    let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with it");
+    let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
+    let bindings = drawn.fragment_entry_point(Probed::ENTRY_POINT).expect("it is drawn");
+    let (_, words_out) = kernel.words();
+    let results = vec![0_u32; (words_out + 1) * (across * down) as usize];
+    let own: [(u32, Fixture); 3] = [
+        (0, Storage::new(words).into()),
+        (1, Storage::new(results).into()),
+        (2, Uniform::new(glam::UVec4::new(1, 0, across, 0)).into()),
+    ];
+    let first = kernel.first_binding();
+    let given = fixture::resolve(&function.bindings, &made.fixtures);
+    let given = given.map_err(|error| error.to_string())?;
+    let fixture_of = |place: (u32, u32)| {
+        let mut given = given.iter().map(|(one, fixture)| ((one.group, one.binding), *fixture));
+        let mut own = own.iter().map(|(number, fixture)| ((0, first + number), fixture));
+        let found = given.find(|(at, _)| *at == place).or_else(|| own.find(|(at, _)| *at == place));
+        found.expect("a kernel uses what its function does").1.clone()
+    };
+    let bound = bindings.into_iter().map(|one| {
+        let fixture = fixture_of((one.group, one.binding));
+        (one, fixture)
+    });
+    let bound: Vec<_> = bound.collect();
+    let size = [size[0], size[1], 1];
+    let mut passes = Passes::over(Arc::new(drawn), Probed::ENTRY_POINT, size, &bound);
+    let pass = &mut passes.passes[0];
+    let outputs = function.outputs();
+    let scalars = outputs.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+    (pass.name, pass.drawn) = (name.to_owned(), Some(scalars));
+    Ok((passes, made))
+}

@@ -1,0 +1,132 @@
+//! What a package holds for programs that look into functions without a test.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::inputs::Declaration;
+use super::library::ModulePath;
+use super::manifest::Manifest;
+use super::overlay::Overlay;
+use super::{Package, PackageError, directives, texts};
+use crate::diagnostic::shown;
+
+/// What is declared for the search for hazards.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hazards {
+    /// `[inputs]`, by name.
+    pub inputs: BTreeMap<String, Declaration>,
+    /// Values of overrides, in each function that has one.
+    pub overrides: BTreeMap<String, f64>,
+    /// `[[hazard]]`.
+    pub accepted: Vec<AcceptedHazard>,
+}
+
+/// Hazards that are accepted, as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcceptedHazard {
+    /// `module::name`, `module::*`
+    pub functions: Vec<String>,
+    /// The operation; none: all of them.
+    pub text: Option<String>,
+    /// Why it is accepted.
+    pub reason: String,
+}
+
+/// Rows of the matrix of translations that are declared not to get to a status, as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownRows {
+    /// `module::name`
+    pub rows: Vec<String>,
+    /// Columns, or selectors of paths.
+    pub columns: Vec<String>,
+    /// The status that they don't get to.
+    pub status: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// What methods of [`Package`] return that stand elsewhere by now: it does nothing, and the compiler says where they are.
+#[derive(Debug)]
+pub struct Moved;
+
+impl Package {
+    /// It is a function of another crate.
+    #[deprecated(
+        note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::hazards(&package)`"
+    )]
+    #[must_use]
+    pub fn hazards(&self) -> Moved {
+        Moved
+    }
+
+    /// It is a function of another crate.
+    #[deprecated(
+        note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::matrix(&package)`"
+    )]
+    #[must_use]
+    pub fn matrix(&self) -> Moved {
+        Moved
+    }
+}
+
+/// The package with the features with which a module is validated.
+#[must_use]
+pub fn for_validating(package: &Package, module: &str) -> Package {
+    package.for_validating(module)
+}
+
+/// Whether it is a crate's.
+#[must_use]
+pub fn is_crate(package: &Package) -> bool {
+    package.is_crate()
+}
+
+/// What `karat.toml` declares of hazards.
+///
+/// # Errors
+/// If it can't be read.
+pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
+    Ok(Manifest::of(package)?.hazards())
+}
+
+/// What `karat.toml` declares of the matrix of translations.
+///
+/// # Errors
+/// If it can't be read.
+pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
+    Ok(Manifest::of(package)?.known_rows())
+}
+
+/// The words of a module's own file, and the features that its conditions ask about and that aren't set.
+#[must_use]
+pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<String>)> {
+    let (overlay, manifest) = (Overlay::of(package).ok()?, Manifest::of(package).ok()?);
+    let file = package.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?;
+    let words = texts(&file.text).into_iter().map(str::to_owned).collect();
+    let is_set = |name: &String| package.features.iter().any(|(known, _)| known == name);
+    let open = directives::asked(&file.text).into_iter().filter(|name| !is_set(name));
+    Some((words, open.collect()))
+}
+
+/// The place of an input's declaration in the folder's `karat.toml`: `karat.toml:3`.
+#[must_use]
+pub fn place_of_input(package: &Package, name: &str) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Inputs {
+        #[serde(default)]
+        inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
+    }
+    let read = Manifest::of(package).ok()?.read?;
+    let text = package.unsaved_text(&read.file).map(|text| text.to_string());
+    let text = text.or_else(|| std::fs::read_to_string(&read.file).ok())?;
+    let all = toml::from_str::<Inputs>(&text).ok()?.inputs;
+    let key = all.into_keys().find(|key| {
+        let rest = name.strip_prefix(key.get_ref().as_str());
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    })?;
+    let line = text[..key.span().start].matches('\n').count() + 1;
+    Some(format!("{}:{line}", shown(&read.file)))
+}

@@ -1,0 +1,87 @@
+//! Paths that are open: each opens once a process.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, OnceLock};
+
+use super::{Adapter, Api, Device, Path, PathError, Process, cpu};
+use crate::{panics, settings};
+
+/// A path that is open.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Opened {
+    Device(&'static Device),
+    Process(&'static Process),
+    /// The engine, which is always there, in the arithmetic of a path.
+    Cpu(Path),
+}
+
+impl Opened {
+    pub(crate) fn path(self) -> Path {
+        match self {
+            Self::Device(device) => device.path(),
+            Self::Process(process) => process.path(),
+            Self::Cpu(path) => path,
+        }
+    }
+
+    pub(crate) fn adapter(self) -> Adapter {
+        match self {
+            Self::Device(device) => device.adapter().clone(),
+            Self::Process(process) => process.adapter(),
+            Self::Cpu(path) => cpu::adapter(path),
+        }
+    }
+
+    /// The device, if it is one.
+    pub(crate) fn device(self) -> Option<&'static Device> {
+        match self {
+            Self::Device(device) => Some(device),
+            _ => None,
+        }
+    }
+}
+
+/// Opens a path, once a process. Others may be opened meanwhile.
+pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
+    type Once = OnceLock<Result<Opened, PathError>>;
+    static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
+    settings::current()?;
+    if path.api() == Api::Cpu
+        && path.driver().is_none()
+        && (path == Path::CPU || path.via().is_arithmetic())
+    {
+        return Ok(Opened::Cpu(path));
+    }
+    if path.via().is_arithmetic() {
+        let message =
+            format!("only `cpu:{}` has this arithmetic: drivers have their own", path.via());
+        return Err(PathError::Route { path, message });
+    }
+    let once: &'static Once = {
+        let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
+        opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
+    };
+    // A path that is open stays open as long as the process.
+    let opened = once.get_or_init(|| match path.api() {
+        Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
+        _ => {
+            let subject = "its opening".to_owned();
+            let device = panics::caught(|| Device::open(path))
+                .unwrap_or_else(|panicked| Err(PathError::Panicked { path, subject, panicked }));
+            Ok(Opened::Device(Box::leak(Box::new(device?))))
+        }
+    });
+    // A program that its author mends is tried again.
+    if opened.is_err() && path.api() == Api::Process {
+        OPENED.lock().expect("no thread panics while it holds the lock").remove(&path);
+    }
+    opened.clone()
+}
+
+/// The device of a path; `None` if the path has none of this process.
+///
+/// # Errors
+/// If the path doesn't open.
+pub fn device(path: Path) -> Result<Option<&'static Device>, PathError> {
+    open(path).map(Opened::device)
+}
