@@ -57,7 +57,7 @@ mod validity;
 mod verdict;
 pub(crate) mod wgsl_test;
 
-pub use crate::interpret::hazards::Kind as HazardKind;
+pub use crate::hazard::Kind as HazardKind;
 #[doc(inline)]
 pub use crate::value::Reference;
 use demand::Demand;

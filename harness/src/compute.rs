@@ -34,7 +34,7 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::golden::ValuesError;
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::Fault;
+use crate::record::Details;
 use crate::reflect::Overrides;
 use crate::run::{
     Fails, KnownIssue, KnownIssues, NotBegun, Passed, PathFailures, Stop, WrongDeclaration,
@@ -231,7 +231,22 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
-pub use crate::dispatch::{Violation, ViolationAccess, ViolationKind};
+pub use crate::dispatch::{Violation, ViolationAccess};
+
+/// The kind of a violation: one list has all kinds.
+///
+/// ```
+/// #[expect(deprecated, reason = "its name is another one")]
+/// use karat::compute::ViolationKind;
+///
+/// #[expect(deprecated, reason = "its name is another one")]
+/// let barrier = ViolationKind::Barrier;
+/// assert_eq!(barrier, karat::check::HazardKind::Barrier);
+/// ```
+#[deprecated(
+    note = "it is `check::HazardKind`: `ReadWrite` and `WriteWrite` are `Race` there, `Outside` is `OutOfRange`"
+)]
+pub type ViolationKind = crate::hazard::Kind;
 pub use judge::Difference;
 pub use order::OrderDependence;
 pub use sanitizer::Violations;
@@ -253,16 +268,16 @@ impl Fails for ComputeError {
         }
     }
 
-    fn fault(&self) -> Fault {
+    fn details(&self) -> Details {
         match self {
-            Self::Differs(difference) => difference.fault(),
-            Self::Violations(found) => found.fault(),
-            Self::Order(order) => order.fault(),
-            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Differs(difference) => difference.details(),
+            Self::Violations(found) => found.details(),
+            Self::Order(order) => order.details(),
+            Self::Paths(failures) => failures.details(Self::details),
             Self::Dispatch(DispatchError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
+                Details::of(&self.to_string()).at(error.diagnostic())
             }
-            other => Fault::of(&other.to_string()),
+            other => Details::of(&other.to_string()),
         }
     }
 }

@@ -8,7 +8,7 @@ mod violation;
 
 use std::sync::Arc;
 
-pub use violation::{Examined, Violation, ViolationAccess, ViolationKind, Watched};
+pub use violation::{Examined, Violation, ViolationAccess, Watched};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};

@@ -20,7 +20,7 @@ use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::{Fault, PathFault};
+use crate::record::{Details, PathDetails};
 use crate::run::{
     Fails, KnownIssue, KnownIssues, NotBegun, Passed, PathFailures, Stop, WrongDeclaration,
 };
@@ -161,17 +161,19 @@ impl Fails for FrameError {
         }
     }
 
-    fn fault(&self) -> Fault {
+    fn details(&self) -> Details {
         match self {
             Self::Golden { adapter, .. } | Self::Mean { adapter, .. } => {
-                Fault { paths: vec![PathFault::on(adapter)], ..Fault::of(&self.to_string()) }
+                Details { paths: vec![PathDetails::on(adapter)], ..Details::of(&self.to_string()) }
             }
-            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Paths(failures) => failures.details(Self::details),
             Self::Draw(DrawError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
+                Details::of(&self.to_string()).at(error.diagnostic())
             }
-            Self::Draw(DrawError::Rounds(found)) => Fault::of(&self.to_string()).at(Some(&**found)),
-            other => Fault::of(&other.to_string()),
+            Self::Draw(DrawError::Rounds(found)) => {
+                Details::of(&self.to_string()).at(Some(&**found))
+            }
+            other => Details::of(&other.to_string()),
         }
     }
 }

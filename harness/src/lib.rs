@@ -69,7 +69,7 @@ mod run;
 mod tint;
 pub mod unstable;
 
-use karat_core::{diagnostic, expectation, lines, output, panics, settings};
+use karat_core::{diagnostic, expectation, hazard, lines, output, panics, settings};
 
 #[doc(no_inline)]
 pub use glam;

@@ -5,8 +5,8 @@
 //! a run gives it a folder of its own ([`Running`]). When the run has ended, `run.json` says how it
 //! was made ([`Run`]).
 
+mod details;
 mod errors;
-mod fault;
 mod folder;
 mod replay;
 
@@ -20,18 +20,18 @@ use std::time::{Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
+pub use self::details::{CaseDetails, Details, ExpectationDetails, PathDetails};
 pub use self::errors::{Errors, Histogram, Plot};
-pub use self::fault::{CaseFault, ExpectationFault, Fault, PathFault};
 pub use self::folder::Running;
 use self::folder::Turn;
 pub use self::replay::Replay;
 pub use crate::diagnostic::FileRead;
-pub use crate::dispatch::{Violation, ViolationAccess, ViolationKind, Watched};
+pub use crate::dispatch::{Violation, ViolationAccess, Watched};
 use crate::output;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
-pub const SCHEMA: u32 = 4;
+pub const SCHEMA: u32 = 5;
 
 /// What a check concluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,11 +63,11 @@ pub struct Record {
     pub verdict: Verdict,
     /// Each path that ran.
     pub paths: Vec<PathRecord>,
-    /// The whole message of a failure or error, for people: [`fault`](Self::fault) has the same as data.
+    /// The whole message of a failure or error, for people: [`details`](Self::details) has the same as data.
     pub message: Option<String>,
-    /// The fault, as data; `None` if the check passes.
+    /// What failed, as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fault: Option<Fault>,
+    pub details: Option<Details>,
     /// How much of compute passes the sanitizer looked through; `None` of what has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,

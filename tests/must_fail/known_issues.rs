@@ -249,7 +249,7 @@ fn what_is_returned_is_recorded_unless_it_is_left_out() {
         assert!(text.contains(&format!("{failures} failures")), "{fault}: {text}");
         let records = karat::unstable::record::read(folder.path()).unwrap_or_default();
         let failed = records.iter().filter(|record| {
-            record.verdict == karat::unstable::record::Verdict::Fail && record.fault.is_some()
+            record.verdict == karat::unstable::record::Verdict::Fail && record.details.is_some()
         });
         assert_eq!((records.len(), failed.count()), (expected, expected), "{records:?}");
     }

@@ -1,6 +1,7 @@
 //! Results that depend on the order of invocations, found by default, and such that don't.
 
-use karat::compute::{ComputeError, ViolationKind};
+use karat::check::HazardKind;
+use karat::compute::ComputeError;
 use karat::prelude::*;
 
 /// Dispatches `main` over words `a` of atomics, words `d` and a flag `out`, and asserts what is left of `out`.
@@ -204,7 +205,7 @@ fn races_of_an_order() {
     ] {
         let seen = left(body, size, groups, 0);
         let Err(ComputeError::Violations(found)) = seen else { panic!("{name}: {seen:?}") };
-        let races = [ViolationKind::ReadWrite, ViolationKind::WriteWrite];
+        let races = [HazardKind::Race, HazardKind::Race];
         assert!(races.contains(&found.all[0].kind), "{name}: {found}");
         assert_eq!(found.all[0].variable, "d", "{name}: {found}");
     }
@@ -271,7 +272,7 @@ fn what_is_read_and_not_used_races() {
         let passes = passes.with("pairs", karat::fixture::Buffer::zeros(128));
         let passes = passes.with("out", Storage::new([0_u32; 16])).dispatch("main", [1, 1, 1]);
         let found = karat::unstable::compute::violations(&passes).expect("it is valid").0;
-        let found = found.iter().filter(|(one, _)| one.kind == ViolationKind::ReadWrite);
+        let found = found.iter().filter(|(one, _)| one.kind == HazardKind::Race);
         found.map(|(one, _)| one.element.clone()).collect::<Vec<_>>()
     };
     for (body, element) in [

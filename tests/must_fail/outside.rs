@@ -1,6 +1,6 @@
 //! Reads outside of arrays that matter by what else WGSL lets them give, and others that don't.
 
-use karat::compute::ViolationKind;
+use karat::check::HazardKind;
 use karat::prelude::*;
 
 /// The lines that read or write outside so that it matters, of one workgroup of four over `d`, which holds these words.
@@ -22,7 +22,7 @@ const table = array<u32, 3>(5u, 6u, 7u);
     assert_eq!(watched.reason, "", "{body}");
     let line = |place: &str| place.split(':').nth(1).expect("a line").parse::<usize>();
     let lines = found.iter().map(|(one, _)| {
-        assert_eq!(one.kind, ViolationKind::Outside, "{body}: {one:?}");
+        assert_eq!(one.kind, HazardKind::OutOfRange, "{body}: {one:?}");
         line(&one.accesses[0].place).expect("a number") - 5
     });
     lines.collect()

@@ -1,6 +1,7 @@
 //! Compute passes whose result depends on what WGSL doesn't order or define, which a driver may hide.
 
-use karat::compute::{ComputeError, Violation, ViolationKind};
+use karat::check::HazardKind;
+use karat::compute::{ComputeError, Violation};
 use karat::prelude::*;
 
 const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -38,7 +39,7 @@ fn races(body: &str, groups: u32) -> Vec<Violation> {
 }
 
 /// The first race: its kind, element, both lines of the body and invocations of the first workgroup.
-fn first(body: &str, groups: u32) -> (ViolationKind, String, [String; 2]) {
+fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     let races = races(body, groups);
     let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
     let line = |place: &str| -> usize {
@@ -71,7 +72,7 @@ data[id.x] = tile[i];"
     };
     assert!(races(&scan("workgroupBarrier();"), 2).is_empty());
     let (kind, element, [one, other]) = first(&scan(""), 2);
-    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "tile[0]"));
+    assert_eq!((kind, &*element), (HazardKind::Race, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
     // The barrier at the end is the one that is missing, though one stands between both lines.
@@ -89,7 +90,7 @@ fn a_reduction_across_workgroups() {
 workgroupBarrier();
 if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     let (kind, element, accesses) = first(reduce, 2);
-    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "sums[0]"));
+    assert_eq!((kind, &*element), (HazardKind::Race, "sums[0]"));
     assert!(accesses[1].starts_with("3 local (0) of workgroup (1)"), "{accesses:?}");
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
@@ -123,7 +124,7 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
     let error = counted(&package(stale, &format!("atomicStore(&count, n + 1u); {fills}")), true);
     let Err(ComputeError::Violations(found)) = error else { panic!("{error:?}") };
     let [race] = &found.all[..] else { panic!("{found}") };
-    assert_eq!(race.kind, ViolationKind::WriteWrite);
+    assert_eq!(race.kind, HazardKind::Race);
     assert!(
         race.element.starts_with("list[")
             && race.accesses[0].invocation != race.accesses[1].invocation,
@@ -208,21 +209,17 @@ fn a_word_that_is_published_before_it_is_written() {
 #[test]
 fn two_writes_of_one_element() {
     let (kind, element, [one, other]) = first("data[i / 2u] = i;", 1);
-    assert_eq!((kind, &*element), (ViolationKind::WriteWrite, "data[0]"));
+    assert_eq!((kind, &*element), (HazardKind::Race, "data[0]"));
     let expected =
         ["1 local (0) of workgroup (0) writes 0", "1 local (1) of workgroup (0) writes 1"];
     assert_eq!([one, other], expected);
-    assert_eq!(first("data[i / 2u] = 5u;", 1).0, ViolationKind::EqualWrites);
+    assert_eq!(first("data[i / 2u] = 5u;", 1).0, HazardKind::EqualWrites);
 }
 
 #[test]
 fn a_histogram_without_atomics() {
     let (kind, element, _) = first("sums[data[id.x] % 4u] += 1u;", 1);
-    assert_eq!(
-        (kind, &*element),
-        (ViolationKind::ReadWrite, "sums[1]"),
-        "each reads, then each writes"
-    );
+    assert_eq!((kind, &*element), (HazardKind::Race, "sums[1]"), "each reads, then each writes");
     let atomics = "@group(0) @binding(0) var<storage, read_write> counts: array<atomic<u32>, 4>;
         @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
             atomicAdd(&counts[i % 4u], 1u);
@@ -240,14 +237,14 @@ fn barriers_that_some_invocations_miss() {
         )
     };
     let (kind, _, [one, other]) = first(&reduce("workgroupBarrier();", ""), 1);
-    assert_eq!(kind, ViolationKind::Barrier);
+    assert_eq!(kind, HazardKind::Barrier);
     assert_eq!(one, "2 local (0) of workgroup (0) reaches it");
     assert_eq!(other, "2 local (32) of workgroup (0) goes another way here");
     assert!(races(&reduce("", "workgroupBarrier();"), 1).is_empty());
     let rounds =
         "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
     let (kind, _, [one, other]) = first(rounds, 1);
-    assert_eq!(kind, ViolationKind::Barrier);
+    assert_eq!(kind, HazardKind::Barrier);
     assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
     assert_eq!(other, "1 local (0) of workgroup (0) goes another way here");
     let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
@@ -269,7 +266,7 @@ fn barriers_that_some_invocations_miss() {
     ] {
         let parts = &body;
         let (kind, _, [_, other]) = first(&format!("\n{body}"), 1);
-        assert_eq!(kind, ViolationKind::Barrier);
+        assert_eq!(kind, HazardKind::Barrier);
         assert!(
             other.starts_with(&format!("{line} ")) && other.ends_with("goes another way here"),
             "{parts}: {other}"
@@ -310,12 +307,12 @@ fn workgroup_memory_that_is_read_before_it_is_written() {
     };
     let early = found("early");
     let [(one, message)] = &early[..] else { panic!("{early:?}") };
-    assert_eq!((one.kind, &*one.element, one.count), (ViolationKind::Unwritten, "tile[7].y", 2));
+    assert_eq!((one.kind, &*one.element, one.count), (HazardKind::Unwritten, "tile[7].y", 2));
     assert_eq!(one.accesses[0].place, "<tiles>:8:26");
     assert_eq!(one.accesses[0].invocation, "local (7, 0, 0) of workgroup (0, 0, 0)");
     assert!(message.contains("no invocation has written yet"), "{message}");
     let counts = found("counts");
-    assert_eq!((counts[0].0.kind, &*counts[0].0.element), (ViolationKind::Unwritten, "count"));
+    assert_eq!((counts[0].0.kind, &*counts[0].0.element), (HazardKind::Unwritten, "count"));
     assert_eq!(found("right").len(), 0);
 }
 
@@ -326,7 +323,7 @@ fn a_ping_pong_buffer_used_as_one() {
         format!("let left = data[max(id.x, 1u) - 1u];\n{to}[id.x] = (left + data[id.x]) / 2u;")
     };
     let (kind, element, [one, other]) = first(&blur("data"), 1);
-    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "data[0]"));
+    assert_eq!((kind, &*element), (HazardKind::Race, "data[0]"));
     assert_eq!(one, "1 local (1) of workgroup (0) reads 1");
     assert_eq!(other, "2 local (0) of workgroup (0) writes 1");
     assert!(races(&blur("sums"), 1).is_empty());
@@ -339,7 +336,7 @@ fn a_reversal_without_a_barrier() {
     let text =
         |barrier: &str| format!("tile[i] = data[id.x];\n{barrier}\ndata[id.x] = tile[63u - i];");
     let (kind, element, accesses) = first(&text(""), 1);
-    assert_eq!((kind, &*element), (ViolationKind::ReadWrite, "tile[63]"));
+    assert_eq!((kind, &*element), (HazardKind::Race, "tile[63]"));
     assert_eq!(accesses[0], "1 local (63) of workgroup (0) writes 64");
     assert_eq!(accesses[1], "3 local (0) of workgroup (0) reads 64");
     assert!(races(&text("workgroupBarrier();"), 1).is_empty());
@@ -352,7 +349,7 @@ fn a_reversal_without_a_barrier() {
 fn an_index_one_beyond_the_end() {
     let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
     let violations = races(&blur("data[id.x + 1u]"), 2);
-    let [Violation { kind: ViolationKind::Outside, count: 1, accesses, headline, .. }] =
+    let [Violation { kind: HazardKind::OutOfRange, count: 1, accesses, headline, .. }] =
         &*violations
     else {
         panic!("{violations:?}");
@@ -364,19 +361,19 @@ fn an_index_one_beyond_the_end() {
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // A kind of element, which only one number means.
     let kind = races(&blur("select(1u, 2u, data[id.x + 1u] == 3u)"), 2);
-    assert_eq!(kind[0].kind, ViolationKind::Outside);
+    assert_eq!(kind[0].kind, HazardKind::OutOfRange);
     // A write that is dropped on one driver, and lands in the last element on another one.
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
-    assert_eq!(races(tail, 2)[0].kind, ViolationKind::Outside);
+    assert_eq!(races(tail, 2)[0].kind, HazardKind::OutOfRange);
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
-    for (constant, kinds) in [("128", &[ViolationKind::Outside][..]), ("127", &[])] {
+    for (constant, kinds) in [("128", &[HazardKind::OutOfRange][..]), ("127", &[])] {
         let seen = races(&format!("if id.x == 5u {{ data[{constant}] = 7u; }}"), 2);
         assert_eq!(seen.iter().map(|one| one.kind).collect::<Vec<_>>(), kinds, "{constant}");
     }
     // A tail whose writes clamp to the value that is there already.
     let tail = "data[min(id.x, 200u) + 64u] = 7u;";
     let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
-    assert_eq!(kinds, [(ViolationKind::Outside, 64)]);
+    assert_eq!(kinds, [(HazardKind::OutOfRange, 64)]);
     let reading = races("data[id.x + 1u] += 1u;", 1);
     assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
@@ -390,7 +387,7 @@ fn an_index_that_wraps_around() {
         )
     };
     let violations = races(&row("67108864u"), 2);
-    let [Violation { kind: ViolationKind::Wrapped, count: 1, accesses, .. }] = &*violations else {
+    let [Violation { kind: HazardKind::Wrapped, count: 1, accesses, .. }] = &*violations else {
         panic!("{violations:?}");
     };
     assert_eq!(accesses[0].invocation, "local (0, 0, 0) of workgroup (1, 0, 0)");
@@ -622,22 +619,10 @@ fn faults_of_another_order_alone() {
     };
     let both: &[&str] = &["word", "flag"];
     for (name, groups, words, kind, (line, who)) in [
-        (
-            "publish",
-            4,
-            both,
-            ViolationKind::ReadWrite,
-            (6, "local (0, 0, 0) of workgroup (3, 0, 0)"),
-        ),
-        ("meet", 1, &[], ViolationKind::Barrier, (11, "local (0, 0, 0) of workgroup (0, 0, 0)")),
-        ("last", 1, &[], ViolationKind::Outside, (16, "local (3, 0, 0) of workgroup (0, 0, 0)")),
-        (
-            "stack",
-            1,
-            both,
-            ViolationKind::ReadWrite,
-            (21, "local (2, 0, 0) of workgroup (0, 0, 0)"),
-        ),
+        ("publish", 4, both, HazardKind::Race, (6, "local (0, 0, 0) of workgroup (3, 0, 0)")),
+        ("meet", 1, &[], HazardKind::Barrier, (11, "local (0, 0, 0) of workgroup (0, 0, 0)")),
+        ("last", 1, &[], HazardKind::OutOfRange, (16, "local (3, 0, 0) of workgroup (0, 0, 0)")),
+        ("stack", 1, both, HazardKind::Race, (21, "local (2, 0, 0) of workgroup (0, 0, 0)")),
     ] {
         let seen = seen(name, groups, words);
         let Err(ComputeError::Violations(found)) = seen else { panic!("{name}: {seen:?}") };
@@ -748,10 +733,10 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     assert_eq!((&*order.swap, order.subgroup), ("subgroups have 4 invocations", Some(4)));
     assert!(order.to_string().contains("ask `subgroup_size`"), "{order}");
     for (entry, kind, part) in [
-        ("tail", ViolationKind::Barrier, "a subgroup operation that not every invocation"),
-        ("next", ViolationKind::Outside, "isn't in its subgroup"),
-        ("fifth", ViolationKind::Outside, "in subgroups of 4, `fifth` takes the value"),
-        ("room_for_two", ViolationKind::Outside, "in subgroups of 4, `room_for_two` writes"),
+        ("tail", HazardKind::Barrier, "a subgroup operation that not every invocation"),
+        ("next", HazardKind::OutOfRange, "isn't in its subgroup"),
+        ("fifth", HazardKind::OutOfRange, "in subgroups of 4, `fifth` takes the value"),
+        ("room_for_two", HazardKind::OutOfRange, "in subgroups of 4, `room_for_two` writes"),
     ] {
         let wrong = sum(entry, 32);
         let Err(ComputeError::Violations(found)) = wrong else { panic!("{entry}: {wrong:?}") };

@@ -7,6 +7,8 @@ pub mod diagnostic;
 pub mod domain;
 #[doc(hidden)]
 pub mod expectation;
+#[doc(hidden)]
+pub mod hazard;
 pub mod image;
 #[doc(hidden)]
 pub mod lines;

@@ -111,7 +111,7 @@ pub use dispatch::{Turn, pixel_of};
 pub use explore::Explorer;
 pub use interval::{Interval, Range, Truth};
 pub use lower::{Overrides, Settings};
-pub use observer::{Fault, Faulty, Here, Lanes, Missing, Observer, Reach};
+pub use observer::{Here, Lanes, Missing, Observer, Reach, Wrong};
 pub use options::{Choice, Elsewhere, Options};
 pub use program::Program;
 pub use races::{

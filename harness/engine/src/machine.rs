@@ -19,7 +19,9 @@ use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Fault, Faulty, Here, Lanes, Missing, Observer};
+use karat_core::hazard::Kind;
+
+use crate::observer::{Here, Lanes, Missing, Observer, Wrong};
 use crate::options::{Elsewhere, Options};
 use crate::races::{Beyond, Bounds, Detector};
 use crate::rules::{Edges, FloatRule, Half, ToInt};
@@ -350,7 +352,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Integer(rule) => {
                     if SEEN && rule.divides() {
                         let (zero, divisor) = (A::int(0, false), self.ints.get(registers[2]));
-                        self.report_where(observer, instruction, case, Fault::Division, |lane| {
+                        self.report_where(observer, instruction, case, Kind::ByZero, |lane| {
                             A::possible(A::int_equal(divisor[lane], zero))
                         });
                     }
@@ -779,14 +781,14 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         if SEEN {
             let site = self.site(instruction);
-            let fault = match instruction.op {
-                Op::Wrap(wrap) if self.code.wraps[wrap as usize].step.is_none() => Fault::Below,
-                Op::Wrap(_) => Fault::Wrap,
-                op => Fault::Index(self.bounds(op)),
+            let kind = match instruction.op {
+                Op::Wrap(wrap) if self.code.wraps[wrap as usize].step.is_none() => Kind::BelowZero,
+                Op::Wrap(_) => Kind::Wrapped,
+                _ => Kind::OutOfRange,
             };
             for &lane in &self.strayed {
                 let case = case + lane;
-                observer.fault(&Faulty { fault, site, case, missing: None });
+                observer.wrong(&Wrong { kind, site, case, missing: None });
             }
         }
         let is_float =
@@ -847,7 +849,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         observer: &dyn Observer<A>,
         instruction: &Instruction,
         case: usize,
-        fault: Fault,
+        kind: Kind,
         wrong: impl Fn(usize) -> bool,
     ) where
         A: crate::arithmetic::Arithmetic,
@@ -856,7 +858,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let here = (0..self.active().len()).filter(|lane| self.acts(*lane));
         for lane in here.filter(|lane| wrong(*lane)) {
             let case = case + lane;
-            observer.fault(&Faulty { fault, site, case, missing: None });
+            observer.wrong(&Wrong { kind, site, case, missing: None });
         }
     }
 
@@ -878,7 +880,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             let parted = self.parted[other].map(|site| &self.code.sites[site as usize]);
             let [case, other] = [case + lane, case + other];
             let missing = Some(Missing { case: other, parted });
-            observer.fault(&Faulty { fault: Fault::Parted, site, case, missing });
+            observer.wrong(&Wrong { kind: Kind::Barrier, site, case, missing });
         }
     }
 
@@ -896,7 +898,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let Some(Edges { low, high, distinct }) = rule.edges() else { return };
         let outs = rule.arity().1;
         let [low, high] = [low, high].map(|at| self.floats.get(registers[outs + at]));
-        self.report_where(observer, instruction, case, Fault::Order, |lane| {
+        self.report_where(observer, instruction, case, Kind::EdgesReversed, |lane| {
             let (low, high) = (low[lane], high[lane]);
             A::possible(A::float_less(high, low))
                 || distinct && A::possible(A::float_equal(high, low))
@@ -916,7 +918,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         let Some((least, most)) = rule.holds() else { return };
         let x = self.floats.get(registers[1]);
-        self.report_where(observer, instruction, case, Fault::Conversion, |lane| {
+        self.report_where(observer, instruction, case, Kind::Saturated, |lane| {
             let whole = A::coordinate(x[lane]).trunc();
             whole < least || whole > most
         });

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::arithmetic::Arithmetic;
 use crate::code::Site;
-use crate::races::Bounds;
+use karat_core::hazard::Kind;
 
 /// Values of all lanes at one operation.
 #[derive(Debug)]
@@ -34,37 +34,16 @@ impl<A: Arithmetic> Lanes<'_, A> {
     }
 }
 
-/// An operation whose operands are such that implementations of WGSL give different results, or that
-/// WGSL defines in a way that authors seldom mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Fault {
-    /// An index leaves what it is an index of, and was clamped.
-    Index(Bounds),
-    /// A sum or a product wraps around on its way to an index, which is one of the array all the same.
-    Wrap,
-    /// A difference without a sign goes below 0, and becomes a float.
-    Below,
-    /// An integer is divided by zero, or its remainder taken.
-    Division,
-    /// A float is converted to an integer type that doesn't reach so far, and saturates.
-    Conversion,
-    /// The low edge of `clamp` is above the high one, or that of `smoothstep` isn't below it.
-    Order,
-    /// A derivative is taken, or a texture sampled by one, where another pixel of the quad isn't: WGSL leaves open what it is
-    /// (15.2, *derivative_uniformity*).
-    Parted,
-}
-
-/// A [`Fault`] in one case.
+/// What goes wrong at an operation in one case.
 #[derive(Debug)]
-pub struct Faulty<'a> {
-    /// The kind of fault.
-    pub fault: Fault,
+pub struct Wrong<'a> {
+    /// Its kind.
+    pub kind: Kind,
     /// Where the author wrote the operation.
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// Of [`Fault::Parted`] the pixel that isn't there.
+    /// Of a derivative the pixel that isn't there: WGSL leaves open what it is (15.2, *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 
@@ -176,9 +155,9 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = here;
     }
 
-    /// An operation has operands that are a fault: called for each case of each such operation.
-    fn fault(&self, fault: &Faulty<'_>) {
-        let _ = fault;
+    /// An operation goes wrong: called for each case of each such operation.
+    fn wrong(&self, one: &Wrong<'_>) {
+        let _ = one;
     }
 }
 

@@ -27,10 +27,11 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
+use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
 use karat::package::{Package, PackageError};
 use karat::path::Path;
-use karat::unstable::dispatch::{Passes, Violation, ViolationAccess, ViolationKind};
+use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
 use karat::unstable::package::{Stage, words_of};
 use karat::unstable::probe::Probed;
@@ -753,7 +754,7 @@ impl Both {
         let does = "has an index beyond the array, or its texture's edge".to_owned();
         let (place, invocation) = (place.to_string(), "a call".to_owned());
         let access = ViolationAccess { place, invocation, does };
-        Some(Violation::new(function, ViolationKind::Outside, (headline, 1), vec![access]))
+        Some(Violation::new(function, Kind::OutOfRange, (headline, 1), vec![access]))
     }
 }
 
@@ -873,7 +874,7 @@ mod tests {
         let [guarded, bare] = [of("all[min(i, 3u)]"), of("all[i]")];
         let one = compared(&guarded, &bare);
         let [brought] = &one.violations[..] else { panic!("{one:?}") };
-        assert_eq!(brought.kind, ViolationKind::Outside);
+        assert_eq!(brought.kind, Kind::OutOfRange);
         assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
         assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
         // An element outside that is given up matters to no result.

@@ -32,7 +32,7 @@ use std::fmt;
 use std::sync::{Mutex, PoisonError};
 
 use karat::package::{Package, PackageError};
-use karat::unstable::dispatch::{Violation, ViolationAccess, ViolationKind};
+use karat::unstable::dispatch::{Violation, ViolationAccess};
 use karat::unstable::interpret::hazards::{Found, Missing};
 use karat::unstable::package::{
     AcceptedHazard, Stage, declared_hazards, is_crate, place_of_input, scope,
@@ -694,7 +694,7 @@ fn parted(function: &str, found: &Found) -> Option<Violation> {
     };
     let accesses = vec![access(&found.span, reached, "reaches it"), other];
     let headline = format!("`{function}` takes a derivative that {missing} doesn't reach");
-    Some(Violation::new(function, ViolationKind::Barrier, (headline, 1), accesses))
+    Some(Violation::new(function, Kind::Barrier, (headline, 1), accesses))
 }
 
 fn one_line(text: &str) -> String {

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use karat::compute::ViolationKind;
+use karat::check::HazardKind;
 use karat::prelude::*;
 use karat_inspect::hazards::Kind;
 
@@ -449,9 +449,9 @@ fn planted_faults_are_found_with_data() {
         assert!(watched.invocations > 0, "{}", kernel.name);
         let found: Vec<_> =
             found.into_iter().map(|(one, _)| one).filter(|one| one.kind.fails()).collect();
-        let is_it = |kind: ViolationKind| match kernel.planted {
-            Planted::Bounds => kind == ViolationKind::Outside,
-            _ => kind != ViolationKind::Outside,
+        let is_it = |kind: HazardKind| match kernel.planted {
+            Planted::Bounds => kind == HazardKind::OutOfRange,
+            _ => kind != HazardKind::OutOfRange,
         };
         // An index outside that changes nothing is no failure of a test: so a missing guard may be told, and need not.
         let told = found.iter().any(|one| is_it(one.kind));

@@ -7,7 +7,7 @@ use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 use crate::probe::Inputs;
-use crate::record::{CaseFault, ExpectationFault, Fault, PathFault, Replay};
+use crate::record::{CaseDetails, Details, ExpectationDetails, PathDetails, Replay};
 use crate::reflect::Function;
 use crate::run::Descent;
 use crate::tolerance::{Abs, Rel, Tolerance, Ulp, Unit};
@@ -186,7 +186,7 @@ pub struct CaseFailure {
     /// What WGSL allows there, and where the path leaves that: each a name with its text.
     pub explanation: Vec<(&'static str, String)>,
     /// The expectations of a test in WGSL that fail.
-    pub expectations: Vec<ExpectationFault>,
+    pub expectations: Vec<ExpectationDetails>,
     /// The integral, if the check is one of integrals.
     pub integral: Option<IntegralFailure>,
 }
@@ -433,34 +433,34 @@ pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagn
 
 impl Disagreement {
     /// The same as data.
-    pub(super) fn fault(&self) -> Fault {
-        Fault {
+    pub(super) fn details(&self) -> Details {
+        Details {
             headline: failed(&self.function, self.check, &self.assertion).message,
-            paths: self.paths.iter().map(PathDisagreement::fault).collect(),
-            ..Fault::default()
+            paths: self.paths.iter().map(PathDisagreement::details).collect(),
+            ..Details::default()
         }
     }
 }
 
 impl PathDisagreement {
-    fn fault(&self) -> PathFault {
+    fn details(&self) -> PathDetails {
         let case = |failure: &CaseFailure, replay: Option<&Replay>| {
-            Some(CaseFault { replay: replay.cloned(), ..failure.fault() })
+            Some(CaseDetails { replay: replay.cloned(), ..failure.details() })
         };
         let simplest = self.simplest.as_ref();
-        PathFault {
+        PathDetails {
             cause: self.cause.clone(),
             worst: case(&self.worst, Some(&self.replay)),
             first: self.first.as_ref().and_then(|first| case(first, None)),
             simplest: simplest.and_then(|one| case(&one.failure, Some(&one.replay))),
-            ..PathFault::on(&self.adapter)
+            ..PathDetails::on(&self.adapter)
         }
     }
 }
 
 impl CaseFailure {
     /// The same as data.
-    fn fault(&self) -> CaseFault {
+    fn details(&self) -> CaseDetails {
         let expected = |value: f64| match self.scalar {
             Scalar::Bool => (value != 0.0).to_string(),
             _ => value.to_string(),
@@ -471,7 +471,7 @@ impl CaseFailure {
             None => crate::value::format_lane(self.scalar, self.actual),
         };
         let note = |(name, text): &(&str, String)| ((*name).to_owned(), text.clone());
-        CaseFault {
+        CaseDetails {
             case: self.case,
             arguments: self.arguments.clone(),
             result: self.result.clone(),

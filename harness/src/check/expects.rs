@@ -12,7 +12,7 @@ use crate::diagnostic::one_line;
 use crate::domain::{Emptiness, Held, Origin, Shrinkable, Stream};
 use crate::expectation::{KEPT_WORDS, MOST_KEPT, Wanted};
 use crate::package::Package;
-use crate::record::ExpectationFault;
+use crate::record::ExpectationDetails;
 use crate::reflect::Program;
 use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
@@ -135,11 +135,11 @@ impl<'r> Report<'r> {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
             let seen = kept.text();
             let Some(span) = program.expectation(kept.words[0]) else {
-                return ExpectationFault { place: String::new(), seen };
+                return ExpectationDetails { place: String::new(), seen };
             };
             let text = span.file.text.get(span.range.clone()).unwrap_or_default();
             let seen = format!("`{}` saw {seen}", one_line(text));
-            ExpectationFault { place: span.to_string(), seen }
+            ExpectationDetails { place: span.to_string(), seen }
         });
         let expectations: Vec<_> = failed.collect();
         let more = self.suspected().checked_sub(MOST_KEPT).filter(|more| *more > 0);

@@ -179,17 +179,7 @@ fn class(kind: Kind) -> Class {
         Kind::Nan => Class::Nan,
         Kind::Infinite => Class::Infinite,
         Kind::Unbounded => Class::Unbounded,
-        Kind::OutOfRange
-        | Kind::Wrapped
-        | Kind::BelowZero
-        | Kind::ByZero
-        | Kind::Saturated
-        | Kind::EdgesReversed
-        | Kind::LostDigits
-        | Kind::Race
-        | Kind::Barrier
-        | Kind::EqualWrites
-        | Kind::Endless => Class::Other,
+        _ => Class::Other,
     }
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::parallel;
 use crate::executor::View;
-use crate::record::ExpectationFault;
+use crate::record::ExpectationDetails;
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
@@ -175,7 +175,7 @@ const TASK: usize = 2048;
 
 /// The text of a failing case, in place of its result.
 pub(super) struct Described {
-    pub(super) expectations: Vec<ExpectationFault>,
+    pub(super) expectations: Vec<ExpectationDetails>,
     pub(super) notes: Vec<(&'static str, String)>,
 }
 

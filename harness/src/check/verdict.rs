@@ -8,7 +8,7 @@ use crate::golden::ValuesError;
 use crate::output::counted;
 use crate::path::{Adapter, PathError};
 use crate::probe::ProbeError;
-use crate::record::Fault;
+use crate::record::Details;
 use crate::run::{Fails, KnownIssue, NotBegun, Passed, PathFailures, Stop, WrongDeclaration};
 use crate::tolerance::LaneError;
 
@@ -157,16 +157,16 @@ impl Fails for Failure {
         }
     }
 
-    fn fault(&self) -> Fault {
+    fn details(&self) -> Details {
         match self {
-            Self::Disagreement(found) => found.fault(),
-            Self::Golden { disagreement: Some(found), .. } => found.fault(),
-            Self::Rejection(found) => found.fault(),
-            Self::Paths(failures) => failures.fault(Self::fault),
+            Self::Disagreement(found) => found.details(),
+            Self::Golden { disagreement: Some(found), .. } => found.details(),
+            Self::Rejection(found) => found.details(),
+            Self::Paths(failures) => failures.details(Self::details),
             Self::Probe(ProbeError::Reflect(error)) => {
-                Fault::of(&self.to_string()).at(error.diagnostic())
+                Details::of(&self.to_string()).at(error.diagnostic())
             }
-            other => Fault::of(&other.to_string()),
+            other => Details::of(&other.to_string()),
         }
     }
 

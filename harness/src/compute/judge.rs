@@ -7,7 +7,7 @@ use super::{After, ComputeAgreement, ComputeError, words};
 use crate::dispatch::Passes;
 use crate::executor::Executor;
 use crate::path::Adapter;
-use crate::record::{CaseFault, Fault, PathFault, PathRecord, Replay, Subject};
+use crate::record::{CaseDetails, Details, PathDetails, PathRecord, Replay, Subject};
 use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape, hexfloat};
@@ -547,32 +547,32 @@ impl Assertion<'_> {
 
 impl Difference {
     /// The same as data.
-    pub(super) fn fault(&self) -> Fault {
+    pub(super) fn details(&self) -> Details {
         let Self { entry_points, variable, assertion, .. } = self;
         let headline = format!("`{variable}` after `{entry_points}` fails: {assertion}");
-        Fault {
+        Details {
             headline,
-            paths: self.paths.iter().map(PathDifference::fault).collect(),
-            ..Fault::default()
+            paths: self.paths.iter().map(PathDifference::details).collect(),
+            ..Details::default()
         }
     }
 }
 
 impl PathDifference {
-    fn fault(&self) -> PathFault {
-        let case = |element: &Element| CaseFault {
+    fn details(&self) -> PathDetails {
+        let case = |element: &Element| CaseDetails {
             component: element.place.to_string(),
             actual: element.actual.clone(),
             expected: element.expected.clone(),
             error: element.error.clone(),
-            ..CaseFault::default()
+            ..CaseDetails::default()
         };
         // The first that fails comes first; the worst may be the same.
         let first = self.shown.first().map(case);
         let worst = self.shown.get(1).map(case);
         let (worst, first) = if worst.is_some() { (worst, first) } else { (first, None) };
-        let worst = CaseFault { replay: Some(self.replay.clone()), ..worst.unwrap_or_default() };
-        PathFault { worst: Some(worst), first, ..PathFault::on(&self.adapter) }
+        let worst = CaseDetails { replay: Some(self.replay.clone()), ..worst.unwrap_or_default() };
+        PathDetails { worst: Some(worst), first, ..PathDetails::on(&self.adapter) }
     }
 }
 

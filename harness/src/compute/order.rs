@@ -10,7 +10,7 @@ use super::{After, ComputeError};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
 use crate::interpret::{OrderOf, Run, Runner, Tried, in_order_of, parting};
 use crate::probe::ProbeError;
-use crate::record::{Fault, Replay};
+use crate::record::{Details, Replay};
 use crate::run::Report;
 use crate::value::Shape;
 
@@ -63,9 +63,9 @@ pub struct OrderDependence {
 }
 
 impl OrderDependence {
-    pub(super) fn fault(&self) -> Fault {
+    pub(super) fn details(&self) -> Details {
         let (headline, replay) = (self.headline(), Some(self.replay.clone()));
-        Fault { headline, replay, ..Fault::default() }
+        Details { headline, replay, ..Details::default() }
     }
 
     fn headline(&self) -> String {

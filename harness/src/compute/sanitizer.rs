@@ -4,10 +4,11 @@ use std::fmt;
 
 use super::{After, Compute, ComputeError};
 use crate::diagnostic::{Diagnostic, nearest};
-use crate::dispatch::{Examined, Passes, Violation, ViolationKind};
+use crate::dispatch::{Examined, Passes, Violation};
+use crate::hazard::Kind;
 use crate::interpret;
 use crate::package::Package;
-use crate::record::{Fault, Replay};
+use crate::record::{Details, Replay};
 use crate::run::Report;
 
 /// Messages that are shown whole. Several lines often have one cause.
@@ -28,7 +29,7 @@ impl Accepted {
         let is_race = !race.variable.is_empty();
         let own = race.variable.rsplit("::").next() == Some(&self.variable);
         let named = own || race.variable == self.variable;
-        is_race && named && (!self.equal || race.kind == ViolationKind::EqualWrites)
+        is_race && named && (!self.equal || race.kind == Kind::EqualWrites)
     }
 }
 
@@ -60,10 +61,10 @@ pub struct Violations {
 }
 
 impl Violations {
-    pub(super) fn fault(&self) -> Fault {
+    pub(super) fn details(&self) -> Details {
         let first = &self.messages[0];
         let (violations, replay) = (self.all.clone(), Some(self.replay.clone()));
-        Fault { violations, replay, ..Fault::of(&first.message).at(Some(first)) }
+        Details { violations, replay, ..Details::of(&first.message).at(Some(first)) }
     }
 }
 
@@ -189,7 +190,7 @@ pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
 fn with_tint(passes: &Passes, package: &Package, mut examined: Examined) -> Examined {
     for (violation, message) in &mut examined.violations {
         let of = passes.passes.iter().find(|pass| pass.name == violation.entry_point);
-        if let (ViolationKind::Barrier, Some(pass)) = (violation.kind, of) {
+        if let (Kind::Barrier, Some(pass)) = (violation.kind, of) {
             let at: Vec<&str> = violation.accesses.iter().map(|one| &*one.place).collect();
             message.notes.extend(package.uniformity_by_tint(&pass.program, &at));
         }

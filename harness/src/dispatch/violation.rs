@@ -4,45 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::Diagnostic;
-
-/// The kind of a violation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ViolationKind {
-    /// One reads an element that the other one writes.
-    ReadWrite,
-    /// Both write an element.
-    WriteWrite,
-    /// Both write an element, and write the same.
-    EqualWrites,
-    /// One reaches a barrier without the other one, or a subgroup operation.
-    Barrier,
-    /// Workgroup memory is read before an invocation writes it: zero by WGSL, but hosts may turn that off.
-    Unwritten,
-    /// An index leaves its array, and the element is written, or the words that passes leave depend on it.
-    Outside,
-    /// A sum or a product of an index goes beyond 32 bits, and it is one of the array all the same.
-    Wrapped,
-}
-
-impl ViolationKind {
-    /// True if WGSL leaves open the result, so that a test fails. Workgroup memory that is read before it is written is
-    /// zero: a hazard, and no failure.
-    ///
-    /// ```
-    /// # use karat::compute::ViolationKind;
-    /// assert!(ViolationKind::Barrier.fails() && !ViolationKind::Unwritten.fails());
-    /// ```
-    #[must_use]
-    pub fn fails(self) -> bool {
-        self != Self::Unwritten
-    }
-
-    /// True of an index that isn't the element's that is meant.
-    pub fn is_of_index(self) -> bool {
-        matches!(self, Self::Outside | Self::Wrapped)
-    }
-}
+use crate::hazard::Kind;
 
 /// The action of an invocation on an element, or at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -59,7 +21,8 @@ pub struct ViolationAccess {
 /// barrier that not every invocation of a workgroup reaches; or an index that leaves its array.
 ///
 /// ```
-/// use karat::compute::{ComputeError, ViolationKind};
+/// use karat::check::HazardKind;
+/// use karat::compute::ComputeError;
 /// # use karat::prelude::*;
 ///
 /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -72,7 +35,7 @@ pub struct ViolationAccess {
 /// let Err(ComputeError::Violations(found)) = passes.try_agrees_with([2_u32, 1, 4, 3], Abs(0.0)) else {
 ///     panic!("each driver has an order of its own");
 /// };
-/// assert_eq!((found.all[0].kind, &*found.all[0].element), (ViolationKind::ReadWrite, "data[0]"));
+/// assert_eq!((found.all[0].kind, &*found.all[0].element), (HazardKind::Race, "data[0]"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Violation {
@@ -81,7 +44,7 @@ pub struct Violation {
     /// `module::entry_point`
     pub entry_point: String,
     /// The kind of a violation.
-    pub kind: ViolationKind,
+    pub kind: Kind,
     /// The variable, as its author names it; empty of a barrier and an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
@@ -102,7 +65,7 @@ impl Violation {
     /// One of no element.
     pub fn new(
         entry_point: &str,
-        kind: ViolationKind,
+        kind: Kind,
         (headline, count): (String, u64),
         accesses: Vec<ViolationAccess>,
     ) -> Self {

@@ -4,9 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{
-    F32, Fault, Faulty, Here, Lanes, Observer, Options, Program as Lowered, Site, Stop,
-};
+use karat_engine::{F32, Here, Lanes, Observer, Options, Program as Lowered, Site, Stop, Wrong};
 
 use super::dispatch::in_order;
 use super::sanitizer::made_up_options;
@@ -15,6 +13,7 @@ use super::{Alone, Interpreted, Sites, statement_of};
 use crate::diagnostic::Span;
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::Fixtures;
+use crate::hazard::Kind;
 use crate::package::DISCARDED;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
@@ -110,8 +109,8 @@ impl Observer<F32> for AllTaken {
         }
     }
 
-    fn fault(&self, one: &Faulty<'_>) {
-        if let Fault::Index(_) = one.fault {
+    fn wrong(&self, one: &Wrong<'_>) {
+        if one.kind == Kind::OutOfRange {
             self.of(one.site).outside.store(true, Ordering::Relaxed);
         }
     }

@@ -9,110 +9,15 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Fault, Faulty, Here, Interval, Intervals, Lane, LaneOf, Lanes, Observer,
-    Program as Lowered, Reach, Site, Stop, Truth,
+    F32, F64, Here, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Program as Lowered, Reach,
+    Site, Stop, Truth, Wrong,
 };
 use rayon::prelude::*;
 
 use super::{Interpreted, Options, Sites, quads};
 use crate::diagnostic::Span;
+pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
-
-/// What kind of thing goes wrong, the worst first.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// It isn't a number.
-    Nan,
-    /// An index leaves its array.
-    OutOfRange,
-    /// An index is one of its array because a sum or a product wraps around.
-    Wrapped,
-    /// A difference without a sign goes below 0, and becomes a float.
-    BelowZero,
-    /// Nothing orders two accesses of an element.
-    Race,
-    /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
-    /// derivative.
-    Barrier,
-    /// An integer is divided by zero.
-    ByZero,
-    /// It is infinite.
-    Infinite,
-    /// A float is beyond the integer type that it is converted to.
-    Saturated,
-    /// The low edge of `clamp` or `smoothstep` isn't below the high one.
-    EdgesReversed,
-    /// More than half of its digits are rounding errors.
-    LostDigits,
-    /// Nothing orders two writes of the same value.
-    EqualWrites,
-    /// WGSL allows any result.
-    Unbounded,
-    /// A loop was stopped.
-    Endless,
-}
-
-impl Kind {
-    /// Its name, as in `karat.toml` and JSON but for blanks.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Nan => "NaN",
-            Self::OutOfRange => "out of range",
-            Self::Wrapped => "wrapped",
-            Self::BelowZero => "below zero",
-            Self::Race => "race",
-            Self::Barrier => "barrier",
-            Self::EqualWrites => "equal writes",
-            Self::ByZero => "by zero",
-            Self::Infinite => "infinite",
-            Self::Saturated => "saturated",
-            Self::EdgesReversed => "edges reversed",
-            Self::LostDigits => "lost digits",
-            Self::Unbounded => "unbounded",
-            Self::Endless => "endless",
-        }
-    }
-
-    /// What that means, in a sentence.
-    #[must_use]
-    pub fn about(self) -> &'static str {
-        match self {
-            Self::Nan => "it isn't a number, though its operands are",
-            Self::OutOfRange => {
-                "the index leaves its array: WGSL lets a read give any element or zero, and a write change any or none"
-            }
-            Self::Wrapped => {
-                "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
-            }
-            Self::BelowZero => {
-                "a difference of whole numbers without a sign goes below 0: as a float it is some 4.29e9"
-            }
-            Self::Race => {
-                "nothing orders these two accesses of an element: each driver has an order of its own"
-            }
-            Self::Barrier => {
-                "WGSL wants each invocation of a workgroup to reach a barrier, of a subgroup its operation, and of a quad a \
-                 derivative, `textureSample`'s too (15.2)"
-            }
-            Self::EqualWrites => "nothing orders two writes of the same value",
-            Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
-            Self::Infinite => "it overflows, or divides by zero",
-            Self::Saturated => {
-                "the integer type doesn't reach so far: WGSL takes its nearest value, GLSL any"
-            }
-            Self::EdgesReversed => {
-                "the low edge is above the high one, or of `smoothstep` the same: implementations differ in what comes of that"
-            }
-            Self::LostDigits => "more than half of its digits are rounding errors",
-            Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
-            Self::Endless => "the loop was stopped after thousands of rounds",
-        }
-    }
-}
 
 /// A hazard in a case: where it is born, and whether the result shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -250,15 +155,15 @@ struct Parted {
     by: Option<usize>,
 }
 
-/// Faults of a case with their sites, and the pixels that part at a derivative.
-type OfCase = BTreeMap<(Fault, usize), Option<Parted>>;
+/// What goes wrong in a case, with its site, and the pixels that part at a derivative.
+type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Keeps what operations give.
 struct Recorder<F> {
     sites: Sites,
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
-    /// Of each case the operations whose operands are a fault.
+    /// Of each case the operations whose operands are wrong.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or becomes an integer.
     decided: Mutex<BTreeSet<usize>>,
@@ -268,19 +173,6 @@ impl<F> Recorder<F> {
     fn of(lowered: &Lowered) -> Self {
         let (events, reach, wrong, decided) = Default::default();
         Self { sites: Sites::of(lowered), events, reach, wrong, decided }
-    }
-}
-
-/// The kind of an operation with such operands.
-pub(super) fn kind_of(fault: Fault) -> Kind {
-    match fault {
-        Fault::Index(_) => Kind::OutOfRange,
-        Fault::Wrap => Kind::Wrapped,
-        Fault::Below => Kind::BelowZero,
-        Fault::Division => Kind::ByZero,
-        Fault::Conversion => Kind::Saturated,
-        Fault::Order => Kind::EdgesReversed,
-        Fault::Parted => Kind::Barrier,
     }
 }
 
@@ -314,14 +206,14 @@ macro_rules! recorder {
                 decided.extend(used);
             }
 
-            fn fault(&self, one: &Faulty<'_>) {
+            fn wrong(&self, one: &Wrong<'_>) {
                 let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
                 let own = wrong.entry(one.case).or_default();
                 let missing = one.missing.map(|missing| Parted {
                     pixels: [one.case, missing.case],
                     by: missing.parted.map(|site| self.sites.number(site)),
                 });
-                own.entry((one.fault, self.sites.number(one.site))).or_insert(missing);
+                own.entry((one.kind, self.sites.number(one.site))).or_insert(missing);
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
@@ -587,11 +479,11 @@ impl Interpreted {
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
                 // Another pixel of the quad is one that some other case is given for, but they part in this one.
-                all.filter(move |((fault, _), _)| pixel == lane || *fault == Fault::Parted)
+                all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();
-            for ((fault, site), parted) in of_quad.filter(|(own, _)| told.insert(*own)) {
-                let one = self.found(kind_of(*fault), *site, dropped);
+            for ((kind, site), parted) in of_quad.filter(|(own, _)| told.insert(*own)) {
+                let one = self.found(*kind, *site, dropped);
                 let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { missing, ..one }));
             }

@@ -1,20 +1,20 @@
-//! Faults inside of compute passes: operations whose operands were good, and whose result isn't.
+//! What goes wrong inside of compute passes: operations whose operands were good, and whose result isn't.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Faulty, Here, Lanes, Observer, Reach};
+use karat_engine::{F32, Here, Lanes, Observer, Reach, Wrong};
 
 use super::dispatch::{Prepared, options};
-use super::hazards::{Found, Kind, Missing, kind_of};
+use super::hazards::{Found, Kind, Missing};
 use super::sanitizer::made_up_options;
 use super::{Options, Sites, author_of, invocation, statement_of};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
-/// An operation at fault.
-struct Fault {
+/// An operation that goes wrong.
+struct Operation {
     operands: Vec<f32>,
     /// Of a derivative the pixel that isn't there, and the number of the site at which it parted.
     missing: Option<(usize, Option<usize>)>,
@@ -22,22 +22,22 @@ struct Fault {
     invocations: BTreeSet<usize>,
 }
 
-/// The operations of a pass, and those at fault by the number of their site and their kind.
-struct Faults {
+/// The operations of a pass, and those that go wrong by the number of their site and their kind.
+struct Recorder {
     sites: Sites,
-    all: Mutex<BTreeMap<(usize, Kind), Fault>>,
+    all: Mutex<BTreeMap<(usize, Kind), Operation>>,
     /// The invocations that come to each site; `None`: nothing asks.
     reach: Option<Reach>,
 }
 
-impl Faults {
-    fn add(&self, site: usize, kind: Kind, case: usize, fault: impl FnOnce() -> Fault) {
+impl Recorder {
+    fn add(&self, site: usize, kind: Kind, case: usize, operation: impl FnOnce() -> Operation) {
         let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
-        all.entry((site, kind)).or_insert_with(fault).invocations.insert(case);
+        all.entry((site, kind)).or_insert_with(operation).invocations.insert(case);
     }
 }
 
-impl Observer<F32> for Faults {
+impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
         let site = self.sites.number(lanes.site);
         for values in lanes.floats {
@@ -46,7 +46,7 @@ impl Observer<F32> for Faults {
                 // An operation that gets an infinity passes on what was wrong before.
                 if lanes.active[lane] && operands().all(f32::is_finite) {
                     let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
-                    self.add(site, kind, lanes.case_of(lane), || Fault {
+                    self.add(site, kind, lanes.case_of(lane), || Operation {
                         operands: operands().collect(),
                         missing: None,
                         invocations: BTreeSet::new(),
@@ -56,13 +56,13 @@ impl Observer<F32> for Faults {
         }
     }
 
-    fn fault(&self, one: &Faulty<'_>) {
-        self.add(self.sites.number(one.site), kind_of(one.fault), one.case, || {
+    fn wrong(&self, one: &Wrong<'_>) {
+        self.add(self.sites.number(one.site), one.kind, one.case, || {
             let parted = |other: karat_engine::Missing<'_>| {
                 (other.case, other.parted.map(|site| self.sites.number(site)))
             };
             let missing = one.missing.map(parted);
-            Fault { operands: Vec::new(), missing, invocations: BTreeSet::new() }
+            Operation { operands: Vec::new(), missing, invocations: BTreeSet::new() }
         });
     }
 
@@ -114,7 +114,7 @@ fn watched(
     let held = prepared.run(&mut |pass: &Pass, lowered, resources| {
         let sites = Sites::of(lowered);
         let reach = are_places.then(Reach::default);
-        let faults = Faults { sites, all: Mutex::default(), reach };
+        let faults = Recorder { sites, all: Mutex::default(), reach };
         lowered.dispatch::<F32>(pass.workgroups, resources, options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let site = |number: usize| lowered.sites().get(number);

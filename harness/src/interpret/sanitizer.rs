@@ -12,9 +12,9 @@ use super::order::{OrderOf, SUBGROUPS, options_in};
 use super::{outside, parting};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::{
-    Afterwards, DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, ViolationKind,
-    Watched,
+    Afterwards, DispatchError, Examined, Pass, Passes, Violation, ViolationAccess, Watched,
 };
+use crate::hazard::Kind;
 use crate::output::{counted, headline};
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
@@ -396,18 +396,15 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         }
     };
     let (variable, element) = named(program, &race.variable, &path);
-    let kind = match (race.first.writes && race.second.writes, race.writes_equally()) {
-        (_, true) => ViolationKind::EqualWrites,
-        (true, _) => ViolationKind::WriteWrite,
-        _ => ViolationKind::ReadWrite,
-    };
+    let both_write = race.first.writes && race.second.writes;
+    let kind = if race.writes_equally() { Kind::EqualWrites } else { Kind::Race };
     let does = |access: &Access, value: Option<&String>| {
         let verb = if access.writes { "writes" } else { "reads" };
         value.map_or_else(|| verb.to_owned(), |value| format!("{verb} {value}"))
     };
     let what = match kind {
-        ViolationKind::EqualWrites => "two writes of one value",
-        ViolationKind::WriteWrite => "two writes",
+        Kind::EqualWrites => "two writes of one value",
+        _ if both_write => "two writes",
         _ => "a read and a write",
     };
     let more = match race.elements {
@@ -431,12 +428,12 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
             "nothing orders two workgroups of a dispatch: {atomic}write in one pass and read in the next, or into another resource"
         )
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
-        match kind {
-            ViolationKind::ReadWrite => format!(
+        match both_write {
+            false => format!(
                 "where both write the element, use an atomic; where one reads it, read it into a `let`, and write behind a \
                  `{barrier}()`"
             ),
-            _ => "let one invocation write the element, or use an atomic".to_owned(),
+            true => "let one invocation write the element, or use an atomic".to_owned(),
         }
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
@@ -518,10 +515,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     );
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
     let told = (headline, one.count as u64);
-    (
-        Violation::new(&pass.name, ViolationKind::Barrier, told, accesses.map(access).into()),
-        diagnostic,
-    )
+    (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
 /// An index outside, which matters together with others.
@@ -609,8 +603,8 @@ fn of_outside(
     }
     let accesses = vec![access((place, invocation, does))];
     let kind = match one.bounds {
-        Bounds::Wrapped => ViolationKind::Wrapped,
-        _ => ViolationKind::Outside,
+        Bounds::Wrapped => Kind::Wrapped,
+        _ => Kind::OutOfRange,
     };
     (Violation::new(&pass.name, kind, (headline, one.count), accesses), diagnostic)
 }
@@ -641,8 +635,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
                 off: write what is meant, and a `workgroupBarrier()` behind";
     let diagnostic = diagnostic.note(note);
     let accesses = vec![access((place, invocation, does))];
-    let violation =
-        Violation::new(&pass.name, ViolationKind::Unwritten, (headline, one.count), accesses);
+    let violation = Violation::new(&pass.name, Kind::Unwritten, (headline, one.count), accesses);
     (Violation { variable, element, ..violation }, diagnostic)
 }
 
@@ -714,7 +707,7 @@ mod tests {
         let all = [("ends", groups), ("fill", groups)];
         let examined = examined(TEXT, &all, 64 * groups as usize);
         let kinds: Vec<_> = examined.violations.iter().map(|(one, _)| one.kind).collect();
-        assert_eq!(kinds, [ViolationKind::WriteWrite], "by the first and the last workgroup");
+        assert_eq!(kinds, [Kind::Race], "by the first and the last workgroup");
         let Watched { invocations, of, reason, .. } = examined.watched;
         assert_eq!(of, 2 * 64 * u64::from(groups));
         assert_eq!(invocations, 64 * 64);

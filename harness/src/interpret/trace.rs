@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Program as Lowered, Range,
-    Resources, Runs, Truth,
+    F32, F64, Interval, Intervals, Lanes, Observer, Program as Lowered, Range, Resources, Runs,
+    Truth, Wrong,
 };
 
 use super::dispatch::{in_order, options};
@@ -14,6 +14,7 @@ use super::{Alone, Interpreted};
 use crate::diagnostic::Span;
 use crate::dispatch::{DispatchError, Pass, Passes};
 use crate::fixture::Fixtures;
+use crate::hazard::Kind;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
@@ -97,10 +98,8 @@ macro_rules! values {
                 values.extend(seen.map(|seen| (site, seen)));
             }
 
-            fn fault(&self, one: &Faulty<'_>) {
-                if let Fault::Index(_) = one.fault
-                    && one.case == self.case
-                {
+            fn wrong(&self, one: &Wrong<'_>) {
+                if one.kind == Kind::OutOfRange && one.case == self.case {
                     self.lost.store(true, Ordering::Relaxed);
                 }
             }

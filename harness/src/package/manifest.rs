@@ -11,7 +11,7 @@ use serde::Deserialize;
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
-use super::inputs::{self, Declaration, scope};
+use super::inputs::{self, scope};
 use super::inside::{AcceptedHazard, Hazards, KnownRows};
 use super::limits::Limits;
 use super::values::{self, Values};

@@ -12,7 +12,7 @@ fn record(time: Option<Time>) -> Record {
         paths: Vec::new(),
         message: None,
         watched: None,
-        fault: None,
+        details: None,
         overlay: None,
         read: Vec::new(),
         time,

@@ -9,7 +9,7 @@ use std::fmt::{self, Display};
 use super::Fails;
 use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
-use crate::record::{Fault, PathFault, PathRecord};
+use crate::record::{Details, PathDetails, PathRecord};
 
 /// A failure that was declared with `fails_on` or `refused_on`, and did occur.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,20 +37,20 @@ pub struct PathFailures<E> {
 
 impl<E: Display> PathFailures<E> {
     /// The same as data, of which the first failure is the headline.
-    pub(crate) fn fault(&self, of: impl Fn(&E) -> Fault) -> Fault {
+    pub(crate) fn details(&self, of: impl Fn(&E) -> Details) -> Details {
         let mut all = self.failures.iter().map(&of);
-        let mut fault = all.next();
+        let mut details = all.next();
         for other in all {
-            fault.get_or_insert_default().paths.extend(other.paths);
+            details.get_or_insert_default().paths.extend(other.paths);
         }
         for (adapter, error) in &self.stopped {
             let own = of(error);
             let stopped =
-                PathFault { stopped: Some(own.headline.clone()), ..PathFault::on(adapter) };
-            let fault = fault.get_or_insert_with(|| Fault { paths: Vec::new(), ..own });
-            fault.paths.push(stopped);
+                PathDetails { stopped: Some(own.headline.clone()), ..PathDetails::on(adapter) };
+            let details = details.get_or_insert_with(|| Details { paths: Vec::new(), ..own });
+            details.paths.push(stopped);
         }
-        fault.unwrap_or_default()
+        details.unwrap_or_default()
     }
 }
 
@@ -413,13 +413,13 @@ mod tests {
     fn the_fault_of_each_path_is_kept() {
         let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
             let paths = PathFailures { failures, stopped, agreeing: vec![adapter("z")] };
-            let fault = paths.fault(|error| {
+            let details = paths.details(|error| {
                 let headline = error.to_string();
-                let paths = vec![PathFault::on(&adapter(&headline))];
-                Fault { headline, paths, ..Fault::default() }
+                let paths = vec![PathDetails::on(&adapter(&headline))];
+                Details { headline, paths, ..Details::default() }
             });
-            let one = |one: &PathFault| (one.adapter.path.clone(), one.stopped.clone());
-            (fault.headline, fault.paths.iter().map(one).collect::<Vec<_>>())
+            let one = |one: &PathDetails| (one.adapter.path.clone(), one.stopped.clone());
+            (details.headline, details.paths.iter().map(one).collect::<Vec<_>>())
         };
         let stopped = || vec![(adapter("c"), Error::Other("lost")), (adapter("d"), Error::Late)];
         let [a, b] = ["a", "b"].map(|path| (path.to_owned(), None));

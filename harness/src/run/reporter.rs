@@ -7,7 +7,7 @@ use super::{KnownIssue, host, identity, replay};
 use crate::diagnostic::FileRead;
 use crate::dispatch::Watched;
 use crate::output::visible;
-use crate::record::{self, Fault, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 /// Why a check fails, as far as its record is concerned.
 pub(crate) trait Fails: Display {
@@ -15,8 +15,8 @@ pub(crate) trait Fails: Display {
     fn is_verdict(&self) -> bool;
 
     /// The same as data.
-    fn fault(&self) -> Fault {
-        Fault::of(&self.to_string())
+    fn details(&self) -> Details {
+        Details::of(&self.to_string())
     }
 
     /// `file:line:column` of the function, where a failure knows it.
@@ -66,8 +66,8 @@ pub(crate) fn reported<T: Passed, E: Fails>(
 /// `message` is all that is wrong, for people, and `headline` is its first sentence.
 pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {
     let report = Report { subject, paths: Vec::new(), read: Vec::new(), watched: None };
-    let fault = Fault { headline: headline.to_owned(), ..Fault::default() };
-    report.write(Verdict::Error, Some((message.to_owned(), fault)), &Stopwatch::start());
+    let details = Details { headline: headline.to_owned(), ..Details::default() };
+    report.write(Verdict::Error, Some((message.to_owned(), details)), &Stopwatch::start());
 }
 
 impl Report {
@@ -85,14 +85,14 @@ impl Report {
         {
             *location = known;
         }
-        let failure = failure.map(|failure| (failure.to_string(), failure.fault()));
+        let failure = failure.map(|failure| (failure.to_string(), failure.details()));
         self.write(verdict, failure, stopwatch);
     }
 
     /// Writes it down with the message and the data of its failure.
-    fn write(self, verdict: Verdict, failure: Option<(String, Fault)>, stopwatch: &Stopwatch) {
+    fn write(self, verdict: Verdict, failure: Option<(String, Details)>, stopwatch: &Stopwatch) {
         let Self { subject, paths, read, watched } = self;
-        let (message, fault) = failure.unzip();
+        let (message, details) = failure.unzip();
         record::write(&Record {
             schema: record::SCHEMA,
             test: identity::test(),
@@ -101,7 +101,7 @@ impl Report {
             verdict,
             paths,
             message,
-            fault,
+            details,
             watched,
             overlay: record::overlay(),
             read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),

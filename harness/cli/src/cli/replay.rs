@@ -55,9 +55,9 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
 
 /// The command that replays the simplest case of a failure, of the first path that has one.
 fn command(record: &Record) -> Option<&Replay> {
-    let fault = record.fault.as_ref()?;
-    let of_path = fault.paths.iter().find_map(|fault| fault.replays().last());
-    of_path.or(fault.replay.as_ref())
+    let details = record.details.as_ref()?;
+    let of_path = details.paths.iter().find_map(|details| details.replays().last());
+    of_path.or(details.replay.as_ref())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {

@@ -22,7 +22,8 @@ use karat::unstable::image::write_whole;
 use karat::unstable::output::{counted, visible, visible_json};
 use karat::unstable::package::FunctionItem;
 use karat::unstable::record::{
-    CaseFault, Fault, PathFault, PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed,
+    CaseDetails, Details, PathDetails, PathRecord, Record, Recorded, Run, SCHEMA, Subject,
+    was_killed,
 };
 use karat::unstable::reflect::Opinion;
 use karat_suite::{Suite, Test};
@@ -347,20 +348,20 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
 
 /// The commands that replay a failure, for a shell: of the worst case first.
 fn replays(record: &Record) -> Vec<String> {
-    record.fault.iter().flat_map(Fault::replays).map(ToString::to_string).collect()
+    record.details.iter().flat_map(Details::replays).map(ToString::to_string).collect()
 }
 
 /// A path's [values], and the command that runs the worst of them again.
-fn facts(fault: &PathFault) -> Vec<String> {
-    let mut lines = values(fault);
-    lines.extend(fault.replays().next().map(|replay| format!("replay: {replay}")));
+fn facts(details: &PathDetails) -> Vec<String> {
+    let mut lines = values(details);
+    lines.extend(details.replays().next().map(|replay| format!("replay: {replay}")));
     lines
 }
 
 /// A path's failing cases, each in a line: arguments, results, expectations that fail.
-fn values(fault: &PathFault) -> Vec<String> {
+fn values(details: &PathDetails) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
-    for case in [&fault.worst, &fault.first, &fault.simplest].into_iter().flatten() {
+    for case in [&details.worst, &details.first, &details.simplest].into_iter().flatten() {
         let expectations = case.expectations.iter().map(ToString::to_string);
         for line in std::iter::once(in_a_line(case)).chain(expectations) {
             if !line.is_empty() && !lines.contains(&line) {
@@ -372,8 +373,8 @@ fn values(fault: &PathFault) -> Vec<String> {
 }
 
 /// `x = 2; returned = (1, 3); .y = 3; expected = 2; error = 1 (0.5 allowed)`
-fn in_a_line(case: &CaseFault) -> String {
-    let CaseFault { arguments, result, component, actual, expected, error, .. } = case;
+fn in_a_line(case: &CaseDetails) -> String {
+    let CaseDetails { arguments, result, component, actual, expected, error, .. } = case;
     let part = if component.is_empty() { "" } else { actual };
     let others =
         [("returned", &**result), (component, part), ("expected", expected), ("error", error)];

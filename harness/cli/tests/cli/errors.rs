@@ -21,7 +21,7 @@ fn a_cause_is_told_once() {
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
     std::fs::create_dir(folder.join("folder.exr")).expect("a folder");
     write(folder, "text.zip", "no zip");
-    write(folder, "run/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(folder, "run/run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     std::fs::create_dir(folder.join("run/1.jsonl")).expect("a folder");
     let image = karat::Image::new(1, 1, vec![[1.0; 4]]);
     image.write_exr(&folder.join("a.exr"), karat::image::Precision::Float, None).expect("written");
@@ -53,7 +53,7 @@ fn what_no_run_left_has_no_verdict() {
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
     std::fs::create_dir(folder.join("empty")).expect("a folder");
     zip(&folder.join("empty.zip"), &[]);
-    let run: &[u8] = br#"{"passed":true,"schema":4,"selected":[]}"#;
+    let run: &[u8] = br#"{"passed":true,"schema":5,"selected":[]}"#;
     zip(&folder.join("green.zip"), &[("record/run.json", run)]);
     let green = std::fs::read(folder.join("green.zip")).expect("written");
     zip(&folder.join("outer.zip"), &[("ci/green.zip", &green), ("records/1.jsonl", b"{}")]);

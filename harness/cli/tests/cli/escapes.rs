@@ -60,7 +60,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
     write(&golden, &format!("{NAME}.txt"), "");
     write(&golden, &format!("{NAME}.new.exr"), "");
     write(folder, "record/1.jsonl", &function("m::f", "gl", "pass", None));
-    write(folder, "record/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(folder, "record/run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     let exr = format!("{NAME}.exr");
     let image = Image::new(1, 1, vec![[1.0; 4]]);
     image.write_exr(&folder.join(&exr), Precision::Float, None).expect("written");
@@ -138,7 +138,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     let (name, why) = (format!("m::{HOSTILE}"), format!("it fails: {HOSTILE}\n{HOSTILE}"));
     let line = function(&name, "gl", "fail", Some(&why)).replace("llvmpipe", "\\u001b[2Jllvmpipe");
     write(folder, "record/1.jsonl", &line);
-    write(folder, "record/run.json", r#"{"passed":false,"schema":4,"selected":["\u009b2J"]}"#);
+    write(folder, "record/run.json", r#"{"passed":false,"schema":5,"selected":["\u009b2J"]}"#);
     write(folder, "table.csv", &format!("\"{HOSTILE}\"\n1\n"));
     write(folder, "shaders/hostile.wgsl", &format!("fn f() -> f32 {{ return x; }} // {HOSTILE}\n"));
     for (arguments, told) in [

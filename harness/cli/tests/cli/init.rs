@@ -98,7 +98,7 @@ fn what_rust_tests_check_is_left_to_them() {
     write(path, "tests/a.rs", "SHADERS.function(\"a::f\").over(0.0..=1.0).is_finite();\n");
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
-    write(&record, "run.json", r#"{"schema":4,"selected":[],"passed":true}"#);
+    write(&record, "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
     // Who asks for a workflow wants that alone.
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("there are tests in Rust: none is written"), "{ran}");

@@ -31,7 +31,7 @@ fn with_golden() -> (TempDir, PathBuf) {
     karat(project.path(), &ACCEPT).good();
     let folder = project.path().join("record");
     write(&folder, "1.jsonl", &frame(&golden, "scene", &["vulkan"], "pass"));
-    write(&folder, "run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(&folder, "run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     karat(project.path(), &["unreferenced", "--record", "record"]).good();
     (project, golden)
 }

@@ -57,7 +57,7 @@ fn records(folder: &FilePath, names: &[String]) -> String {
         });
         let adapter =
             serde_json::json!({ "path": "gl", "name": name, "driver": "", "software": true });
-        record["fault"] = serde_json::json!({
+        record["details"] = serde_json::json!({
             "headline": format!("{name} fails"),
             "paths": [{ "adapter": adapter, "worst": { "replay": replay } }]
         });

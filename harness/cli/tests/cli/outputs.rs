@@ -56,7 +56,7 @@ fn a_report_replaces_no_record() {
     let project = project();
     let folder = project.path();
     write(folder, "run/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "run/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(folder, "run/run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     for file in ["run/run.json", "run/1.jsonl"] {
         let error = karat(folder, &["report", "--record", "run", "--junit", file]).error();
         assert!(error.contains(&format!("the report `{file}` would overwrite `")), "{error}");
@@ -72,7 +72,7 @@ fn every_output_is_written_whole() {
     pending_frame(folder, "scene", "any");
     write(folder, "in.csv", "1\n");
     write(folder, "record/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "record/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(folder, "record/run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     for (file, arguments) in [
         ("out.csv", &["call", "calc::double", "--table", "in.csv", "--out", "out.csv"][..]),
         ("a.png", &["preview", "scene.new.exr", "--out", "a.png"]),

@@ -20,9 +20,9 @@ fn eventful() -> TempDir {
         image.write_exr(&folder.join(name), karat::image::Precision::Float, None).expect("written");
     }
     write(folder, "passed/1.jsonl", &function("calc::double", "gl", "pass", None));
-    write(folder, "passed/run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(folder, "passed/run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     write(folder, "failed/1.jsonl", &function("calc::double", "gl", "fail", Some("it fails")));
-    write(folder, "failed/run.json", r#"{"passed":false,"schema":4,"selected":[]}"#);
+    write(folder, "failed/run.json", r#"{"passed":false,"schema":5,"selected":[]}"#);
     project
 }
 

@@ -17,7 +17,7 @@ fn recorded(lines: &[String]) -> TempDir {
     let project = project();
     let folder = project.path().join("target/karat/record");
     write(&folder, "1.jsonl", &lines.concat());
-    write(&folder, "run.json", r#"{"schema":4,"selected":[],"passed":false}"#);
+    write(&folder, "run.json", r#"{"schema":5,"selected":[],"passed":false}"#);
     project
 }
 

@@ -29,8 +29,8 @@ fn line(
     };
     let paths: Vec<_> = paths.iter().map(path).collect();
     let record = serde_json::json!({
-        "schema": 4, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
-        "message": message, "fault": message.map(fault)
+        "schema": 5, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
+        "message": message, "details": message.map(fault)
     });
     format!("{record}\n")
 }

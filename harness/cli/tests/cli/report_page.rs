@@ -12,7 +12,7 @@ fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
     let folder = |at: usize| project.path().join(format!("part{at}"));
     for (at, lines) in parts.iter().enumerate() {
         write(&folder(at), "1.jsonl", &lines.concat());
-        write(&folder(at), "run.json", r#"{"schema":4,"selected":[],"passed":true}"#);
+        write(&folder(at), "run.json", r#"{"schema":5,"selected":[],"passed":true}"#);
     }
     let folders = (0..parts.len()).map(folder).collect();
     (project, folders)

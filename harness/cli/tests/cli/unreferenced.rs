@@ -59,7 +59,7 @@ fn goldens_that_all_are_compared_pass() {
     assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
     // What `cargo ci test` writes is read, too.
     let folder = record(&project, &all, None);
-    write(&folder, "run.json", r#"{"passed":true,"schema":4,"selected":[]}"#);
+    write(&folder, "run.json", r#"{"passed":true,"schema":5,"selected":[]}"#);
     karat(project.path(), &["unreferenced"]).good();
 }
 

@@ -174,7 +174,7 @@ fn recorded(hash: &str) -> tempfile::TempDir {
     let message = "error: `calc::lonely` fails agrees_with: 4 ulp\non gl: llvmpipe, 1\n  \
                    replay: KARAT_CASE=x cargo test\n";
     let record = json!({
-        "schema": 4, "test": "brdf", "verdict": "fail", "message": message, "fault": fault(message),
+        "schema": 5, "test": "brdf", "verdict": "fail", "message": message, "details": fault(message),
         "subject": {
             "kind": "function", "package": package, "function": "calc::lonely", "check": "agrees_with",
             "assertion": "4 ulp", "location": "shaders/calc.wgsl:3:1", "seed": 1,
@@ -186,7 +186,7 @@ fn recorded(hash: &str) -> tempfile::TempDir {
         "read": [{ "file": package.join("calc.wgsl"), "hash": hash }],
         "started": "2026-01-31T12:00:00.000Z", "seconds": 1.0,
     });
-    let run = json!({ "schema": 4, "selected": [], "passed": false });
+    let run = json!({ "schema": 5, "selected": [], "passed": false });
     write(folder.path(), "target/karat/record/1.jsonl", &format!("{record}\n"));
     write(folder.path(), "target/karat/record/run.json", &run.to_string());
     folder

@@ -105,8 +105,8 @@ fn in_rust() -> TempDir {
             let failed = verdict == "fail";
             let head = "error: `calc::half` fails agrees_with: 4 ulp\non cpu: an engine, 1\n  replay: KARAT_CASE=x cargo test\n";
             let record = json!({
-                "schema": 4, "test": test, "verdict": verdict, "message": failed.then_some(head),
-                "fault": failed.then(|| fault(head)),
+                "schema": 5, "test": test, "verdict": verdict, "message": failed.then_some(head),
+                "details": failed.then(|| fault(head)),
                 "subject": {
                     "kind": "function", "package": package, "function": function, "seed": 1,
                     "check": "agrees_with", "assertion": "4 ulp",

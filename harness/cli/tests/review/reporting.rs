@@ -30,14 +30,14 @@ fn record(folder: &Path) {
             "assertion": "1 ulp", "location": "shaders/a.wgsl:1:1", "seed": 1
         });
         let record = json!({
-            "schema": 4, "test": format!("test_of_{name}"), "subject": subject, "verdict": verdict,
-            "paths": [path], "message": message, "fault": message.map(fault)
+            "schema": 5, "test": format!("test_of_{name}"), "subject": subject, "verdict": verdict,
+            "paths": [path], "message": message, "details": message.map(fault)
         });
         format!("{record}\n")
     };
     let text = line("lobe::ggx", true) + &line("fresnel::schlick", false);
     std::fs::write(folder.join("1.jsonl"), text).expect("written");
-    let run = json!({ "schema": 4, "selected": [], "passed": false });
+    let run = json!({ "schema": 5, "selected": [], "passed": false });
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 

@@ -23,7 +23,7 @@ fn put_record(project: &Project, records: &[Value]) {
     std::fs::create_dir_all(&folder).expect("a folder");
     let lines: String = records.iter().map(|record| format!("{record}\n")).collect();
     std::fs::write(folder.join("1.jsonl"), lines).expect("written");
-    let run = json!({ "schema": 4, "selected": [], "passed": false });
+    let run = json!({ "schema": 5, "selected": [], "passed": false });
     std::fs::write(folder.join("run.json"), run.to_string()).expect("written");
 }
 
@@ -31,9 +31,9 @@ fn frame_record(project: &Project) -> Value {
     let module = project.folder().join("shaders/light.wgsl");
     let message = "error: it differs\n  replay: KARAT_PATHS=vulkan cargo test frames";
     json!({
-        "schema": 4, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
+        "schema": 5, "test": "frames::the <b>tiny</b> one", "verdict": "fail", "paths": [],
         "subject": { "kind": "frame", "golden": "tiny", "folder": "golden", "location": "tests/frames.rs:7:5" },
-        "message": message, "fault": fault(message),
+        "message": message, "details": fault(message),
         "read": [{ "file": module, "hash": "" }],
     })
 }
@@ -44,10 +44,10 @@ fn function_record() -> Value {
     let message = "error: `lobe::ggx` fails <script>window.injected = 1</script>\n  \
                    replay: KARAT_SEED=1 cargo test lobes";
     json!({
-        "schema": 4, "test": "lobes", "verdict": "fail",
+        "schema": 5, "test": "lobes", "verdict": "fail",
         "subject": { "kind": "function", "package": "shaders", "function": "lobe::ggx", "check": "agrees_with",
             "assertion": "1 ulp", "location": "shaders/a.wgsl:1:1", "seed": 1 },
-        "message": message, "fault": fault(message),
+        "message": message, "details": fault(message),
         "paths": [{
             "adapter": { "path": "cpu", "name": "an adapter", "driver": "", "software": true },
             "cases": 400, "failures": 1, "worst": "3 ulp", "ratio": 40.0, "asserted": "1 ulp", "known_issue": null,

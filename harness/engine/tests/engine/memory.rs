@@ -3,9 +3,9 @@
 use std::sync::Mutex;
 
 use crate::common::{doubles, floats, intervals, module, program, words};
+use karat_core::hazard::Kind;
 use karat_engine::{
-    Bounds, F32, F64, Fault, Faulty, Intervals, Lane, Observer, Options, Program, Resources,
-    Scalar, Settings, Stop,
+    F32, F64, Intervals, Lane, Observer, Options, Program, Resources, Scalar, Settings, Stop, Wrong,
 };
 
 #[test]
@@ -50,8 +50,8 @@ fn dynamic_indices_into_everything() {
 struct Outside(Mutex<Vec<(usize, String)>>);
 
 impl Observer<F32> for Outside {
-    fn fault(&self, one: &Faulty<'_>) {
-        assert_eq!(one.fault, Fault::Index(Bounds::Fixed));
+    fn wrong(&self, one: &Wrong<'_>) {
+        assert_eq!(one.kind, Kind::OutOfRange);
         self.0.lock().expect("no test panics here").push((one.case, one.site.function.clone()));
     }
 }
@@ -79,8 +79,8 @@ fn indices_are_clamped_and_reported() {
 struct Wrapped(Mutex<Vec<usize>>);
 
 impl Observer<F32> for Wrapped {
-    fn fault(&self, one: &Faulty<'_>) {
-        if one.fault == Fault::Wrap {
+    fn wrong(&self, one: &Wrong<'_>) {
+        if one.kind == Kind::Wrapped {
             self.0.lock().expect("no test panics here").push(one.case);
         }
     }

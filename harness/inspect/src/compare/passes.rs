@@ -1,9 +1,10 @@
 //! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
 
+use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
 use karat::package::Package;
 use karat::path::Path;
-use karat::unstable::dispatch::{Examined, Passes, Violation, ViolationKind};
+use karat::unstable::dispatch::{Examined, Passes, Violation};
 use karat::unstable::executor;
 use karat::unstable::interpret::{OrderOf, Runner, examine_made_up, in_order_of};
 use karat::unstable::reflect::Program;
@@ -177,7 +178,7 @@ const SEVERAL: u32 = 3;
 
 /// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their
 /// headline says whether they read or write.
-fn subject(one: &Violation, renamed: &[(String, String)]) -> (ViolationKind, String) {
+fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
     let text = match one.kind.is_of_index() {
         true => one.headline.clone(),
@@ -362,8 +363,8 @@ impl Difference {
 #[cfg(test)]
 mod tests {
     use super::super::{Change, Request};
+    use super::Kind;
     use karat::package::Package;
-    use karat::unstable::dispatch::ViolationKind;
 
     const COUNTS: &str = "@group(0) @binding(0) var<storage, read> data: array<u32>;
         @group(0) @binding(1) var<storage, read_write> bins: array<atomic<u32>, 16>;
@@ -400,7 +401,7 @@ mod tests {
             let one = compared(&text, &edited);
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             let [race, ..] = &one.violations[..] else { panic!("{one:?}") };
-            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert_eq!((race.variable.as_str(), race.kind), ("list", Kind::Race));
             assert!(compared(&edited, &text).violations.is_empty(), "an edit may mend it");
         }
     }
@@ -431,7 +432,7 @@ mod tests {
             };
             let brought = of(text, &edited);
             let [race] = &brought[..] else { panic!("{brought:?}") };
-            assert_eq!((race.variable.as_str(), race.kind), ("list", ViolationKind::WriteWrite));
+            assert_eq!((race.variable.as_str(), race.kind), ("list", Kind::Race));
             assert!(of(&edited, text).is_empty(), "an edit may mend it");
         }
     }

@@ -4,7 +4,7 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use karat::package::Package;
-use karat::unstable::dispatch::{Passes, Violation, ViolationKind};
+use karat::unstable::dispatch::{Passes, Violation};
 use karat::unstable::interpret::examine_made_up;
 use karat::unstable::interpret::hazards::Kind;
 use karat::unstable::interpret::passes::{Operations, operations};
@@ -395,7 +395,11 @@ impl Looked<'_> {
             ran.hazards.push((key, own));
         }
         for (violation, diagnostic) in examined.violations {
-            let Some(kind) = kind_of(violation.kind) else { continue };
+            let kind = violation.kind;
+            // Workgroup memory is zero where nothing wrote it, by WGSL (7.3): that is no finding.
+            if kind == Kind::Unwritten {
+                continue;
+            }
             let (location, text) = place_of(&violation, &diagnostic);
             let first = violation.accesses.first().map(|access| access.invocation.clone());
             let places = match kind {
@@ -442,18 +446,6 @@ struct Ran {
     /// Invocations.
     of: usize,
     too_long: bool,
-}
-
-/// `None` of what is no finding: workgroup memory is zero where nothing wrote it, by WGSL (7.3).
-fn kind_of(kind: ViolationKind) -> Option<Kind> {
-    Some(match kind {
-        ViolationKind::ReadWrite | ViolationKind::WriteWrite => Kind::Race,
-        ViolationKind::EqualWrites => Kind::EqualWrites,
-        ViolationKind::Barrier => Kind::Barrier,
-        ViolationKind::Unwritten => return None,
-        ViolationKind::Outside => Kind::OutOfRange,
-        ViolationKind::Wrapped => Kind::Wrapped,
-    })
 }
 
 /// The place of a violation, and the text there.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::super::disagreement::failed;
 use super::picture::Histogram;
 use crate::path::Adapter;
-use crate::record::{CaseFault, Fault, PathFault, Replay};
+use crate::record::{CaseDetails, Details, PathDetails, Replay};
 use crate::reflect::Function;
 use crate::stats::Support;
 
@@ -47,28 +47,28 @@ pub struct Rejection {
 
 impl Rejection {
     /// The same as data.
-    pub(crate) fn fault(&self) -> Fault {
-        Fault {
+    pub(crate) fn details(&self) -> Details {
+        Details {
             headline: failed(&self.function, self.check, &self.assertion).message,
-            paths: self.paths.iter().map(PathRejection::fault).collect(),
-            ..Fault::default()
+            paths: self.paths.iter().map(PathRejection::details).collect(),
+            ..Details::default()
         }
     }
 }
 
 impl PathRejection {
-    fn fault(&self) -> PathFault {
+    fn details(&self) -> PathDetails {
         let ConfigurationRejection { case, configuration, findings, notes, .. } = &self.worst;
         let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
-        let worst = CaseFault {
+        let worst = CaseDetails {
             case: *case,
             arguments: vec![("configuration".to_owned(), configuration.clone())],
             error: findings.join("; "),
             notes: notes.iter().map(|(name, text)| ((*name).to_owned(), text.clone())).collect(),
             replay: Some(self.replay.clone()),
-            ..CaseFault::default()
+            ..CaseDetails::default()
         };
-        PathFault { worst: Some(worst), ..PathFault::on(&self.adapter) }
+        PathDetails { worst: Some(worst), ..PathDetails::on(&self.adapter) }
     }
 }
 

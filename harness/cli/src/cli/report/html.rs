@@ -175,7 +175,7 @@ fn failures(rows: &[Row<'_>]) -> Markup {
 
 /// The failing cases of each path, to be copied.
 fn cases(record: &Record) -> Markup {
-    let paths = record.fault.iter().flat_map(|fault| &fault.paths);
+    let paths = record.details.iter().flat_map(|details| &details.paths);
     let paths = paths.map(|path| (&path.adapter.path, values(path)));
     let paths: Vec<_> = paths.filter(|(_, values)| !values.is_empty()).collect();
     html! {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use karat::unstable::output::{name as name_of, one_line, visible};
-use karat::unstable::record::{PathFault, PathRecord, Record, Subject, Verdict};
+use karat::unstable::record::{PathDetails, PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};
@@ -96,7 +96,7 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
         if kind.is_some()
             && let Some(message) = &record.message
         {
-            let said = record.fault.as_ref().map_or(&**message, |fault| &fault.headline);
+            let said = record.details.as_ref().map_or(&**message, |details| &details.headline);
             status.set_message(&*one_line(said.lines().next().unwrap_or_default()));
             status.set_description(&*visible(message));
             lines.extend(facts_on(record, path));
@@ -143,9 +143,9 @@ fn is_guilty(path: &PathRecord, record: &Record) -> bool {
 
 /// The facts of a failure on this path. A failure of no path has its first replay command.
 fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
-    let faults = || record.fault.iter().flat_map(|fault| &fault.paths);
+    let faults = || record.details.iter().flat_map(|details| &details.paths);
     let is_own =
-        |fault: &&PathFault| path.is_some_and(|path| fault.adapter.path == path.adapter.path);
+        |details: &&PathDetails| path.is_some_and(|path| details.adapter.path == path.adapter.path);
     let own: Vec<String> = faults().filter(is_own).flat_map(facts).collect();
     if own.is_empty() {
         return replays(record)

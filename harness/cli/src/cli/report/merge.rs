@@ -93,7 +93,7 @@ pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
                 let messages: Vec<String> =
                     [known.message.take(), record.message].into_iter().flatten().collect();
                 known.message = (!messages.is_empty()).then(|| messages.join("\n"));
-                match (&mut known.fault, record.fault) {
+                match (&mut known.details, record.details) {
                     (Some(known), Some(own)) => known.paths.extend(own.paths),
                     (known, own) => *known = known.take().or(own),
                 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use karat::unstable::diagnostic::shown;
 use karat::unstable::output::{headline as headline_of, one_line};
-use karat::unstable::record::{ExpectationFault, PathRecord, Record, Subject};
+use karat::unstable::record::{ExpectationDetails, PathRecord, Record, Subject};
 use karat::unstable::reflect::{Invalid, Opinion};
 
 use super::{Place, Sum, failing, is_failure, located, place};
@@ -63,7 +63,7 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !expectations.is_empty() {
         return expectations;
     }
-    let violations = record.fault.iter().flat_map(|fault| &fault.violations);
+    let violations = record.details.iter().flat_map(|details| &details.violations);
     let violations: Vec<Finding> = violations
         .map(|violation| {
             let place =
@@ -74,18 +74,18 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !violations.is_empty() {
         return violations;
     }
-    let told = || located(record.fault.as_ref()?.place.as_deref()?, root, root);
+    let told = || located(record.details.as_ref()?.place.as_deref()?, root, root);
     vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
 }
 
 /// The expectations that fail, each once where it stands: what the simplest case saw, and on which paths it fails.
 pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
-    let mut all: Vec<(&ExpectationFault, Vec<&str>)> = Vec::new();
-    for fault in record.fault.iter().flat_map(|fault| &fault.paths) {
-        let cases = [&fault.simplest, &fault.worst, &fault.first].into_iter().flatten();
+    let mut all: Vec<(&ExpectationDetails, Vec<&str>)> = Vec::new();
+    for details in record.details.iter().flat_map(|details| &details.paths) {
+        let cases = [&details.simplest, &details.worst, &details.first].into_iter().flatten();
         for expectation in cases.flat_map(|case| &case.expectations) {
-            let path = &*fault.adapter.path;
+            let path = &*details.adapter.path;
             match all.iter_mut().find(|(known, _)| known.place == expectation.place) {
                 Some((_, paths)) if paths.contains(&path) => {}
                 Some((_, paths)) => paths.push(path),
@@ -93,7 +93,7 @@ pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
             }
         }
     }
-    let finding = |(ExpectationFault { place, seen }, paths): (&_, Vec<&str>)| {
+    let finding = |(ExpectationDetails { place, seen }, paths): (&_, Vec<&str>)| {
         let place = located(place, Path::new(package), root)?;
         let message = format!("{seen}, in `{function}` on {}", paths.join(", "));
         Some(Finding { place: Some(place), message })
@@ -105,7 +105,7 @@ pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
 fn headline(record: &Record) -> String {
     let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
     else {
-        let said = record.fault.as_ref().map(|fault| fault.headline.clone());
+        let said = record.details.as_ref().map(|details| details.headline.clone());
         return said.unwrap_or_else(|| "it fails, and says nothing".to_owned());
     };
     let seen = match worst.asserted.is_empty() {

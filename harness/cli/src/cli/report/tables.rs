@@ -376,7 +376,7 @@ pub(super) mod tests {
             paths,
             message: None,
             watched: None,
-            fault: None,
+            details: None,
             overlay: None,
             read: Vec::new(),
             time: None,

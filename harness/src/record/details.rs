@@ -11,7 +11,7 @@ use crate::path::Adapter;
 
 /// A failure as data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Fault {
+pub struct Details {
     /// It in one line.
     pub headline: String,
     /// `file:line:column` of what is wrong, if that is another place than the subject's own.
@@ -19,18 +19,18 @@ pub struct Fault {
     pub place: Option<String>,
     /// Each path that fails, or that stopped.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub paths: Vec<PathFault>,
+    pub paths: Vec<PathDetails>,
     /// Violations of compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The command that runs a check again whose fault is no path's, as that of passes whose invocations race.
+    /// The command that runs a check again that no path alone fails, as that of passes whose invocations race.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
 
-/// The fault of one path.
+/// What one path has of a failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PathFault {
+pub struct PathDetails {
     /// Path, adapter and driver.
     pub adapter: Adapter,
     /// Why it has no verdict; `None`: it has one.
@@ -41,19 +41,19 @@ pub struct PathFault {
     pub cause: Option<String>,
     /// The case with the largest error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub worst: Option<CaseFault>,
+    pub worst: Option<CaseDetails>,
     /// The failing case of the lowest index, if it is another one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub first: Option<CaseFault>,
+    pub first: Option<CaseDetails>,
     /// The simplest case that the worst one could be reduced to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub simplest: Option<CaseFault>,
+    pub simplest: Option<CaseDetails>,
 }
 
 /// One failing case: of a function, an element of a buffer, or a configuration of a sampler.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct CaseFault {
+pub struct CaseDetails {
     /// Index of the case.
     pub case: u64,
     /// Each argument: its name, and its value as WGSL would write it.
@@ -79,7 +79,7 @@ pub struct CaseFault {
     pub notes: Vec<(String, String)>,
     /// The expectations of a test in WGSL that fail.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub expectations: Vec<ExpectationFault>,
+    pub expectations: Vec<ExpectationDetails>,
     /// The command that runs it again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
@@ -87,14 +87,14 @@ pub struct CaseFault {
 
 /// An expectation that fails.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ExpectationFault {
+pub struct ExpectationDetails {
     /// `file:line:column`; empty if the report is broken.
     pub place: String,
     /// Its text and what it saw.
     pub seen: String,
 }
 
-impl std::fmt::Display for ExpectationFault {
+impl std::fmt::Display for ExpectationDetails {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &*self.place {
             "" => f.write_str(&self.seen),
@@ -103,8 +103,8 @@ impl std::fmt::Display for ExpectationFault {
     }
 }
 
-impl Fault {
-    /// A fault that isn't about values: its message in one line.
+impl Details {
+    /// A failure that isn't about values: its message in one line.
     pub(crate) fn of(message: &str) -> Self {
         Self { headline: headline(message).to_owned(), ..Self::default() }
     }
@@ -116,14 +116,14 @@ impl Fault {
     }
 
     /// The commands that run failing cases again: for each path that of the worst case, then that of the
-    /// simplest one; and that of a fault that is no path's.
+    /// simplest one; and that of a failure that is no path's.
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
-        self.paths.iter().flat_map(PathFault::replays).chain(&self.replay)
+        self.paths.iter().flat_map(PathDetails::replays).chain(&self.replay)
     }
 }
 
-impl PathFault {
-    /// An empty fault of a path.
+impl PathDetails {
+    /// A path without values.
     pub(crate) fn on(adapter: &Adapter) -> Self {
         let (stopped, cause) = (None, None);
         let (worst, first, simplest) = (None, None, None);

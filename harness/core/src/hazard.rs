@@ -1,0 +1,125 @@
+//! What goes wrong in shaders, by kind: one list for operations, passes and reports.
+
+/// What kind of thing goes wrong, the worst first.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Kind {
+    /// It isn't a number.
+    Nan,
+    /// An index leaves its array.
+    #[serde(alias = "outside")]
+    OutOfRange,
+    /// An index is one of its array because a sum or a product wraps around.
+    Wrapped,
+    /// A difference without a sign goes below 0, and becomes a float.
+    BelowZero,
+    /// Nothing orders two accesses of an element.
+    #[serde(alias = "read_write", alias = "write_write")]
+    Race,
+    /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
+    /// derivative.
+    Barrier,
+    /// An integer is divided by zero.
+    ByZero,
+    /// It is infinite.
+    Infinite,
+    /// A float is beyond the integer type that it is converted to.
+    Saturated,
+    /// The low edge of `clamp` or `smoothstep` isn't below the high one.
+    EdgesReversed,
+    /// More than half of its digits are rounding errors.
+    LostDigits,
+    /// Nothing orders two writes of the same value.
+    EqualWrites,
+    /// WGSL allows any result.
+    Unbounded,
+    /// A loop was stopped.
+    Endless,
+    /// Workgroup memory is read before an invocation writes it: zero by WGSL (7.3), but hosts may turn that off.
+    Unwritten,
+}
+
+impl Kind {
+    /// Its name, as in `karat.toml` and JSON but for blanks.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nan => "NaN",
+            Self::OutOfRange => "out of range",
+            Self::Wrapped => "wrapped",
+            Self::BelowZero => "below zero",
+            Self::Race => "race",
+            Self::Barrier => "barrier",
+            Self::EqualWrites => "equal writes",
+            Self::ByZero => "by zero",
+            Self::Infinite => "infinite",
+            Self::Saturated => "saturated",
+            Self::EdgesReversed => "edges reversed",
+            Self::LostDigits => "lost digits",
+            Self::Unbounded => "unbounded",
+            Self::Endless => "endless",
+            Self::Unwritten => "unwritten",
+        }
+    }
+
+    /// What that means, in a sentence.
+    #[must_use]
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Nan => "it isn't a number, though its operands are",
+            Self::OutOfRange => {
+                "the index leaves its array: WGSL lets a read give any element or zero, and a write change any or none"
+            }
+            Self::Wrapped => {
+                "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
+            }
+            Self::BelowZero => {
+                "a difference of whole numbers without a sign goes below 0: as a float it is some 4.29e9"
+            }
+            Self::Race => {
+                "nothing orders these two accesses of an element: each driver has an order of its own"
+            }
+            Self::Barrier => {
+                "WGSL wants each invocation of a workgroup to reach a barrier, of a subgroup its operation, and of a quad a \
+                 derivative, `textureSample`'s too (15.2)"
+            }
+            Self::EqualWrites => "nothing orders two writes of the same value",
+            Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
+            Self::Infinite => "it overflows, or divides by zero",
+            Self::Saturated => {
+                "the integer type doesn't reach so far: WGSL takes its nearest value, GLSL any"
+            }
+            Self::EdgesReversed => {
+                "the low edge is above the high one, or of `smoothstep` the same: implementations differ in what comes of that"
+            }
+            Self::LostDigits => "more than half of its digits are rounding errors",
+            Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
+            Self::Endless => "the loop was stopped after thousands of rounds",
+            Self::Unwritten => {
+                "workgroup memory is zero where nothing wrote it, but hosts may turn that off"
+            }
+        }
+    }
+
+    /// True if WGSL leaves open the result, so that a test of passes fails. Workgroup memory that is read before it is
+    /// written is zero: a hazard, and no failure.
+    #[must_use]
+    pub fn fails(self) -> bool {
+        self != Self::Unwritten
+    }
+
+    /// True of an index that isn't the element's that is meant.
+    #[must_use]
+    pub fn is_of_index(self) -> bool {
+        matches!(self, Self::OutOfRange | Self::Wrapped)
+    }
+
+    /// True of two accesses of an element that nothing orders.
+    #[must_use]
+    pub fn is_of_order(self) -> bool {
+        matches!(self, Self::Race | Self::EqualWrites)
+    }
+}
