@@ -8,6 +8,7 @@
 
 #[cfg(test)]
 mod bounds;
+mod content;
 mod extents;
 mod meaning;
 mod resources;
@@ -22,10 +23,11 @@ use karat_core::value::{Scalar, Shape};
 
 use meaning::Meaning;
 
+pub(crate) use content::{Content, Numbered};
 pub(crate) use extents::Extents;
 pub(crate) use resources::fitted;
 pub(crate) use resources::{INVOCATIONS, beyond, data, fixtures, rows};
-pub(crate) use resources::{Input, Mix, Resources, VARIANTS};
+pub(crate) use resources::{Input, Mix, Resources};
 
 /// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
 /// `karat hazards --input` does.
@@ -492,11 +494,11 @@ impl Arguments {
         (count + more, rows)
     }
 
-    /// The rows that meet a variant of the resources: all of them meet the first, a part each other one.
-    pub(crate) fn part(&self, rows: &[u32], count: usize, variant: usize) -> (usize, Vec<u32>) {
+    /// The rows that meet a content of the resources: all of them meet the first, a part each other one.
+    pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
         /// One row in so many.
         const SHARE: usize = 4;
-        self.share(rows, count, (variant, if variant == 0 { 1 } else { SHARE }))
+        self.share(rows, count, (draw, if draw == 0 { 1 } else { SHARE }))
     }
 
     /// One row in so many, by the number of the first.
@@ -708,8 +710,8 @@ impl MadeUp {
         let width = arguments.width();
         let lanes = rows.get(case * width..(case + 1) * width).filter(|_| case < count);
         let lanes = lanes.ok_or_else(|| format!("there are {count} cases, from 0"))?.to_vec();
-        let Resources { fixtures, members, drawn, .. } =
-            Resources::of(probed, ranges, case % VARIANTS)?;
+        let content = Content::OF_FUNCTIONS[case % Content::OF_FUNCTIONS.len()];
+        let Resources { fixtures, members, drawn, .. } = Resources::of(probed, ranges, content)?;
         let mut all = arguments.drawn();
         all.merge(drawn);
         Ok(Self { lanes, fixtures, members, drawn: all })
@@ -728,10 +730,10 @@ impl MadeUp {
         case: usize,
     ) -> Result<Self, String> {
         let (program, bindings, size) = Program::of_pass(package, name, overrides)?;
-        let case = case % Extents::VARIANTS;
-        let extents = Extents::of(size, workgroups, case);
+        let content = Content::OF_PASSES[case % Content::OF_PASSES.len()];
+        let extents = Extents::of(size, workgroups, content);
         extents.expect_few()?;
-        let made = Resources::of_pass((&program, &bindings), ranges, extents, (case, None))?;
+        let made = Resources::of_pass((&program, &bindings), ranges, extents, None)?;
         let Resources { fixtures, members, drawn, .. } = made;
         Ok(Self { lanes: Vec::new(), fixtures, members, drawn })
     }

@@ -9,7 +9,7 @@ use karat::package::Package;
 use karat::unstable::dispatch::{Passes, Wanted};
 use karat::unstable::reflect::{Binding, Overrides, Program};
 
-use crate::made_up::{Extents, Mix, Ranges, Resources};
+use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
 /// Invocations of a pass, at least.
 const INVOCATIONS: u32 = 64;
@@ -97,7 +97,7 @@ impl Usual {
     /// 16 columns is 16.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
-        Extents::of(self.size, self.workgroups, 0).size(name, lane, lanes, true)
+        Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
     }
 
     /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
@@ -122,7 +122,7 @@ pub(crate) fn arbitrary(
     name: &str,
     invocations: Option<[u32; 3]>,
     ranges: &Ranges,
-    (variant, mix, given): (usize, Option<&Mix<'_>>, &Fixtures),
+    (content, mix, given): (Content, Option<&Mix<'_>>, &Fixtures),
 ) -> Result<(Passes, Resources), String> {
     let ranges = &ranges.scoped(name);
     let overrides = ranges.overrides_of(package, name);
@@ -132,18 +132,11 @@ pub(crate) fn arbitrary(
         None => Usual::of_program(&program, &bindings, size, name).workgroups,
     };
     let workgroups = ranges.workgroups(name, workgroups);
-    let extents_of = |variant: usize| Extents::of(size, workgroups, variant);
-    let extents = extents_of(variant);
+    let extents = Extents::of(size, workgroups, content);
     extents.expect_few()?;
-    // The same draws beside arrays of zeros.
-    let draws = |variant: usize| variant % Extents::ZEROS;
-    let mix = mix.map(|mix| Mix {
-        variant: draws(mix.variant),
-        extents: Some(extents_of(mix.variant)),
-        ..*mix
-    });
-    let of = (draws(variant), mix.as_ref());
-    let mut made = Resources::of_pass((&program, &bindings), ranges, extents, of)?;
+    let of_mix = |content| Some(Extents::of(size, workgroups, content));
+    let mix = mix.map(|mix| Mix { extents: of_mix(mix.content), ..*mix });
+    let mut made = Resources::of_pass((&program, &bindings), ranges, extents, mix.as_ref())?;
     ranges.note_sizes(std::iter::empty(), Some(name), &mut made.drawn);
     for (name, fixture) in &mut made.fixtures {
         if let Some((_, own)) = given.iter().find(|(known, _)| known == name) {

@@ -14,7 +14,7 @@ use super::lanes::Shared;
 use super::sides::hold_the_same;
 use super::values::{Clarity, Distance, Largest, clarity, distance, told};
 use super::{Both, Change, PathChange, Request};
-use crate::made_up::{Arguments, Drawn, Mix, Ranges, Resources, VARIANTS};
+use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 
 /// The same arguments in every run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
@@ -33,10 +33,6 @@ const LEAST: usize = 64;
 
 /// Rounds in which a changed input is made simpler.
 const ROUNDS: usize = 64;
-
-/// Contents of buffers behind the usual ones, drawn without regard to names; in the second, numbers are below 0. A content has
-/// edges up to its own number, so these are beyond all edges, and as multiples of the usual ones they have the first one's lengths.
-const NAMELESS: [usize; 2] = [10 * VARIANTS, 11 * VARIANTS];
 
 /// The inputs that a comparison ran over.
 #[derive(Default)]
@@ -122,19 +118,22 @@ impl Request {
             return Err("no arguments can be made up for it".to_owned());
         }
         let own = Arguments::of(&before.function, &ranges)?;
-        let (own_count, of_own) = own.rows(SEED, 2 * (VARIANTS + NAMELESS.len()));
+        let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        let usual = (0..VARIANTS).map(|variant| (variant, &ranges));
-        for (variant, ranges) in usual.chain(NAMELESS.into_iter().zip([&nameless, &below])) {
-            let (all, rows) = arguments.part(&rows, count, variant);
+        // In the second of those without names, numbers are below 0.
+        let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
+        let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
+        for (content, ranges) in usual.into_iter().chain(of_nameless) {
+            let (all, rows) = arguments.part(&rows, count, content.draw);
             if own_count > 0 && !shared.is_same() {
                 // Behind the edges, of which the first are 0.
-                let at = own_count - 1 - variant % own_count;
+                let at = own_count - 1 - content.draw % own_count;
                 shared.fill(&of_own[at * own.width()..][..own.width()]);
             }
-            let made = Made::of([before, after], ranges, variant, None)?;
-            if variant < VARIANTS { &mut drawn } else { &mut anywhere }.merge(made.drawn);
+            let made = Made::of([before, after], ranges, content, None)?;
+            let is_usual = Content::OF_FUNCTIONS.contains(&content);
+            if is_usual { &mut drawn } else { &mut anywhere }.merge(made.drawn);
             let held = made.held;
             let Bounded { count, rows, simpler } =
                 bounded([before, after], &held, (&arguments, &shared), (all, &rows));
@@ -164,7 +163,7 @@ impl Request {
                     ran.reached.add_calls([before, after], &held, (tried.0, rows));
                     continue;
                 };
-                let of = (variant, &*made.members);
+                let of = (content, &*made.members);
                 change.arguments.extend(matter([before, after], ranges, of, (&pair, &row)));
                 match paths.iter_mut().find(|known| known.path == change.path) {
                     Some(known) => known.add(change),
@@ -195,6 +194,11 @@ impl Request {
     }
 }
 
+/// The contents of buffers and textures: the usual ones, and those without regard to names.
+fn contents() -> impl Iterator<Item = Content> {
+    Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
+}
+
 /// Resources of both sides of an edit.
 struct Made {
     held: [Fixtures; 2],
@@ -208,12 +212,12 @@ impl Made {
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,
-        variant: usize,
+        content: Content,
         mix: Option<&Mix<'_>>,
     ) -> Result<Self, String> {
         let of = |side: &Probed| match mix {
-            Some(mix) => Resources::mixed(side, ranges, variant, mix),
-            None => Resources::of(side, ranges, variant),
+            Some(mix) => Resources::mixed(side, ranges, content, mix),
+            None => Resources::of(side, ranges, content),
         };
         let (mut old, mut new) = (of(before)?, of(after)?);
         hold_the_same([&mut old.fixtures, &mut new.fixtures], before, after);
@@ -227,20 +231,19 @@ impl Made {
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
-    (variant, members): (usize, &[(String, String)]),
+    (content, members): (Content, &[(String, String)]),
     (pair, row): (&Pair<'_>, &[u32]),
 ) -> Vec<(String, String)> {
     let own = pair.results(row, 1).ok();
-    let same = |path: &str, other: usize| -> Option<bool> {
+    let same = |path: &str, other: Content| -> Option<bool> {
         let takes = |input: &crate::made_up::Input| input.path == path;
-        let mix = Mix { variant: other, extents: None, takes: &takes };
-        let made = Made::of(sides, ranges, variant, Some(&mix)).ok()?;
+        let mix = Mix { content: other, extents: None, takes: &takes };
+        let made = Made::of(sides, ranges, content, Some(&mix)).ok()?;
         let of = Pair::new(pair.new.path, sides, &made.held, (pair.shared, 1)).ok()?;
         let (others, own) = (of.results(row, 1).ok()?, own.as_ref()?);
         Some((&others.was, &others.is) == (&own.was, &own.is))
     };
-    let others = (0..VARIANTS).chain(NAMELESS).filter(|other| *other != variant);
-    let others: Vec<usize> = others.collect();
+    let others: Vec<Content> = contents().filter(|other| *other != content).collect();
     let matters =
         |(path, _): &&(String, String)| others.iter().any(|other| same(path, *other) != Some(true));
     members.iter().filter(|member| matters(member)).cloned().collect()

@@ -13,7 +13,7 @@ use karat_core::value::{Shape, format_lane};
 use super::sides::{gained_and_lost, interface, renamed};
 use super::values::{Clarity, Largest, clarity};
 use super::{Both, Change, Compared, PathChange, Request, Side, WordChange, first_line};
-use crate::made_up::Extents;
+use crate::made_up::Content;
 use crate::passes::{self, Usual};
 
 impl Request {
@@ -47,26 +47,26 @@ impl Request {
         let sides = [usual(&self.before)?, usual(&self.after)?];
         let usual = sides[0].invocations_with(sides[1]);
         compared.dispatched = Some(usual);
-        let mut runs: Vec<(usize, [u32; 3])> =
-            (0..Extents::VARIANTS).map(|variant| (variant, usual)).collect();
+        let mut runs: Vec<(Content, [u32; 3])> =
+            Content::OF_PASSES.map(|content| (content, usual)).to_vec();
         // One workgroup of a pass may tell itself apart by what it takes from an atomic.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
-            runs.push((0, [SEVERAL * usual[0], usual[1], usual[2]]));
+            runs.push((Content::OF_PASSES[0], [SEVERAL * usual[0], usual[1], usual[2]]));
         }
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
         let (mut brought, mut mended) = (Brought::default(), Brought::default());
         let mut covered = Both::default();
-        for (variant, invocations) in runs {
+        for (content, invocations) in runs {
             // Several workgroups may not be meant: they count where nothing else tells the edit.
             let is_more = invocations != usual;
             if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
                 break;
             }
             // Names say nothing where indices and counts don't either.
-            let ranges = if variant < Extents::LIKELY { &ranges } else { &nameless };
+            let ranges = if content.is_likely { &ranges } else { &nameless };
             let made = |package: &Package, given: &Fixtures| {
-                passes::arbitrary(package, name, Some(invocations), ranges, (variant, None, given))
+                passes::arbitrary(package, name, Some(invocations), ranges, (content, None, given))
             };
             let (new, made_new) = made(&self.after, &Vec::new()).map_err(of_new)?;
             let of_new_name = |path: &str| made_new.fixtures.iter().find(|(name, _)| name == path);
@@ -97,8 +97,8 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
-            brought.add(variant, [&seen_old, &seen_new], &renamed);
-            mended.add(variant, [&seen_new, &seen_old], &renamed);
+            brought.add(content, [&seen_old, &seen_new], &renamed);
+            mended.add(content, [&seen_new, &seen_old], &renamed);
             // Drivers hand out tickets in an order of their own.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
@@ -119,7 +119,7 @@ impl Request {
             // A driver has an order of its own: what the edit leaves to it may look the same in the engine's. A violation
             // that the edit brings says more.
             let is_silent = paths.is_empty() && brought.sure.is_empty();
-            if is_silent && variant < Extents::LIKELY {
+            if is_silent && content.is_likely {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
             }
             if paths.is_empty() && brought.sure.is_empty() {
@@ -159,12 +159,12 @@ impl Request {
     ) -> Result<(Vec<Violation>, Vec<Violation>), String> {
         let ranges = self.ranges()?;
         let (mut brought, mut mended) = (Brought::default(), Brought::default());
-        for variant in 0..Extents::VARIANTS {
-            let of = |package| passes::of_pixels(package, name, false, &ranges, (variant, None));
+        for content in Content::OF_PASSES {
+            let of = |package| passes::of_pixels(package, name, false, &ranges, (content, None));
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
             let (old, new) = (examine_made_up(&old), examine_made_up(&new));
-            brought.add(variant, [&old, &new], renamed);
-            mended.add(variant, [&new, &old], renamed);
+            brought.add(content, [&old, &new], renamed);
+            mended.add(content, [&new, &old], renamed);
             if !made.varies {
                 break;
             }
@@ -200,15 +200,15 @@ struct Brought {
 impl Brought {
     /// Adds violations that the second side has over a content, and the first hasn't. Some resources have another name after
     /// the edit.
-    fn add(&mut self, variant: usize, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
+    fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
             }
             // Where sizes don't follow from each other an index leaves its array in one of the two alone.
-            let is_sure = variant < Extents::SIZED || !one.kind.is_of_index();
-            if variant < Extents::LIKELY && is_sure {
+            let is_sure = content.is_sized || !one.kind.is_of_index();
+            if content.is_likely && is_sure {
                 add_kind(&mut self.sure, one);
             }
             if one.kind.is_of_index() {

@@ -13,12 +13,16 @@ use super::limits::{
     MEMBERS, SEED, VARIED,
 };
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
-use crate::made_up::{Arguments, Input, Mix, Ranges, Resources, VARIANTS};
+use crate::made_up::{Arguments, Content, Input, Mix, Ranges, Resources};
 
 use rayon::prelude::*;
 
 /// The number of a site, and the kind of what goes wrong there.
 pub(super) type Key = (usize, Kind);
+
+/// The contents of resources, the first of which meets all rows.
+const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
+const FIRST: Content = Content::OF_FUNCTIONS[0];
 
 /// The site of a loop that may not end, which is none of those that are numbered.
 const LOOP: usize = usize::MAX;
@@ -33,14 +37,14 @@ pub(super) struct Trial {
     count: usize,
     /// One row in so many is tried.
     share: usize,
-    variants: usize,
+    contents: &'static [Content],
     main: Tally,
 }
 
 /// One case: a content of the resources, and arguments.
 #[derive(Clone, Debug)]
 struct Case {
-    variant: usize,
+    content: Content,
     row: Vec<u32>,
 }
 
@@ -61,7 +65,7 @@ struct Gathered {
     numbers: Vec<usize>,
     kinds: BTreeSet<Kind>,
     /// The content and the number of the case that was counted last.
-    last: Option<(usize, usize)>,
+    last: Option<(Content, usize)>,
 }
 
 /// The findings of some runs.
@@ -116,14 +120,15 @@ impl Trial {
         let arguments = Arguments::of(probed.function(), &ranges)?;
         let (count, mut rows) = arguments.rows(SEED, cases);
         arguments.without_subnormals(&mut rows);
-        let first = Resources::of(&probed, &ranges, 0)?;
+        let first = Resources::of(&probed, &ranges, FIRST)?;
         // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
         let share = probed.program.most_rounds().map_or(1, share_of);
         let share = share.max(share_of_work(&probed, &first, &arguments, (count, &rows)));
-        let (variants, main) = (if first.varies { VARIANTS } else { 1 }, Tally::default());
+        let contents = if first.varies { &CONTENTS_TRIED[..] } else { &CONTENTS_TRIED[..1] };
+        let main = Tally::default();
         let name = name.to_owned();
         let mut trial =
-            Self { name, probed, ranges, arguments, rows, count, share, variants, main };
+            Self { name, probed, ranges, arguments, rows, count, share, contents, main };
         trial.main = trial.tried()?;
         if trial.main.has_long {
             trial.rows = trial.arguments.few(&trial.rows);
@@ -137,31 +142,31 @@ impl Trial {
     }
 
     /// The rows that meet a content.
-    fn rows_of(&self, variant: usize) -> (usize, Vec<u32>) {
+    fn rows_of(&self, draw: usize) -> (usize, Vec<u32>) {
         match self.share {
-            1 => self.arguments.part(&self.rows, self.count, variant),
-            share => self.arguments.share(&self.rows, self.count, (variant, share)),
+            1 => self.arguments.part(&self.rows, self.count, draw),
+            share => self.arguments.share(&self.rows, self.count, (draw, share)),
         }
     }
 
     fn tried(&self) -> Result<Tally, String> {
         let text = |error: &dyn std::fmt::Display| first_line(&error.to_string());
         // One function with long loops would keep one core busy while the others idle.
-        let looked = (0..self.variants).into_par_iter().map(|variant| {
-            let resources = Resources::of(&self.probed, &self.ranges, variant)?;
-            let rows = self.rows_of(variant);
+        let looked = self.contents.par_iter().map(|content| {
+            let resources = Resources::of(&self.probed, &self.ranges, *content)?;
+            let rows = self.rows_of(content.draw);
             let engine = Interpreted::new(&self.probed, &resources.fixtures);
             let seen = engine.and_then(|engine| engine.hazards_but(rows.0, &rows.1, EACH));
             Ok::<_, String>((resources, rows, seen))
         });
         let mut tally = Tally::default();
         let mut first = None;
-        for (variant, one) in looked.collect::<Vec<_>>().into_iter().enumerate() {
+        for (content, one) in self.contents.iter().zip(looked.collect::<Vec<_>>()) {
             let (resources, (count, rows), seen) = one?;
             first.get_or_insert(count);
             let tried = self.without_long(&mut tally, &resources, (count, rows), seen);
             let Some((rows, seen)) = tried.map_err(|error| text(&error))? else { continue };
-            self.add(&mut tally, (variant, &resources), &rows, &seen);
+            self.add(&mut tally, (*content, &resources), &rows, &seen);
         }
         tally.cut += self.count - first.unwrap_or(self.count);
         // The loops of these cases ended.
@@ -252,7 +257,7 @@ impl Trial {
         let (hidden, values, operands, missing) = Default::default();
         let (kind, site) = (key.1, key.0);
         let found = Found { kind, site, span: at, text, hidden, values, operands, missing };
-        let case = Case { variant: 0, row };
+        let case = Case { content: FIRST, row };
         let members = resources.members.clone();
         let (failing, numbers, oddity) = (vec![case.clone()], Vec::new(), [0; 2]);
         // Without arguments it is the same loop each time.
@@ -278,14 +283,14 @@ impl Trial {
     fn add(
         &self,
         tally: &mut Tally,
-        (variant, resources): (usize, &Resources),
+        (content, resources): (Content, &Resources),
         rows: &[u32],
         seen: &InCases,
     ) {
         let width = self.arguments.width();
         tally.cases += seen.cases.len();
         tally.in_part |= seen.cut;
-        if variant == 0 {
+        if content == FIRST {
             tally.rows = rows.to_vec();
         }
         for (site, count) in &seen.reached {
@@ -296,7 +301,7 @@ impl Trial {
             let row = &rows[case * width..][..width];
             let oddity = if found.is_empty() { [0; 2] } else { self.arguments.oddity(row) };
             for one in found {
-                let own = || Case { variant, row: row.to_vec() };
+                let own = || Case { content, row: row.to_vec() };
                 let new = || Gathered {
                     found: one.clone(),
                     case: own(),
@@ -320,15 +325,15 @@ impl Trial {
                     (known.members, known.oddity) = (resources.members.clone(), oddity);
                 }
                 // Of a vector, components may be NaN and infinite.
-                if known.last == Some((variant, case)) {
+                if known.last == Some((content, case)) {
                     continue;
                 }
-                known.last = Some((variant, case));
+                known.last = Some((content, case));
                 match one.hidden {
                     true => known.dropped += 1,
                     false => {
                         known.wrong += 1;
-                        if variant == 0 {
+                        if content == FIRST {
                             known.numbers.push(case);
                         }
                         if known.failing.len() < KEPT {
@@ -343,10 +348,10 @@ impl Trial {
     /// Runs the function where what is known is as in a case, and the rest is drawn again.
     fn held(&self, case: &Case) -> Tally {
         let takes = |input: &Input| input.known;
-        self.again(&takes, &|variant| {
-            let count = HELD[usize::from(variant > 0)];
+        self.again(&takes, &|content| {
+            let count = HELD[usize::from(content != FIRST)];
             let rows = self.arguments.held(&case.row, &self.rows, count);
-            (case.variant, count, rows)
+            (case.content, count, rows)
         })
     }
 
@@ -354,19 +359,19 @@ impl Trial {
     fn again(
         &self,
         takes: Takes<'_>,
-        rows: &(dyn Fn(usize) -> (usize, usize, Vec<u32>) + Sync),
+        rows: &(dyn Fn(Content) -> (Content, usize, Vec<u32>) + Sync),
     ) -> Tally {
-        let ran = (0..self.variants).into_par_iter().map(|variant| {
-            let (other, count, rows) = rows(variant);
+        let ran = self.contents.par_iter().map(|content| {
+            let (other, count, rows) = rows(*content);
             let count = if self.arguments.width() == 0 { 1 } else { count };
-            let seen = self.run((variant, other, takes), (count, &rows));
-            (variant, rows, seen)
+            let seen = self.run((*content, other, takes), (count, &rows));
+            (*content, rows, seen)
         });
         let mut tally = Tally::default();
-        for (variant, rows, seen) in ran.collect::<Vec<_>>() {
+        for (content, rows, seen) in ran.collect::<Vec<_>>() {
             // Cases whose loops are long say nothing here.
             if let Some((resources, seen)) = seen {
-                self.add(&mut tally, (variant, &resources), &rows, &seen);
+                self.add(&mut tally, (content, &resources), &rows, &seen);
             }
         }
         tally
@@ -375,11 +380,11 @@ impl Trial {
     /// Runs some rows over a content, of which some inputs are those of another one.
     fn run(
         &self,
-        (variant, other, takes): (usize, usize, Takes<'_>),
+        (content, other, takes): (Content, Content, Takes<'_>),
         (count, rows): (usize, &[u32]),
     ) -> Option<(Resources, InCases)> {
-        let mix = Mix { variant: other, extents: None, takes };
-        let resources = Resources::mixed(&self.probed, &self.ranges, variant, &mix).ok()?;
+        let mix = Mix { content: other, extents: None, takes };
+        let resources = Resources::mixed(&self.probed, &self.ranges, content, &mix).ok()?;
         let engine = Interpreted::new(&self.probed, &resources.fixtures).ok()?;
         let seen = engine.hazards_but(count, rows, EACH).ok()?;
         Some((resources, seen))
@@ -387,7 +392,7 @@ impl Trial {
 
     /// The inputs in resources.
     fn inputs(&self) -> Vec<Input> {
-        let made = Resources::of(&self.probed, &self.ranges, 0);
+        let made = Resources::of(&self.probed, &self.ranges, FIRST);
         made.map(|made| made.inputs).unwrap_or_default()
     }
 
@@ -403,7 +408,7 @@ impl Trial {
             hazard.class = class;
             // The inputs that are held are those that nothing averts.
             if let Some(case) = held.filter(|case| case.row != one.case.row) {
-                let made = Resources::of(&self.probed, &self.ranges, case.variant);
+                let made = Resources::of(&self.probed, &self.ranges, case.content);
                 let members = made.map(|made| made.members).unwrap_or_default();
                 hazard.arguments = self.described(&case.row, &members);
                 (hazard.operands, hazard.values) = (Vec::new(), None);
@@ -416,7 +421,7 @@ impl Trial {
         key: Key,
         gathered: &Gathered,
         inputs: &[Input],
-        holds: &mut BTreeMap<(usize, Vec<u32>), Tally>,
+        holds: &mut BTreeMap<(Content, Vec<u32>), Tally>,
     ) -> (Class, Option<Case>) {
         // Private variables hold values of other functions: these are free, and no draw has them.
         let is_stateless = !self.probed.program.has_state();
@@ -441,7 +446,7 @@ impl Trial {
             if words.is_empty() && !known {
                 break;
             }
-            let hold = (if known { case.variant } else { 0 }, words);
+            let hold = (if known { case.content } else { FIRST }, words);
             let is_known = holds.contains_key(&hold);
             if tried.len() == HOLDS
                 || !is_known && holds.len() == ALL_HOLDS
@@ -500,7 +505,7 @@ impl Trial {
         };
         let mut found: Vec<(Key, Hazard)> = self.main.found.iter().map(hazard).collect();
         // The engine gives the places; it is the same program over each content.
-        let engine = Resources::of(&self.probed, &self.ranges, 0)
+        let engine = Resources::of(&self.probed, &self.ranges, FIRST)
             .ok()
             .and_then(|made| Interpreted::new(&self.probed, &made.fixtures).ok());
         // Of each place the cases that came to it, which may be none.
@@ -522,7 +527,7 @@ impl Trial {
             is_same
         });
         let mut drawn = self.arguments.drawn();
-        if let Ok(made) = Resources::of(&self.probed, &self.ranges, 0) {
+        if let Ok(made) = Resources::of(&self.probed, &self.ranges, FIRST) {
             drawn.merge(made.drawn);
         }
         let (cut, in_part) = (self.main.cut, self.main.in_part);
@@ -548,14 +553,14 @@ impl Trial {
                     if of_wgsl { !input.declared } else { !input.known }
                 },
             );
-        let Case { variant, row } = &one.case;
+        let Case { content, row } = &one.case;
         let own = |_: &Input| false;
-        let averts = |variant, other, takes: Takes<'_>, rows: (usize, &[u32])| {
+        let averts = |content, other, takes: Takes<'_>, rows: (usize, &[u32])| {
             let mut tally = Tally::default();
-            let Some((resources, seen)) = self.run((variant, other, takes), rows) else {
+            let Some((resources, seen)) = self.run((content, other, takes), rows) else {
                 return false;
             };
-            self.add(&mut tally, (variant, &resources), rows.1, &seen);
+            self.add(&mut tally, (content, &resources), rows.1, &seen);
             tally.is_averted(key)
         };
         let mut needs = Vec::new();
@@ -568,7 +573,7 @@ impl Trial {
             }
             let takes = |lane: usize| lanes.contains(&lane) && free[lane];
             let rows = self.arguments.replaced(row, &self.rows, VARIED, &takes);
-            if averts(*variant, *variant, &own, (VARIED, &rows)) {
+            if averts(*content, *content, &own, (VARIED, &rows)) {
                 needs.push(name.clone());
             }
         }
@@ -577,8 +582,8 @@ impl Trial {
         inputs.retain(|one| known.insert(one.path.clone()));
         for input in inputs.iter().filter(|one| is_free(one)).take(INPUTS_TRIED) {
             let takes = |one: &Input| one.path == input.path;
-            let mut others = (0..self.variants).filter(|other| other != variant);
-            if others.any(|other| averts(*variant, other, &takes, (1, row))) {
+            let mut others = self.contents.iter().filter(|other| *other != content);
+            if others.any(|other| averts(*content, *other, &takes, (1, row))) {
                 needs.push(input.path.clone());
             }
         }

@@ -13,7 +13,7 @@ use karat_core::diagnostic::Diagnostic;
 
 use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted};
-use crate::made_up::{Extents, Input, Mix, Ranges, Resources};
+use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
 /// The first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
@@ -24,7 +24,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     let ranges = &ranges.with_literals(program.literals());
     let make = |content: Content, mix: Option<&Mix<'_>>| {
         let invocations = content.one_workgroup.then_some([1; 3]);
-        let of = (content.variant, mix, &Vec::new());
+        let of = (content, mix, &Vec::new());
         crate::passes::arbitrary(package, name, invocations, ranges, of)
     };
     Looked { name, make: &make, are_pixels: false }.seen()
@@ -37,61 +37,32 @@ pub(super) fn look_at_pixels(
     ranges: &Ranges,
 ) -> Result<Seen, String> {
     let make = |content: Content, mix: Option<&Mix<'_>>| {
-        crate::passes::of_pixels(
-            package,
-            name,
-            content.one_workgroup,
-            ranges,
-            (content.variant, mix),
-        )
+        crate::passes::of_pixels(package, name, content.one_workgroup, ranges, (content, mix))
     };
     Looked { name, make: &make, are_pixels: true }.seen()
 }
 
-/// The content of a dispatch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Content {
-    variant: usize,
-    one_workgroup: bool,
+/// Arrays of zeros, of ones, and of numbers far from each other.
+fn plain() -> [Content; 3] {
+    [Numbered::Zero, Numbered::One, Numbered::Apart].map(|how| Content::OF_PASSES[0].numbered(how))
 }
 
-impl Content {
-    const fn of(variant: usize) -> Self {
-        Self { variant, one_workgroup: false }
-    }
+/// Contents in which a finding of the usual ones may be averted: plain ones, long arrays, and a single workgroup.
+fn others() -> Vec<Content> {
+    let [first, second, ..] = Content::OF_PASSES;
+    let one = [first, first.numbered(Numbered::Apart)].map(Content::of_one_workgroup);
+    [&plain()[..], &[first, second].map(Content::long), &one].concat()
+}
 
-    /// The contents that are tried first: some sizes, numbers in order and not.
-    fn first() -> impl Iterator<Item = Self> {
-        (0..Extents::VARIANTS).map(Self::of)
-    }
+/// Those in which what is known is held as it is in another one: fewer, and each of another kind.
+fn held() -> Vec<Content> {
+    let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
+    [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
+}
 
-    /// Arrays of zeros, of ones, and of numbers far from each other.
-    const PLAIN: [Self; 3] =
-        [Self::of(Extents::ZEROS), Self::of(Extents::ONES), Self::of(Extents::APART)];
-
-    /// Those in which a finding of the first ones may be averted: plain ones, long arrays, and a single workgroup.
-    fn others() -> impl Iterator<Item = Self> {
-        let long = [0, 1].map(|variant| Self::of(variant + Extents::LONG));
-        let one = [0, Extents::APART].map(|variant| Self { variant, one_workgroup: true });
-        Self::PLAIN.into_iter().chain(long).chain(one)
-    }
-
-    /// Those in which what is known is held as it is in another one: fewer, and each of another kind.
-    fn held() -> impl Iterator<Item = Self> {
-        let one = Self { variant: 0, one_workgroup: true };
-        let more = [Self::of(Extents::LONG), one];
-        [0, 2, 3, 8].map(Self::of).into_iter().chain(Self::PLAIN).chain(more)
-    }
-
-    /// True if its elements are no multiple of the workgroup.
-    fn is_tail(self) -> bool {
-        [Extents::TAIL, Extents::NEGATIVE].contains(&self.variant)
-    }
-
-    /// True if some array has fewer elements than there are invocations.
-    fn is_short(self) -> bool {
-        self.is_tail() || Extents::SHORTER.contains(&self.variant)
-    }
+/// True if some array has fewer elements than there are invocations.
+fn is_short(content: &Content) -> bool {
+    content.tail.is_some() || content.shorter.is_some()
 }
 
 /// Makes passes over a content.
@@ -172,7 +143,7 @@ impl Looked<'_> {
         let mut contents: BTreeMap<Content, InContent> = BTreeMap::new();
         let mut inputs = Vec::new();
         let mut too_long = false;
-        for content in Content::first() {
+        for content in Content::OF_PASSES {
             let (passes, made) = (self.make)(content, None).map_err(|error| first_line(&error))?;
             seen.drawn.merge(made.drawn.clone());
             let one = self.run(&passes, &made);
@@ -220,15 +191,15 @@ impl Looked<'_> {
             .collect();
         found.retain(|(at, kind, _), _| *kind != Kind::EqualWrites || !races.contains(at));
         if !found.is_empty() && !too_long && !inputs.is_empty() {
-            self.add(&mut contents, Content::others(), None);
+            self.add(&mut contents, others(), None);
         }
         let only_one = contents.len() == 1;
         let is_known = inputs.iter().any(|input| input.known);
-        let mut held: BTreeMap<Content, BTreeMap<Content, InContent>> = BTreeMap::new();
+        let mut again: BTreeMap<Content, BTreeMap<Content, InContent>> = BTreeMap::new();
         let mut varied: BTreeMap<Content, Vec<(String, Vec<InContent>)>> = BTreeMap::new();
         for (key, (content, mut hazard)) in found {
             let takes = |input: &Input| input.known;
-            let mix = Mix { variant: content.variant, extents: None, takes: &takes };
+            let mix = Mix { content, extents: None, takes: &takes };
             let is_fault = match key.1 {
                 // WGSL wants uniformity whatever the data are (15.2).
                 Kind::Barrier => true,
@@ -237,12 +208,12 @@ impl Looked<'_> {
                 _ if is_always(&key, contents.values()) => true,
                 _ if !is_known || too_long => false,
                 _ => {
-                    let held = held.entry(content).or_insert_with(|| {
-                        let mut held = BTreeMap::new();
-                        self.add(&mut held, Content::held(), Some(&mix));
-                        held
+                    let again = again.entry(content).or_insert_with(|| {
+                        let mut again = BTreeMap::new();
+                        self.add(&mut again, held(), Some(&mix));
+                        again
                     });
-                    is_always(&key, held.values())
+                    is_always(&key, again.values())
                 }
             };
             let wrong_in: Vec<Content> = contents
@@ -261,8 +232,8 @@ impl Looked<'_> {
                     true => format!("length({})", variable_of(&hazard.text)),
                     false => SIZES.to_owned(),
                 };
-                if is_index && wrong_in.iter().all(|one| one.is_short()) {
-                    if wrong_in.iter().any(|one| one.is_tail()) && !self.are_pixels {
+                if is_index && wrong_in.iter().all(is_short) {
+                    if wrong_in.iter().any(|one| one.tail.is_some()) && !self.are_pixels {
                         let tail = "where the elements are no multiple of the workgroup";
                         hazard.fails = Some(tail.to_owned());
                     }
@@ -275,7 +246,7 @@ impl Looked<'_> {
                     if hazard.needs.is_empty() {
                         // Of an index any content that averts it has another length.
                         let mut others =
-                            contents.iter().filter(|(one, _)| is_index || one.is_short());
+                            contents.iter().filter(|(one, _)| is_index || is_short(one));
                         if others.any(|(_, one)| averted(one)) {
                             hazard.needs.push(if is_index { length } else { SIZES.to_owned() });
                         }
@@ -293,7 +264,7 @@ impl Looked<'_> {
     fn add(
         &self,
         contents: &mut BTreeMap<Content, InContent>,
-        more: impl Iterator<Item = Content>,
+        more: Vec<Content>,
         mix: Option<&Mix<'_>>,
     ) {
         for content in more {
@@ -309,9 +280,10 @@ impl Looked<'_> {
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
         let of = |path: &str| {
             let takes = |input: &Input| input.path == path;
-            let others = Content::PLAIN.map(|one| one.variant).into_iter().chain([0, 2, 8]);
-            let run = |variant: usize| {
-                let mix = Mix { variant, extents: None, takes: &takes };
+            let [first, _, third, .., drawn] = Content::OF_PASSES;
+            let others = plain().into_iter().chain([first, third, drawn]);
+            let run = |other: Content| {
+                let mix = Mix { content: other, extents: None, takes: &takes };
                 let (passes, made) = (self.make)(content, Some(&mix)).ok()?;
                 Some(self.run(&passes, &made).content)
             };
@@ -319,7 +291,7 @@ impl Looked<'_> {
         };
         let mut all: Vec<_> =
             paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect();
-        let one = Content { one_workgroup: true, ..content };
+        let one = content.of_one_workgroup();
         if let Ok((passes, made)) = (self.make)(one, None) {
             all.push((WORKGROUPS.to_owned(), vec![self.run(&passes, &made).content]));
         }

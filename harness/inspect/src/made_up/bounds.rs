@@ -6,7 +6,7 @@ use karat::unstable::probe::Probed;
 use karat_core::domain::Source;
 use karat_core::value::Scalar;
 
-use super::{Ranges, Resources};
+use super::{Content, Ranges, Resources};
 
 /// Cases of each function.
 const CASES: usize = 128;
@@ -31,9 +31,11 @@ fn is_narrow(bound: &Bound) -> bool {
 /// The cases of a function that are bounded, and those whose bounds are as near as is needed.
 fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     let probed = Probed::new(package, name).ok()?;
-    let engine =
-        Interpreted::new(&probed, &Resources::of(&probed, &Ranges::default(), 0).ok()?.fixtures)
-            .ok()?;
+    let engine = Interpreted::new(
+        &probed,
+        &Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]).ok()?.fixtures,
+    )
+    .ok()?;
     let parameters = &probed.function().parameters;
     let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
     let rows = (0..CASES as u64).flat_map(|case| row(&scalars, &mut Source::new(0x5ea, case)));

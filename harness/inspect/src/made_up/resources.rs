@@ -9,8 +9,9 @@ use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels}
 use karat_core::domain::{Part, Source};
 use karat_core::value::{Scalar, Shape};
 
-use super::extents::{Numbered, hashed};
-use super::{Declaration, Described, Drawn, End, Extents, Ranges, described};
+use super::content::{ELEMENTS, Numbered, Texels as Held};
+use super::extents::hashed;
+use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 
 /// Small whole numbers, of textures.
 const MOST: u64 = 16;
@@ -38,15 +39,11 @@ pub(crate) fn rows(probed: &Probed, ranges: &Ranges, cases: usize) -> Result<Vec
 /// derivatives its arguments have some.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
-    if let Ok(made) = Resources::made_of(&probed, &Ranges::default(), 0, Content::Own) {
+    if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
         probed.fit(&made.fixtures)?;
     }
     Ok(probed)
 }
-
-/// Contents of buffers that are tried: draws; then the first of the numbers that are tried first, in each
-/// member, the second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each.
-pub(crate) const VARIANTS: usize = 6;
 
 /// A member of a buffer, the elements of an array together, or a texture.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,7 +61,7 @@ pub(crate) struct Input {
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
     /// That content.
-    pub(crate) variant: usize,
+    pub(crate) content: Content,
     /// The sizes of that content, of a pass.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
@@ -77,7 +74,7 @@ pub(crate) struct Resources {
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// True if there is any, so that another variant has other contents.
+    /// True if there is any, so that another content differs.
     pub(crate) varies: bool,
     /// The inputs in them: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
@@ -95,31 +92,29 @@ impl Resources {
     /// Makes textures and samplers that differ from each other, so that one that is taken for
     /// another is seen. An error names the resource that there is nothing for, or the declared range without a
     /// value.
-    pub(crate) fn of(probed: &Probed, ranges: &Ranges, variant: usize) -> Result<Self, String> {
-        Self::made_of(probed, ranges, variant, Content::Own)
+    pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
+        Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }
 
     /// The same, with some inputs as in another content.
     pub(crate) fn mixed(
         probed: &Probed,
         ranges: &Ranges,
-        variant: usize,
+        content: Content,
         mix: &Mix<'_>,
     ) -> Result<Self, String> {
-        let of = (&*probed.program, &*probed.function().bindings);
-        let ranges = ranges.scoped(&probed.function().name);
-        Self::of_bindings(of, &ranges, (variant, Some(mix)), Content::Own)
+        Self::made_of(probed, ranges, (content, Some(mix)), Likeness::Own)
     }
 
     fn made_of(
         probed: &Probed,
         ranges: &Ranges,
-        variant: usize,
-        content: Content,
+        of: (Content, Option<&Mix<'_>>),
+        likeness: Likeness,
     ) -> Result<Self, String> {
-        let of = (&*probed.program, &*probed.function().bindings);
+        let read = (&*probed.program, &*probed.function().bindings);
         let ranges = ranges.scoped(&probed.function().name);
-        Self::of_bindings(of, &ranges, (variant, None), content)
+        Self::of_bindings(read, &ranges, of, likeness)
     }
 
     /// The resources of a compute pass. Their sizes follow from what is dispatched.
@@ -127,17 +122,17 @@ impl Resources {
         of: (&Program, &[Binding]),
         ranges: &Ranges,
         extents: Extents,
-        (variant, mix): (usize, Option<&Mix<'_>>),
+        mix: Option<&Mix<'_>>,
     ) -> Result<Self, String> {
         let ranges = Ranges { extents: Some(extents), ..ranges.clone() };
-        Self::of_bindings(of, &ranges, (variant, mix), Content::Own)
+        Self::of_bindings(of, &ranges, (extents.content, mix), Likeness::Own)
     }
 
     fn of_bindings(
         (program, bindings): (&Program, &[Binding]),
         ranges: &Ranges,
-        (variant, mix): (usize, Option<&Mix<'_>>),
-        content: Content,
+        (content, mix): (Content, Option<&Mix<'_>>),
+        likeness: Likeness,
     ) -> Result<Self, String> {
         let mut all = Self { varies: !bindings.is_empty(), ..Self::default() };
         let mut named = Vec::new();
@@ -146,9 +141,9 @@ impl Resources {
                 Some(extents) => extents.elements_of(&binding.path),
                 // A buffer that is written is as long as the results that are read back.
                 None if binding.kind.is_written() => ELEMENTS as u32,
-                None => LENGTHS[variant % LENGTHS.len()] as u32,
+                None => content.elements as u32,
             };
-            ranges.length(&binding.path, usual, variant % 2 == 1) as usize
+            ranges.length(&binding.path, usual, content.draw % 2 == 1) as usize
         };
         let grows =
             |binding: &&Binding| program.buffer_of(binding, 1) != program.buffer_of(binding, 2);
@@ -198,19 +193,17 @@ impl Resources {
                         extents: mix.extents.map(|extents| extents.of_buffer(place)),
                         ..*mix
                     });
-                    let bytes = all.buffer(of, ranges, (variant, mix.as_ref()))?;
+                    let bytes = all.buffer(of, ranges, (content, mix.as_ref()))?;
                     Some(Buffer::from_bytes(bytes).into())
                 }
                 _ => {
                     let (declared, known, lanes) = (false, false, 0);
                     let path = binding.name().to_owned();
                     let input = Input { path, declared, known, lanes };
-                    let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.variant);
+                    let other = mix.filter(|mix| (mix.takes)(&input)).map(|mix| mix.content);
                     all.inputs.push(input);
-                    {
-                        let of = (ranges.extents, ranges.floats());
-                        texture_or_sampler(binding, content, other.unwrap_or(variant), of)
-                    }
+                    let of = (ranges.extents, ranges.floats());
+                    texture_or_sampler(binding, likeness, other.unwrap_or(content), of)
                 }
             };
             let fixture = fixture.ok_or_else(|| {
@@ -229,21 +222,21 @@ impl Resources {
         &mut self,
         (program, binding, elements): (&Program, &Binding, usize),
         ranges: &Ranges,
-        (variant, mix): (usize, Option<&Mix<'_>>),
+        (content, mix): (Content, Option<&Mix<'_>>),
     ) -> Result<Vec<u8>, String> {
         let shape = program.buffer_of(binding, elements);
         let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
         let first = self.inputs.len();
         let is_written = binding.kind.is_written();
         let mut lanes =
-            self.lanes((&binding.path, binding.name(), &shape), ranges, variant, is_written)?;
+            self.lanes((&binding.path, binding.name(), &shape), ranges, content, is_written)?;
         if let Some(mix) = mix {
             // Both contents have the same lanes, as they have the same shape.
             let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
             let of = (&*binding.path, binding.name(), &shape);
             let lengths = self.lengths.clone();
             let other =
-                Self { lengths, ..Self::default() }.lanes(of, &ranges, mix.variant, is_written)?;
+                Self { lengths, ..Self::default() }.lanes(of, &ranges, mix.content, is_written)?;
             let mut at = 0;
             for input in &self.inputs[first..] {
                 let own = at..at + input.lanes;
@@ -261,13 +254,13 @@ impl Resources {
         &mut self,
         (path, name, shape): (&str, &str, &Shape),
         ranges: &Ranges,
-        variant: usize,
+        Content { draw, .. }: Content,
         is_written: bool,
     ) -> Result<Vec<u32>, String> {
         let mut lanes = Vec::new();
         self.counts = is_written && ranges.numbered().is_some();
-        let mut source = source_of(path, variant);
-        self.fill((name, shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
+        let mut source = source_of(path, draw);
+        self.fill((name, shape), ranges, draw.checked_sub(1), &mut source, &mut lanes)?;
         Ok(lanes)
     }
 
@@ -497,7 +490,7 @@ impl Ranges {
     /// Makes floats negative where that is wanted, and nothing says what they are.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
-        if !(self.negative || self.extents.is_some_and(|extents| extents.negative)) {
+        if !(self.negative || self.extents.is_some_and(|extents| extents.content.negative)) {
             return;
         }
         let scalars =
@@ -525,15 +518,15 @@ impl Ranges {
     }
 
     fn numbered(&self) -> Option<Numbered> {
-        self.extents?.numbered
+        self.extents?.content.numbered
     }
 }
 
-/// The contents of textures and samplers.
+/// Whether textures and samplers are like each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Content {
+enum Likeness {
     /// Equal ones, on which drivers agree, and what samplers find beyond the edges of a texture.
-    Plain(Address),
+    Equal(Address),
     /// Those of each variable are its own, so that one that is taken for another is seen.
     Own,
 }
@@ -545,7 +538,8 @@ pub(crate) fn fixtures(
     ranges: &Ranges,
     beyond: Address,
 ) -> Result<Fixtures, String> {
-    Ok(Resources::made_of(probed, ranges, 0, Content::Plain(beyond))?.fixtures)
+    let of = (Content::OF_FUNCTIONS[0], None);
+    Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
 /// What the samplers of a function find beyond the edges, in a share of its cases each: no driver takes one way for another.
@@ -557,27 +551,27 @@ pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
 }
 
 /// The contents of an entry point's resources, the same on each column; or the resource that nothing is made up for. An
-/// array whose length the shader doesn't say has an element for each invocation. Each variant is another content. Samplers
+/// array whose length the shader doesn't say has an element for each invocation. Samplers
 /// repeat, which shows where one that clamps is taken for it.
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
     ranges: &Ranges,
     invocations: usize,
-    variant: usize,
+    content: Content,
 ) -> Result<Vec<(Binding, Fixture)>, String> {
     // More words than a buffer may have are refused below.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             let made =
-                texture_or_sampler(binding, Content::Plain(Address::Repeat), variant, (None, &[]));
+                texture_or_sampler(binding, Likeness::Equal(Address::Repeat), content, (None, &[]));
             let none =
                 || format!("it uses `{}`, a {}, and none is made up", binding.path, binding.kind);
             return made.map(|fixture| (binding.clone(), fixture)).ok_or_else(none);
         }
         let bytes =
-            Resources::default().buffer((program, binding, elements), ranges, (variant, None))?;
+            Resources::default().buffer((program, binding, elements), ranges, (content, None))?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
                 "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
@@ -600,23 +594,11 @@ const MOST_BYTES: usize = 1 << 20;
 /// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
-/// Elements of an array whose length the shader doesn't say.
-const ELEMENTS: usize = 64;
-
-/// The same in each variant, of an array that is read: a guard that is left out shows where it is short.
-const LENGTHS: [usize; VARIANTS] = [ELEMENTS, ELEMENTS, 16, ELEMENTS, 3, ELEMENTS];
-
-/// The variant whose textures are black and transparent, of functions.
-const BLACK: usize = VARIANTS - 2;
-
-/// The variant whose textures are noise, of functions.
-const NOISE: usize = VARIANTS - 1;
-
 /// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
-fn source_of(path: &str, variant: usize) -> Source {
+fn source_of(path: &str, draw: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
-    Source::new(SEED + variant as u64, stream)
+    Source::new(SEED + draw as u64, stream)
 }
 
 /// Texels along each side of a variable's textures: each has another shape, so that a size that is asked of
@@ -628,25 +610,24 @@ fn sides(source: &mut Source) -> [u32; 2] {
 
 fn texture_or_sampler(
     binding: &Binding,
+    likeness: Likeness,
     content: Content,
-    variant: usize,
     (extents, literals): (Option<Extents>, &[f32]),
 ) -> Option<Fixture> {
-    let mut source = source_of(&binding.path, variant);
-    let is_own = content == Content::Own;
+    let mut source = source_of(&binding.path, content.draw);
+    let is_own = likeness == Likeness::Own;
     // Weights of filters have 8 bits: where a texture repeats, its edges may be but so far apart for drivers to agree.
-    let contrast = match content {
-        Content::Own | Content::Plain(Address::Clamp) => 1.0,
-        Content::Plain(_) => 0.25,
+    let contrast = match likeness {
+        Likeness::Own | Likeness::Equal(Address::Clamp) => 1.0,
+        Likeness::Equal(_) => 0.25,
     };
     // What is written is as large as the results that are read back, whatever else there is.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
-    // A pass meets colours below 0.
-    let noise = match extents {
-        Some(extents) => extents.noise.then_some(-0.5),
-        None => (variant == NOISE).then_some(0.0),
+    let noise = match content.texels {
+        Held::Noise => Some(Noise { least: 0.0, literals }),
+        Held::NoiseBelowZero => Some(Noise { least: -0.5, literals }),
+        Held::Smooth | Held::Black | Held::OfText(_) => None,
     };
-    let noise = noise.map(|least| Noise { least, literals });
     let sides = match extents {
         // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
@@ -655,14 +636,16 @@ fn texture_or_sampler(
             let sides = [part(across), part(down).max(rows.min(LAYERS))];
             match extents {
                 // A square beyond the dispatch, with a level of one texel, as what goes from level to level wants.
-                Some(extents) if extents.long => [2 * across.max(down).next_power_of_two(); 2],
+                Some(extents) if extents.content.long => {
+                    [2 * across.max(down).next_power_of_two(); 2]
+                }
                 _ => sides,
             }
             .map(|side| side.min(MOST_SIDE))
         }
         // So large that each number of the text has its squares.
         None if noise.is_some() && !written && !literals.is_empty() => [SIDES[SIDES.len() - 1]; 2],
-        None => sides(&mut source_of(&binding.path, if written { 0 } else { variant })),
+        None => sides(&mut source_of(&binding.path, if written { 0 } else { content.draw })),
     };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
@@ -673,18 +656,15 @@ fn texture_or_sampler(
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
-            let own = is_own.then_some((&mut source, variant % 2 == 1));
+            let own = is_own.then_some((&mut source, content.is_transparent()));
             let of = (kind.dimension, kind.arrayed);
             // Black and white, and all of it the same, as an image may be that a shader divides by.
-            let constant = match extents.map_or(Some(variant), |_| None) {
-                Some(BLACK) if is_own => Some(0.0),
-                // A filter keeps a number of the text where all of the texture is that.
-                Some(drawn) if is_own && drawn >= VARIANTS && !literals.is_empty() => {
-                    Some(literals[drawn / VARIANTS % literals.len()])
+            let constant = match content.texels {
+                Held::Black if is_own => Some(0.0),
+                Held::OfText(number) if is_own && !literals.is_empty() => {
+                    Some(literals[number % literals.len()])
                 }
-                _ => extents
-                    .and_then(|extents| extents.numbered?.constant(Scalar::F32))
-                    .map(f32::from_bits),
+                _ => content.numbered.and_then(|how| how.constant(Scalar::F32)).map(f32::from_bits),
             };
             match (constant, kind.texels) {
                 (Some(x), Texels::Float) => {
@@ -698,13 +678,13 @@ fn texture_or_sampler(
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let texels = format.texels();
-            let own = is_own.then_some((&mut source, variant % 2 == 1));
+            let own = is_own.then_some((&mut source, content.is_transparent()));
             without_mips(texture((dimension, arrayed), sides, (texels, noise, 1.0), 1, own)).into()
         }
         BindingKind::Sampler { comparison: true } if !is_own => {
             Sampler::LINEAR.compare(Compare::LessEqual).into()
         }
-        BindingKind::Sampler { comparison: false } if let Content::Plain(beyond) = content => {
+        BindingKind::Sampler { comparison: false } if let Likeness::Equal(beyond) = likeness => {
             Sampler::LINEAR.address([beyond; 3]).into()
         }
         BindingKind::Sampler { comparison: false } => {
@@ -909,14 +889,13 @@ mod tests {
             @group(0) @binding(1) var<storage, read_write> w: array<f32>;
             fn f(i: u32) -> f32 { w[i] = d[i]; return d[i]; }",
         );
-        let made = |variant| Resources::of(&probed, &Ranges::default(), variant).expect("made up");
-        let lengths = |name: &str| {
-            (0..VARIANTS).map(|variant| words(&made(variant), name).len()).collect::<Vec<_>>()
-        };
+        let made = |content| Resources::of(&probed, &Ranges::default(), content).expect("made up");
+        let lengths =
+            |name: &str| Content::OF_FUNCTIONS.map(|content| words(&made(content), name).len());
         assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
         assert_eq!(lengths("w"), [64; 6]);
         // Elements take the numbers that are tried first in turn.
-        let first = words(&made(1), "d");
+        let first = words(&made(Content::OF_FUNCTIONS[1]), "d");
         assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
     }
 
@@ -932,12 +911,12 @@ mod tests {
             }",
         );
         let sizes = |name: &str| {
-            let size = |variant| {
-                let made = Resources::of(&probed, &Ranges::default(), variant).expect("made up");
+            let size = |content| {
+                let made = Resources::of(&probed, &Ranges::default(), content).expect("made up");
                 let (_, fixture) = made.fixtures.iter().find(|(path, _)| path == name)?;
                 levels(fixture).first().map(|level| (level.width, level.height))
             };
-            (0..VARIANTS).map(size).collect::<std::collections::BTreeSet<_>>().len()
+            std::collections::BTreeSet::from(Content::OF_FUNCTIONS.map(size)).len()
         };
         assert_eq!(sizes("stored"), 1);
         assert!(sizes("image") > 2);
@@ -960,16 +939,16 @@ mod tests {
                 .expect("a pass");
         let mut ranges = Ranges::default();
         ranges.declare("given", 7.0, 7.0).expect("it is a range");
-        let of = |variant: usize| {
-            let extents = Extents::of(size, [2, 1, 1], variant);
-            let of = (variant, None);
-            let made = Resources::of_pass((&program, &bindings), &ranges, extents, of);
+        let of = |content: Content| {
+            let extents = Extents::of(size, [2, 1, 1], content);
+            let made = Resources::of_pass((&program, &bindings), &ranges, extents, None);
             let made = made.expect("it is made up");
             (words(&made, "s")[..9].to_vec(), words(&made, "given")[..3].to_vec())
         };
-        assert_eq!(of(0), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3]));
-        assert_eq!(of(1), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3]));
-        assert_eq!(of(Extents::ONES), (vec![1; 9], vec![7; 3]));
+        let [first, second, ..] = Content::OF_PASSES;
+        assert_eq!(of(first), (vec![0, 0, 1, 1, 2, 2, 3, 3, 1], vec![7; 3]));
+        assert_eq!(of(second), (vec![3, 3, 2, 2, 1, 1, 0, 0, 1], vec![7; 3]));
+        assert_eq!(of(first.numbered(Numbered::One)), (vec![1; 9], vec![7; 3]));
     }
 
     /// An input that is mixed in has the value of the other content, and all others keep theirs.
@@ -982,12 +961,13 @@ mod tests {
         );
         let ranges = Ranges::default();
         let plain =
-            |variant| words(&Resources::of(&probed, &ranges, variant).expect("it is made up"), "s");
-        let [own, other] = [plain(0), plain(3)];
+            |content| words(&Resources::of(&probed, &ranges, content).expect("it is made up"), "s");
+        let [of_own, _, _, of_other, ..] = Content::OF_FUNCTIONS;
+        let [own, other] = [of_own, of_other].map(plain);
         let mixed = |path: &'static str| {
             let takes = move |input: &Input| input.path == path;
-            let mix = Mix { variant: 3, extents: None, takes: &takes };
-            words(&Resources::mixed(&probed, &ranges, 0, &mix).expect("it is made up"), "s")
+            let mix = Mix { content: of_other, extents: None, takes: &takes };
+            words(&Resources::mixed(&probed, &ranges, of_own, &mix).expect("it is made up"), "s")
         };
         let changed = |path| {
             let mixed = mixed(path);
@@ -1005,22 +985,22 @@ mod tests {
     /// Values are those of names, wherever their members stand.
     #[test]
     fn members_in_another_order_hold_the_same() {
-        let of = |members: &str, variant| {
+        let of = |members: &str, content| {
             let probed = probed(&format!(
                 "struct Q {{ u: f32, v: f32 }} struct L {{ l: vec4f }} struct P {{ {members} }}
                 @group(0) @binding(0) var<storage, read> p: P;
                 fn f(x: f32) -> f32 {{ return x * p.a * p.b.y * p.q.v * f32(p.c) * p.list[1].l.x; }}"
             ));
-            let made = Resources::of(&probed, &Ranges::default(), variant).expect("it is made up");
+            let made = Resources::of(&probed, &Ranges::default(), content).expect("it is made up");
             let mut members = made.members;
             members.sort_unstable();
             assert_eq!(members.len(), 5);
             members
         };
-        for variant in 0..VARIANTS {
-            let one = of("a: f32, b: vec2f, q: Q, c: u32, list: array<L, 3>", variant);
-            assert_eq!(of("c: u32, q: Q, list: array<L, 3>, b: vec2f, a: f32", variant), one);
-            assert_eq!(of("list: array<L, 3>, b: vec2f, c: u32, a: f32, q: Q", variant), one);
+        for content in Content::OF_FUNCTIONS {
+            let one = of("a: f32, b: vec2f, q: Q, c: u32, list: array<L, 3>", content);
+            assert_eq!(of("c: u32, q: Q, list: array<L, 3>, b: vec2f, a: f32", content), one);
+            assert_eq!(of("list: array<L, 3>, b: vec2f, c: u32, a: f32, q: Q", content), one);
         }
     }
 
@@ -1040,10 +1020,10 @@ mod tests {
             Program::of_pass(&package, "f", &karat::unstable::reflect::Overrides::new())
                 .expect("a pass");
         let positive = |name: &str| {
-            let all = (0..Extents::VARIANTS).filter(|variant| {
-                let extents = Extents::of(size, [2, 1, 1], *variant);
+            let all = (0..Content::OF_PASSES.len()).filter(|number| {
+                let extents = Extents::of(size, [2, 1, 1], Content::OF_PASSES[*number]);
                 let of = (&*program, &*bindings);
-                let made = Resources::of_pass(of, &Ranges::default(), extents, (*variant, None));
+                let made = Resources::of_pass(of, &Ranges::default(), extents, None);
                 let floats = words(&made.expect("it is made up"), name).into_iter();
                 floats.map(f32::from_bits).any(|x| x > 0.0)
             });

@@ -340,8 +340,13 @@ mod tests {
             }";
         let package = Package::from_source("append", text);
         let ranges = Ranges::of(&package).expect("it declares none");
-        let made =
-            crate::passes::arbitrary(&package, "main", None, &ranges, (0, None, &Vec::new()));
+        let made = crate::passes::arbitrary(
+            &package,
+            "main",
+            None,
+            &ranges,
+            (crate::made_up::Content::OF_PASSES[0], None, &Vec::new()),
+        );
         let (passes, _) = made.expect("its resources are made up");
         let expected = initial(&passes);
         let open = open(&passes, &expected, &vec![false; expected.len()]);

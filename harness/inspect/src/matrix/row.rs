@@ -18,7 +18,7 @@ use super::leeway::{Latitude, Leeway};
 use super::reduce::Pair;
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
-use crate::made_up::{self, Ranges, VARIANTS};
+use crate::made_up::{self, Content, Ranges};
 
 /// Runs a row on the columns whose cells got so far, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
@@ -39,11 +39,11 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                     let program = std::sync::Arc::clone(program);
                     (Passes::over(program, name, [workgroups, 1, 1], &data), data)
                 };
-                let made = |variant| {
+                let made = |content| {
                     Ranges::of(&request.package)
                         .map_err(|error| error.to_string())
                         .and_then(|ranges| {
-                            made_up::data(program, &bindings, &ranges, invocations, variant)
+                            made_up::data(program, &bindings, &ranges, invocations, content)
                         })
                         .map(of)
                 };
@@ -51,7 +51,8 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                 let shows = |one: &Result<(Passes, _), String>| {
                     one.as_ref().map_or(true, |(passes, _)| changes(passes) != Some(false))
                 };
-                let passes = (0..VARIANTS).map(made).find(shows).unwrap_or_else(|| made(0));
+                let mut all = Content::OF_FUNCTIONS.into_iter().map(made);
+                let passes = all.find(shows).unwrap_or_else(|| made(Content::OF_FUNCTIONS[0]));
                 let ran = passes.as_ref().map(|(passes, _)| passes);
                 run_entry_point_on_each(request, ran, &mut cells);
                 if let (Ok((_, data)), true) = (passes, cells.iter().any(Cell::differs)) {

@@ -8,7 +8,7 @@ use karat::unstable::dispatch::Passes;
 use karat::unstable::fixture;
 use karat::unstable::probe::Probed;
 
-use crate::made_up::{Arguments, Extents, Mix, Ranges, Resources};
+use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
 /// Pixels across and down, one after the other: as many as a compute pass of 8 x 8 invocations usually has, and rows are no
 /// columns. An edge at any tenth, quarter or third parts a quad in one of them.
@@ -27,7 +27,7 @@ pub(crate) fn of_pixels(
     name: &str,
     single: bool,
     ranges: &Ranges,
-    (variant, mix): (usize, Option<&Mix<'_>>),
+    (content, mix): (Content, Option<&Mix<'_>>),
 ) -> Result<(Passes, Resources), String> {
     let ranges = &ranges.scoped(name);
     let overrides = ranges.overrides_of(package, name);
@@ -35,24 +35,21 @@ pub(crate) fn of_pixels(
     let probed = probed.map_err(|error| error.to_string())?;
     let (program, function) = (&probed.program, probed.function());
     // A single pixel has the others of its quad for neighbours.
-    let whole = SIZES[variant % SIZES.len()];
+    let whole = SIZES[content.draw % SIZES.len()];
     let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
-    let extents = Extents::of([1; 3], [whole[0], whole[1], 1], variant);
-    let draws = variant % Extents::ZEROS;
-    let mix = mix.map(|mix| Mix {
-        variant: mix.variant % Extents::ZEROS,
-        extents: Some(Extents::of([1; 3], [whole[0], whole[1], 1], mix.variant)),
-        ..*mix
-    });
-    let of = (draws, mix.as_ref());
-    let made = Resources::of_pass((program, &function.bindings), ranges, extents, of)?;
+    let extents_of = |content| Extents::of([1; 3], [whole[0], whole[1], 1], content);
+    let extents = extents_of(content);
+    let mix = mix.map(|mix| Mix { extents: Some(extents_of(mix.content)), ..*mix });
+    let of = (&**program, &*function.bindings);
+    let made = Resources::of_pass(of, ranges, extents, mix.as_ref())?;
     let arguments = Arguments::of_draw(function, ranges, extents)?;
-    let (count, rows) = arguments.rows(SEED, Extents::VARIANTS);
+    let (count, rows) = arguments.rows(SEED, Content::OF_PASSES.len());
     let width = arguments.width();
     let row = |number: usize| {
         rows.chunks_exact(width.max(1)).nth(number % count.max(1)).unwrap_or_default()
     };
-    let words = arguments.of_pixels(function, [draws, draws + 1].map(row), [across, down]);
+    let words =
+        arguments.of_pixels(function, [content.draw, content.draw + 1].map(row), [across, down]);
     let kernel = probed.kernel.of_pixels();
     let text = kernel.text.strip_prefix(program.text()).expect("a kernel begins with it");
     let drawn = program.followed_by(text).map_err(|error| error.to_string())?;
