@@ -5,6 +5,7 @@
 //! test needs from the author's files into one WGSL text, byte for byte but for names, so each place
 //! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
+pub(crate) mod accepted;
 mod brackets;
 mod cargo;
 mod compilers;

@@ -94,6 +94,7 @@ pub mod metric {
 
 /// Functions of a package, and files that it leaves out.
 pub mod package {
+    pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;
     pub use crate::package::functions::LeftOut;
     pub use crate::package::inputs::{Declaration, End, scope};

@@ -101,9 +101,18 @@ impl Reach {
         if own.len() < words {
             own.resize(words, 0);
         }
-        for (lane, active) in lanes.iter().enumerate() {
-            let case = here.case + lane;
-            own[case / 64] |= u64::from(*active) << (case % 64);
+        // Cases of a run begin at a multiple of its width, so that most words are whole.
+        let mut at = here.case;
+        let mut rest = &*lanes;
+        while !rest.is_empty() {
+            let (word, first) = (&mut own[at / 64], at % 64);
+            let (now, others) = rest.split_at(rest.len().min(64 - first));
+            if *word != u64::MAX {
+                let bits = now.iter().rev().fold(0, |bits, active| bits << 1 | u64::from(*active));
+                *word |= bits << first;
+            }
+            at += now.len();
+            rest = others;
         }
     }
 

@@ -39,19 +39,29 @@ impl Recorder {
 
 impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
+        // Column by column, as each operation of each round comes here.
+        let is_bad = |values: &&[f32]| !values.iter().fold(true, |good, x| good & x.is_finite());
+        if !lanes.floats.iter().any(|values| is_bad(&&**values)) {
+            return;
+        }
+        // An operation that gets an infinity passes on what was wrong before.
+        let mut good = lanes.active.to_vec();
+        for operand in lanes.operands {
+            good.iter_mut().zip(operand.iter()).for_each(|(good, x)| *good &= x.is_finite());
+        }
+        if !good.contains(&true) {
+            return;
+        }
         let site = self.sites.number(lanes.site);
         for values in lanes.floats {
-            for (lane, value) in values.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
-                let operands = || lanes.operands.iter().map(|operand| operand[lane]);
-                // An operation that gets an infinity passes on what was wrong before.
-                if lanes.active[lane] && operands().all(f32::is_finite) {
-                    let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
-                    self.add(site, kind, lanes.case_of(lane), || Operation {
-                        operands: operands().collect(),
-                        missing: None,
-                        invocations: BTreeSet::new(),
-                    });
-                }
+            let bad = |(lane, value): &(usize, &f32)| good[*lane] && !value.is_finite();
+            for (lane, value) in values.iter().enumerate().filter(bad) {
+                let kind = if value.is_nan() { Kind::Nan } else { Kind::Infinite };
+                self.add(site, kind, lanes.case_of(lane), || Operation {
+                    operands: lanes.operands.iter().map(|operand| operand[lane]).collect(),
+                    missing: None,
+                    invocations: BTreeSet::new(),
+                });
             }
         }
     }

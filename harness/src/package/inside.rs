@@ -4,49 +4,12 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::inputs::Declaration;
+use super::accepted::{Hazards, KnownRows};
 use super::library::ModulePath;
 use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::{Package, PackageError, directives, texts};
 use crate::diagnostic::shown;
-
-/// What is declared for the search for hazards.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hazards {
-    /// `[inputs]`, by name.
-    pub inputs: BTreeMap<String, Declaration>,
-    /// Values of overrides, in each function that has one.
-    pub overrides: BTreeMap<String, f64>,
-    /// `[[hazard]]`.
-    pub accepted: Vec<AcceptedHazard>,
-}
-
-/// Hazards that are accepted, as it is written.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AcceptedHazard {
-    /// `module::name`, `module::*`
-    pub functions: Vec<String>,
-    /// The operation; none: all of them.
-    pub text: Option<String>,
-    /// Why it is accepted.
-    pub reason: String,
-}
-
-/// Rows of the matrix of translations that are declared not to get to a status, as it is written.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct KnownRows {
-    /// `module::name`
-    pub rows: Vec<String>,
-    /// Columns, or selectors of paths.
-    pub columns: Vec<String>,
-    /// The status that they don't get to.
-    pub status: String,
-    /// Why.
-    pub reason: String,
-}
 
 /// What methods of [`Package`] return that stand elsewhere by now: it does nothing, and the compiler says where they are.
 #[derive(Debug)]

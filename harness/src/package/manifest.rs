@@ -8,11 +8,11 @@ use std::process::{Command, Output};
 
 use serde::Deserialize;
 
+use super::accepted::{AcceptedHazard, Hazards, KnownRows};
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
 use super::inputs::{self, scope};
-use super::inside::{AcceptedHazard, Hazards, KnownRows};
 use super::limits::Limits;
 use super::values::{self, Values};
 use super::workspace::{self, Kind};

@@ -280,15 +280,15 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// The findings of each function that need the same inputs, together, in the order of the first of each.
+/// The requirements of each function that need the same inputs, together, in the order of the first of each; of those that
+/// no single input averts, those of one kind.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
     for (number, hazard) in found.iter().enumerate() {
-        // Each fault has a line of its own, and so has what no single input averts.
-        let is_alone = hazard.class == Class::Fault || hazard.needs.is_empty();
-        let own = is_alone.then_some(number);
-        let at = *known.entry((&hazard.function, &hazard.needs, own)).or_insert(groups.len());
+        let own = (hazard.class == Class::Fault).then_some(number);
+        let kind = hazard.needs.is_empty().then_some(hazard.kind);
+        let at = *known.entry((&hazard.function, &hazard.needs, kind, own)).or_insert(groups.len());
         if at == groups.len() {
             groups.push(Vec::new());
         }
@@ -319,7 +319,8 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
-        writeln!(out, "{DIM}    {count} more that need the same, the next at {place}{DIM:#}")?;
+        let like = if hazard.needs.is_empty() { "are like it" } else { "need the same" };
+        writeln!(out, "{DIM}    {count} more that {like}, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;
     Ok(())

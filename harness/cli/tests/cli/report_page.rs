@@ -64,7 +64,7 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
     let json = std::fs::read_to_string(project.path().join("r.json")).expect("written");
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
-    assert_eq!((&json["schema"], json["records"].as_array().map(Vec::len)), (&4.into(), Some(3)));
+    assert_eq!((&json["schema"], json["records"].as_array().map(Vec::len)), (&5.into(), Some(3)));
     assert_eq!(json["run"]["passed"], true);
 }
 

@@ -118,10 +118,10 @@ fn without_evidence_there_is_no_verdict() {
     assert!(error.contains("the last run had KARAT_OVERLAY=mutants"), "{error}");
     let record_folder = record(&project, &["not a record\n".to_owned()], Some((&[], true)));
     let error = karat(folder, &["unreferenced"]).error();
-    assert!(error.contains("1.jsonl` line 1 isn't a record of version 4"), "{error}");
+    assert!(error.contains("1.jsonl` line 1 isn't a record of version 5"), "{error}");
     write(&record_folder, "run.json", "{}");
     let error = karat(folder, &["unreferenced"]).error();
-    assert!(error.contains("run.json` line 1 isn't a record of version 4"), "{error}");
+    assert!(error.contains("run.json` line 1 isn't a record of version 5"), "{error}");
     assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
 }
 

@@ -238,7 +238,7 @@ fn a_broken_record_is_told_once() {
     write(folder.path(), "target/karat/record/1.jsonl", "{\n");
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
-    editor.wait_said("isn't a record of version 4");
+    editor.wait_said("isn't a record of version 5");
     for _ in 0..3 {
         editor.save(FILE, &CALC.replace("return x;", "return y;"));
         editor.wait(FILE, |all| all.len() == 1);

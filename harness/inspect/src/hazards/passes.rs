@@ -15,6 +15,8 @@ use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted};
 use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
+use rayon::prelude::*;
+
 /// The first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
@@ -66,7 +68,8 @@ fn is_short(content: &Content) -> bool {
 }
 
 /// Makes passes over a content.
-type Make<'m> = &'m dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String>;
+type Make<'m> =
+    &'m (dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String> + Sync);
 
 /// The places of what goes wrong, a race's both, its kind, and the text of an operation, as `1.0 / a` begins where
 /// `1.0 / a / b` does.
@@ -78,6 +81,8 @@ struct InContent {
     /// The invocations in which an operation goes wrong; none of a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
+    /// True if it wasn't run to its end.
+    is_cut: bool,
     /// True if one workgroup ran.
     one_workgroup: bool,
 }
@@ -240,7 +245,11 @@ impl Looked<'_> {
                     hazard.needs = vec![length];
                 } else {
                     let varied =
-                        varied.entry(content).or_insert_with(|| self.varied(content, &inputs));
+                        varied.entry(content).or_insert_with(|| match contents[&content].is_cut {
+                            // It tells nothing of what it doesn't come to, and takes the longest.
+                            true => Vec::new(),
+                            false => self.varied(content, &inputs),
+                        });
                     let named = varied.iter().filter(|(_, runs)| runs.iter().any(averted));
                     hazard.needs = named.map(|(path, _)| path.clone()).collect();
                     if hazard.needs.is_empty() {
@@ -278,6 +287,7 @@ impl Looked<'_> {
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
+        let paths: Vec<&str> = paths.into_iter().take(INPUTS_TRIED).collect();
         let of = |path: &str| {
             let takes = |input: &Input| input.path == path;
             let [first, _, third, .., drawn] = Content::OF_PASSES;
@@ -290,7 +300,7 @@ impl Looked<'_> {
             others.filter_map(run).collect()
         };
         let mut all: Vec<_> =
-            paths.into_iter().take(INPUTS_TRIED).map(|path| (path.to_owned(), of(path))).collect();
+            paths.into_par_iter().map(|path| (path.to_owned(), of(path))).collect();
         let one = content.of_one_workgroup();
         if let Ok((passes, made)) = (self.make)(one, None) {
             all.push((WORKGROUPS.to_owned(), vec![self.run(&passes, &made).content]));
@@ -336,6 +346,7 @@ impl Looked<'_> {
             }
         };
         ran.content.reached = reached;
+        ran.content.is_cut = ran.reason.is_some();
         // Several pixels are as many as a draw has.
         let is_one = passes.passes.iter().all(|pass| pass.workgroups == [1; 3]);
         ran.content.one_workgroup = is_one && !self.are_pixels;

@@ -3,8 +3,6 @@
 
 use karat_core::value::Scalar;
 
-use super::extents::hashed;
-
 /// How integers in arrays are numbered: each of them is an index of another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Numbered {
@@ -222,4 +220,12 @@ impl Content {
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }
+}
+
+/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
+pub(super) fn hashed(bits: u32, number: u32) -> u32 {
+    let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
+    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
+    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
+    bits ^ bits >> 16
 }

@@ -148,14 +148,6 @@ impl Extents {
     }
 }
 
-/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
-pub(super) fn hashed(bits: u32, number: u32) -> u32 {
-    let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
-    bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);
-    bits = (bits ^ bits >> 13).wrapping_mul(0xc2b2_ae35);
-    bits ^ bits >> 16
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,8 +9,7 @@ use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels}
 use karat_core::domain::{Part, Source};
 use karat_core::value::{Scalar, Shape};
 
-use super::content::{ELEMENTS, Numbered, Texels as Held};
-use super::extents::hashed;
+use super::content::{ELEMENTS, Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 
 /// Small whole numbers, of textures.
