@@ -20,6 +20,9 @@ const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a subcommand", "harness/cli", "unreferenced::"),
 ];
 
+/// Lines of a function that a reader has on one screen with its documentation, and a half.
+const LONG: usize = 80;
+
 /// Methods by which a text is read. Of naga, Tint, OpenEXR and TOML nothing but a message is known.
 const READS: [&str; 8] = [
     "contains",
@@ -99,6 +102,7 @@ fn measure(root: &Path) -> Result<Vec<(String, usize)>> {
         ("callers of Prepared::start".to_owned(), lines(|line| line.contains("prepared.start("))),
         ("places that read a message".to_owned(), lines(reads_message)),
         ("circles inside rooms of karat".to_owned(), circles(&all).len()),
+        (format!("functions above {LONG} lines"), long_functions(&all).len()),
     ];
     numbers.extend(SPREAD.map(|(name, below, word)| {
         let has = |source: &&Source| {
@@ -192,13 +196,16 @@ fn circles(all: &[Source]) -> Vec<String> {
         let Some(below) = in_library(&source.path) else { continue };
         let parts: Vec<&str> = below.trim_end_matches(".rs").split('/').collect();
         let [room, module, ..] = *parts else { continue };
-        let paths = [format!("crate::{room}::"), "super::".repeat(parts.len() - 1)];
+        let own = [format!("crate::{room}::"), "super::".repeat(parts.len() - 1)];
         let code = source.lines.iter().filter(|line| is_code(line.trim()));
-        let named = |line: &String| {
-            let behind = |path: &String| line.split(&**path).skip(1).map(word).collect::<Vec<_>>();
-            paths.iter().flat_map(behind).collect::<Vec<_>>()
+        let text = code.map(|line| line.trim()).collect::<Vec<_>>().join(" ");
+        let named = |path: &String| -> Vec<String> {
+            let from_root = |at: usize| !text[..at].ends_with("::");
+            let rests = text.match_indices(&**path).filter(|(at, _)| from_root(*at));
+            rests.flat_map(|(at, _)| first_names(&text[at + path.len()..])).collect()
         };
-        rooms.entry(room).or_default().entry(module).or_default().extend(code.flat_map(named));
+        let modules = rooms.entry(room).or_default().entry(module).or_default();
+        modules.extend(own.iter().flat_map(named));
     }
     let of_room = |(room, modules): (&&str, &BTreeMap<&str, BTreeSet<String>>)| {
         let reached = |from: &str| {
@@ -222,6 +229,64 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
+/// The names that a path goes on with: one, or those of its braces.
+fn first_names(text: &str) -> Vec<String> {
+    let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
+    let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);
+    for (at, c) in inner.char_indices() {
+        match c {
+            '}' if depth == 0 => break,
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => begins = true,
+            ' ' => {}
+            _ if begins => {
+                names.push(word(&inner[at..]));
+                begins = false;
+            }
+            _ => {}
+        }
+    }
+    names
+}
+
+/// The functions that have more lines than fit, with their count: `harness/src/a.rs: f, 81`.
+fn long_functions(all: &[Source]) -> Vec<String> {
+    let of = |source: &Source| {
+        let lines = &source.lines;
+        let begins = |at: &usize| {
+            let line = lines[*at].trim_start();
+            let words = ["pub ", "pub(crate) ", "pub(super) ", "const ", "async ", "unsafe "];
+            let bare =
+                words.iter().fold(line, |line, word| line.strip_prefix(word).unwrap_or(line));
+            bare.starts_with("fn ") && !line.ends_with(['}', ';'])
+        };
+        let long = |at: usize| {
+            // As it is formatted, a function ends where it begins.
+            let indent = lines[at].len() - lines[at].trim_start().len();
+            let ends = |line: &String| line.trim_start() == "}" && line.len() == indent + 1;
+            let count = lines[at..].iter().position(ends)? + 1;
+            let name = word(lines[at].split("fn ").nth(1)?);
+            (count > LONG).then(|| format!("{}: {name}, {count}", source.path))
+        };
+        (0..lines.len()).filter(begins).filter_map(long).collect::<Vec<_>>()
+    };
+    all.iter().flat_map(of).collect()
+}
+
+/// The lines of code of each room: a folder of the library's sources, or a package beside it.
+fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
+    let mut rooms = BTreeMap::new();
+    for source in all {
+        let parts: Vec<&str> = source.path.trim_end_matches(".rs").split('/').collect();
+        let depth = if source.path.starts_with("harness/src/") { 3 } else { 2 };
+        let room = parts[..parts.len().min(depth)].join("/");
+        let lines = source.lines.iter().filter(|line| is_code(line.trim())).count();
+        *rooms.entry(room).or_insert(0) += lines;
+    }
+    rooms
+}
+
 /// The name at the beginning of a text.
 fn word(text: &str) -> String {
     text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
@@ -230,6 +295,9 @@ fn word(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Functions above [`LONG`] lines that are left: split one before you write another.
+    const MOST_LONG: usize = 68;
 
     fn source(path: &str, text: &str) -> Source {
         Source { path: path.to_owned(), lines: without_tests(text) }
@@ -259,6 +327,46 @@ mod tests {
             source("harness/src/e/b.rs", "use super::c::C;"),
         ];
         assert_eq!(circles(&circle), ["a: b, c, d"]);
+    }
+
+    /// The lines that ARCHITECTURE.md allows each room: who needs more writes the new number, and why, in the same commit.
+    #[test]
+    fn no_room_is_above_its_budget() {
+        let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");
+        let table = page.split_once("## Budgets").expect("it has that chapter").1;
+        let table = table.split_once("\n## ").map_or(table, |(table, _)| table);
+        let row = |line: &str| {
+            let mut cells = line.strip_prefix("| `")?.split('|').map(str::trim);
+            let room = cells.next()?.trim_end_matches('`').to_owned();
+            Some((room, cells.next()?.replace(',', "").parse().ok()?))
+        };
+        let budgets: BTreeMap<String, usize> = table.lines().filter_map(row).collect();
+        let mut all = Vec::new();
+        sources(&command::root(), &command::root().join(HARNESS), &mut all).expect("it is there");
+        let rooms = rooms(&all);
+        let unknown: Vec<_> = rooms.keys().filter(|room| !budgets.contains_key(*room)).collect();
+        assert!(unknown.is_empty(), "no budget: {unknown:?}");
+        for (room, most) in &budgets {
+            let lines = rooms.get(room).copied().unwrap_or_default();
+            assert!(lines <= *most, "`{room}` has {lines} lines of code, and may have {most}");
+            assert!(2 * lines > *most, "`{room}` has {lines} lines of code: lower its {most}");
+        }
+        let long = long_functions(&all);
+        assert!(long.len() <= MOST_LONG, "{} are long: {}", long.len(), long.join("\n"));
+    }
+
+    #[test]
+    fn long_functions_and_names_in_braces_are_seen() {
+        let body = "    f();\n".repeat(LONG - 1);
+        let text = format!("fn short() {{\n}}\npub fn long<T>() {{\n{body}}}\n");
+        let found = long_functions(&[source("harness/src/a.rs", &text)]);
+        assert_eq!(found, ["harness/src/a.rs: long, 81"]);
+        assert_eq!(first_names("{a, b::{c, d}, e as f};"), ["a", "b", "e"]);
+        let all = [
+            source("harness/src/a/b.rs", "use super::{\n    c::C, d};"),
+            source("harness/src/a/c.rs", "use crate::a::{b};"),
+        ];
+        assert_eq!(circles(&all), ["a: b, c"]);
     }
 
     #[test]

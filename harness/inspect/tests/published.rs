@@ -125,7 +125,7 @@ fn indigo() -> Vec<Kernel> {
         );
         let (right, one) = ((mapping, backwards, true), if number == "u32" { "1u" } else { "1" });
         let bare = (mapping, backwards, false);
-        for condition in ["u > v", "data[u] > data[v]"] {
+        for condition in ["u > v", "data[u] > data[v]", "u > v && data[u] > data[v]"] {
             // Conditional edge: count those that hold.
             let atomic = format!("if {condition} {{ atomicAdd(&out[0], {one}); }}");
             let plain = format!("if {condition} {{ out[0] += {one}; }} {MARK}");

@@ -6,7 +6,7 @@ mod included;
 
 use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use blake3::Hash;
 use super::directives;
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
-use super::overlay::Overlay;
+use super::overlay::{Overlay, read_utf8};
 use super::parse::parse;
 use super::syntax::Module;
 use super::workspace::{self, Kind};
 use super::{CONSTANTS, EXTENSIONS};
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown, text_hash};
+use crate::diagnostic::{FileRead, SourceFile, nearest, text_hash};
 use crate::expectation;
 
 /// A module: the package that has it, by its index in the library, and its path in there.
@@ -465,6 +465,14 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
+    /// The file of a module, if it has one.
+    pub(super) fn file_at(&self, components: &[String]) -> Option<PathBuf> {
+        match self.find(components)? {
+            Place::File(path) => Some(path),
+            Place::Memory(..) => None,
+        }
+    }
+
     /// Finds a module by its path inside the package.
     pub(super) fn find(&self, components: &[String]) -> Option<Place<'_>> {
         match &self.origin {
@@ -522,20 +530,5 @@ impl Package {
         let manifest = Manifest::of(self)?.without_values();
         let components = ModulePath::root(module).components;
         Ok(self.load(&components, &Overlay::of(self)?, &manifest)?.text)
-    }
-}
-
-pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
-    let file = shown(path);
-    let bytes =
-        read_file(path).map_err(|cause| PackageError::Unreadable { file: file.clone(), cause })?;
-    match String::from_utf8(bytes) {
-        Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),
-        Ok(text) => Ok(SourceFile { name: file, text }),
-        Err(error) => {
-            let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-            let line = valid.iter().filter(|byte| **byte == b'\n').count() + 1;
-            Err(PackageError::NotUtf8 { file, line })
-        }
     }
 }

@@ -12,8 +12,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Origin, Package, PackageError, library};
-use crate::diagnostic::{SourceFile, nearest, shown};
+use super::{Origin, Package, PackageError};
+use crate::diagnostic::{SourceFile, nearest, read_file, shown};
 use crate::output::visible;
 use crate::settings;
 
@@ -87,7 +87,7 @@ impl Overlay {
         let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
         match place.and_then(|place| self.unsaved.get(&place)) {
             Some(text) => Ok(SourceFile { name: shown(file), text: text.to_string() }),
-            None => library::read_utf8(file),
+            None => read_utf8(file),
         }
     }
 
@@ -205,10 +205,25 @@ impl Package {
         let files = modules.iter().filter_map(|module| {
             let components = module.split("::").filter(|component| !component.is_empty());
             let components: Vec<String> = components.map(str::to_owned).collect();
-            let library::Place::File(path) = self.find(&components)? else { return None };
-            Some(path.strip_prefix(folder).ok()?.display().to_string())
+            Some(self.file_at(&components)?.strip_prefix(folder).ok()?.display().to_string())
         });
         files.collect()
+    }
+}
+
+/// The text of a file.
+pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
+    let file = shown(path);
+    let bytes =
+        read_file(path).map_err(|cause| PackageError::Unreadable { file: file.clone(), cause })?;
+    match String::from_utf8(bytes) {
+        Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),
+        Ok(text) => Ok(SourceFile { name: file, text }),
+        Err(error) => {
+            let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            let line = valid.iter().filter(|byte| **byte == b'\n').count() + 1;
+            Err(PackageError::NotUtf8 { file, line })
+        }
     }
 }
 

@@ -124,7 +124,7 @@ impl Trial {
         // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
         let share = probed.program.most_rounds().map_or(1, share_of);
         let share = share.max(share_of_work(&probed, &first, &arguments, (count, &rows)));
-        let contents = if first.varies { &CONTENTS_TRIED[..] } else { &CONTENTS_TRIED[..1] };
+        let contents = if first.varies { CONTENTS_TRIED } else { &CONTENTS_TRIED[..1] };
         let main = Tally::default();
         let name = name.to_owned();
         let mut trial =
