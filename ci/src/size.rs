@@ -274,19 +274,6 @@ fn long_functions(all: &[Source]) -> Vec<String> {
     all.iter().flat_map(of).collect()
 }
 
-/// The lines of code of each room: a folder of the library's sources, or a package beside it.
-fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
-    let mut rooms = BTreeMap::new();
-    for source in all {
-        let parts: Vec<&str> = source.path.trim_end_matches(".rs").split('/').collect();
-        let depth = if source.path.starts_with("harness/src/") { 3 } else { 2 };
-        let room = parts[..parts.len().min(depth)].join("/");
-        let lines = source.lines.iter().filter(|line| is_code(line.trim())).count();
-        *rooms.entry(room).or_insert(0) += lines;
-    }
-    rooms
-}
-
 /// The name at the beginning of a text.
 fn word(text: &str) -> String {
     text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
@@ -298,6 +285,19 @@ mod tests {
 
     /// Functions above [`LONG`] lines that are left: split one before you write another.
     const MOST_LONG: usize = 68;
+
+    /// The lines of code of each room: a folder of the library's sources, or a package beside it.
+    fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
+        let mut rooms = BTreeMap::new();
+        for source in all {
+            let parts: Vec<&str> = source.path.trim_end_matches(".rs").split('/').collect();
+            let depth = if source.path.starts_with("harness/src/") { 3 } else { 2 };
+            let room = parts[..parts.len().min(depth)].join("/");
+            let lines = source.lines.iter().filter(|line| is_code(line.trim())).count();
+            *rooms.entry(room).or_insert(0) += lines;
+        }
+        rooms
+    }
 
     fn source(path: &str, text: &str) -> Source {
         Source { path: path.to_owned(), lines: without_tests(text) }

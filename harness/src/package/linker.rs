@@ -336,8 +336,9 @@ impl<'a> Linker<'a> {
         let mut names = BTreeMap::new();
         for (path, index) in items {
             let Some(item) = &self.parts[path].module.declarations[*index].name else { continue };
-            let keeps =
-                *path == self.root && !self.free.contains(item) && !item.starts_with(KERNEL_PREFIX);
+            let keeps = (*path == self.root || self.is_of_host(path, *index, item))
+                && !self.free.contains(item)
+                && !item.starts_with(KERNEL_PREFIX);
             let key = (path.clone(), item.clone());
             if keeps || names.contains_key(&key) {
                 continue;
@@ -361,6 +362,18 @@ impl<'a> Linker<'a> {
             names.insert(key, name);
         }
         names
+    }
+
+    /// True of an override that a host can set by its name: no other module has that word, but to import it.
+    fn is_of_host(&self, path: &ModulePath, index: usize, item: &str) -> bool {
+        let module = &self.parts[path].module;
+        let before = module.declarations[index].name_token.checked_sub(1);
+        let imports = |part: &Part| part.imports.iter().any(|import| import.alias == item);
+        let is_free = |(other, part): (&ModulePath, &Part)| {
+            other == path || !part.module.words.contains(item) || imports(part)
+        };
+        before.is_some_and(|token| module.text(token) == "override")
+            && self.parts.iter().all(is_free)
     }
 
     /// The edits of names among some tokens of a module.

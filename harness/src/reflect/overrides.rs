@@ -37,8 +37,7 @@ impl Program {
         for (handle, declared) in declared.iter() {
             let name = declared.name.as_deref().expect(NAMED);
             if declared.init.is_none() && !values.contains_key(name) {
-                let name = self.author_path(name).unwrap_or(name);
-                let name = name.rsplit("::").next().unwrap_or(name);
+                let name = self.override_name(declared);
                 let message = format!("the override `{name}` has no value");
                 let note = format!(
                     "give it one: `with_override` in Rust, `override` in a test's file, `--override {name}=...`"
@@ -75,8 +74,7 @@ impl Program {
     pub fn declared_overrides(&self) -> Vec<(String, String)> {
         let module = &self.checked.module;
         let of = |declared: &Override| {
-            let text = declared.name.as_deref().expect(NAMED);
-            let name = self.author_path(text).unwrap_or(text);
+            let name = self.override_name(declared);
             let id = declared.id.map_or_else(String::new, |id| format!("@id({id}) "));
             let scalar = match module.types[declared.ty].inner {
                 TypeInner::Scalar(scalar) => scalar_of(scalar).ok(),
@@ -87,7 +85,7 @@ impl Program {
             let range = |init| module.global_expressions.get_span(init).to_range();
             let init = declared.init.and_then(range).and_then(|range| self.text().get(range));
             let init = init.map_or_else(String::new, |init| format!(" = {init}"));
-            (name.rsplit("::").next().unwrap_or(name).to_owned(), format!("{id}{scalar}{init}"))
+            (name, format!("{id}{scalar}{init}"))
         };
         module.overrides.iter().map(|(_, declared)| of(declared)).collect()
     }
@@ -126,31 +124,52 @@ impl Program {
 
     /// True if it has an override that its author, or its number, calls so.
     pub fn has_override(&self, name: &str) -> bool {
-        self.text_name(name).is_ok()
+        !self.overrides_called(name).is_empty()
+    }
+
+    /// Those that their author, or their number, calls so: several if modules have one each.
+    fn overrides_called(&self, name: &str) -> Vec<&Override> {
+        let all = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
+        let is_exact = |one: &&Override| {
+            self.override_path(one) == name || one.id.is_some_and(|id| id.to_string() == name)
+        };
+        match all().find(is_exact) {
+            Some(one) => vec![one],
+            None => all().filter(|one| last(self.override_path(one)) == name).collect(),
+        }
+    }
+
+    fn override_path<'o>(&'o self, declared: &'o Override) -> &'o str {
+        let text = declared.name.as_deref().expect(NAMED);
+        self.author_path(text).unwrap_or(text)
+    }
+
+    /// Its own name; of two that are called the same, the path.
+    fn override_name(&self, declared: &Override) -> String {
+        let path = self.override_path(declared);
+        let own = last(path);
+        if self.overrides_called(own).len() > 1 { path.to_owned() } else { own.to_owned() }
     }
 
     /// The name in the text of the override that its author, or its number, calls so.
     fn text_name(&self, name: &str) -> Result<String, ReflectError> {
-        let overrides = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
-        let path = |declared: &Override| {
-            let text = declared.name.as_deref().expect(NAMED);
-            self.author_path(text).unwrap_or(text).to_owned()
-        };
-        let last = |path: &str| path.rsplit("::").next().unwrap_or_default().to_owned();
-        let is_it = |declared: &&Override| {
-            let path = path(declared);
-            path == name
-                || last(&path) == name
-                || declared.id.is_some_and(|id| id.to_string() == name)
-        };
-        if let Some(found) = overrides().find(is_it) {
-            return Ok(found.name.clone().expect(NAMED));
+        let wrong = |message| Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
+        match &*self.overrides_called(name) {
+            [] => {}
+            [one] => return Ok(one.name.clone().expect(NAMED)),
+            several => {
+                let paths = several.iter().map(|one| format!("`{}`", self.override_path(one)));
+                let paths = paths.collect::<Vec<_>>().join(" and ");
+                return wrong(format!(
+                    "the name `{name}` is that of the overrides {paths}: name one"
+                ));
+            }
         }
-        let known: Vec<String> = overrides().map(|declared| last(&path(declared))).collect();
-        let nearest = nearest(name, known.iter().map(String::as_str));
+        let all = self.checked.module.overrides.iter();
+        let known: Vec<&str> = all.map(|(_, one)| last(self.override_path(one))).collect();
+        let nearest = nearest(name, known.iter().copied());
         let nearest = nearest.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-        let message = format!("what is called uses no override `{name}`{nearest}");
-        Err(ReflectError::Override(Box::new(Diagnostic::new(message))))
+        wrong(format!("what is called uses no override `{name}`{nearest}"))
     }
 
     fn told(&self, handle: Handle<Override>, diagnostic: Diagnostic) -> ReflectError {
@@ -162,6 +181,11 @@ impl Program {
         };
         ReflectError::Override(Box::new(diagnostic))
     }
+}
+
+/// The name at the end of a path.
+fn last(path: &str) -> &str {
+    path.rsplit("::").next().unwrap_or(path)
 }
 
 /// Makes the values the initialisers of their overrides, which are called as in the text.

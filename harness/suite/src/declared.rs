@@ -519,25 +519,41 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests. `root` is the package.
-pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
+/// Reads a file of declared tests, and what is wrong with some of its tables: one hides no other. `root` is the package.
+pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnostic>), Diagnostic> {
     let name = shown(file);
     let unread = |error: &dyn fmt::Display| of_whole(file, format!("can't read `{name}`: {error}"));
     let bytes = read_file(file).map_err(|error| unread(&error))?;
     let text = String::from_utf8(bytes).map_err(|error| unread(&error))?;
     let source = Arc::new(SourceFile { name, text });
     let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
-    let parsed: File = toml::from_str(&source.text).map_err(|error| {
-        let place = at(error.span().unwrap_or(0..0));
+    let (mut text, mut wrong) = (source.text.clone(), Vec::new());
+    let parsed: File = loop {
+        let error = match toml::from_str(&text) {
+            Ok(parsed) => break parsed,
+            Err(error) => error,
+        };
+        let range = error.span().unwrap_or(0..0);
         let message = match error.message() {
             "invalid type: map, expected a sequence" => {
                 "a test begins with double brackets: [[test]], [[frame]] or [[compute]]".to_owned()
             }
             message => with_nearest(message),
         };
-        Diagnostic::new(message).at(place, "")
-    })?;
-    if parsed.tests.is_empty() && parsed.frames.is_empty() && parsed.compute.is_empty() {
+        let found = Diagnostic::new(message).at(at(range.clone()), "");
+        // The others are read without it.
+        let is_syntax = DeTable::parse(&text).is_err();
+        let Some(table) = table_around(&text, range.start, is_syntax) else { return Err(found) };
+        let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
+        let blank: String = text[table.clone()].chars().map(blank).collect();
+        text.replace_range(table, &blank);
+        wrong.push(found);
+    };
+    if parsed.tests.is_empty()
+        && parsed.frames.is_empty()
+        && parsed.compute.is_empty()
+        && wrong.is_empty()
+    {
         let empty = "declares no test: write [[test]], [[frame]] or [[compute]]";
         return Err(Diagnostic::new(empty).at(at(0..0), ""));
     }
@@ -545,7 +561,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
     let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
     let mut tests = Vec::new();
     let [mut keys, mut frame_keys, mut compute_keys] =
-        ["test", "frame", "compute"].map(|kind| keys(&source, kind).into_iter());
+        TABLES.map(|kind| keys(&source, &text, kind).into_iter());
     for declared in parsed.tests {
         let keys = keys.next().unwrap_or_default();
         let span = at(declared.span());
@@ -554,10 +570,17 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
             ("", _) | (_, true) => declared.function.clone(),
             (module, false) => format!("{module}::{}", declared.function),
         };
-        let what = whats(&declared).map_err(|error| Diagnostic::new(error).at(span.clone(), ""))?;
+        let what = match whats(&declared) {
+            Ok(what) => what,
+            Err(error) => {
+                wrong.push(Diagnostic::new(error).at(span, ""));
+                continue;
+            }
+        };
         if let Some((key, error)) = idle_key(&what, &|key| keys.0.contains_key(key)) {
             let place = keys.0.get(key).unwrap_or(&span).clone();
-            return Err(Diagnostic::new(error).at(place, ""));
+            wrong.push(Diagnostic::new(error).at(place, ""));
+            continue;
         }
         for what in what {
             let name = match &declared.name {
@@ -584,7 +607,8 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
         if goldens.contains(&frame.golden_file()) {
             let twice =
                 format!("another frame is called `{}`, and they would share a golden", frame.name);
-            return Err(Diagnostic::new(twice).at(span, ""));
+            wrong.push(Diagnostic::new(twice).at(span, ""));
+            continue;
         }
         goldens.push(frame.golden_file());
         let name = format!("frame {}", frame.name);
@@ -594,17 +618,40 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, Diagnostic> {
         let span = at(declared.span());
         let keys = compute_keys.next().unwrap_or_default();
         let all = declared.into_inner().tests(&module, &folder, &keys);
-        for (name, assertion) in all.map_err(|wrong| wrong.unread(&keys, &span))? {
+        let all = all.map_err(|error| wrong.push(error.unread(&keys, &span)));
+        for (name, assertion) in all.unwrap_or_default() {
             let is_same = |test: &Test| test.name == name && matches!(test.kind, Kind::Compute(_));
             if tests.iter().any(is_same) {
                 let twice = format!("another `[[compute]]` has a test `{name}`: give one a `name`");
-                return Err(Diagnostic::new(twice).at(span, ""));
+                wrong.push(Diagnostic::new(twice).at(span.clone(), ""));
+                continue;
             }
             let kind = Kind::Compute(Box::new(assertion));
             tests.push(Test { name, span: span.clone(), kind });
         }
     }
-    Ok(tests)
+    Ok((tests, wrong))
+}
+
+/// The tables that are tests.
+const TABLES: [&str; 3] = ["test", "frame", "compute"];
+
+/// The table of a test that an error is in, with those below it. What isn't closed is seen where the next table begins.
+fn table_around(text: &str, at: usize, is_syntax: bool) -> Option<std::ops::Range<usize>> {
+    let begins = |line: &str| {
+        let inner = line.trim_start().strip_prefix("[[").and_then(|line| line.split_once("]]"));
+        inner.is_some_and(|(name, _)| TABLES.contains(&name.trim()))
+    };
+    let mut start = 0;
+    let lines = text.split_inclusive('\n').map(|line| {
+        start += line.len();
+        (start - line.len(), line)
+    });
+    let heads: Vec<usize> =
+        lines.filter(|(_, line)| begins(line)).map(|(start, _)| start).collect();
+    let next = heads.partition_point(|head| *head < at || *head == at && !is_syntax);
+    let begin = heads[..next].last()?;
+    Some(*begin..heads.get(next).copied().unwrap_or(text.len()))
 }
 
 /// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
@@ -655,8 +702,8 @@ fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static 
 }
 
 /// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
-fn keys(source: &Arc<SourceFile>, kind: &str) -> Vec<Keys> {
-    let Ok(table) = DeTable::parse(&source.text) else { return Vec::new() };
+fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
+    let Ok(table) = DeTable::parse(text) else { return Vec::new() };
     let table = table.into_inner();
     let Some(DeValue::Array(tests)) = table.get(kind).map(Spanned::get_ref) else {
         return Vec::new();
@@ -796,8 +843,42 @@ mod tests {
         let file = folder.path().join("sub").join("brdf.test.toml");
         std::fs::create_dir(file.parent().expect("a parent")).expect("a folder");
         std::fs::write(&file, text).expect("a file");
-        let tests = read(&file, folder.path()).map_err(|found| found.to_string())?;
-        Ok(tests.into_iter().map(|test| test.name).collect())
+        let (tests, wrong) = read(&file, folder.path()).map_err(|found| found.to_string())?;
+        match wrong.first() {
+            Some(found) => Err(found.to_string()),
+            None => Ok(tests.into_iter().map(|test| test.name).collect()),
+        }
+    }
+
+    /// A table that is wrong, by a key, by a value, or as no TOML, hides none of the others.
+    #[test]
+    fn a_wrong_table_hides_no_other() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("m.test.toml");
+        let good = |name: &str| format!("[[test]]\nfunction = \"{name}\"\nfinite = true\n");
+        let read = |wrong: &str| {
+            let text = format!("{}[[test]]\nfunction = \"b\"\n{wrong}\n{}", good("a"), good("c"));
+            std::fs::write(&file, text).expect("a file");
+            read(&file, folder.path()).map(|(tests, wrong)| {
+                let place = |one: &Diagnostic| one.location().expect("a place").to_string();
+                (tests.len(), wrong.iter().map(place).collect::<Vec<_>>())
+            })
+        };
+        for (wrong, line) in [
+            ("throughh = 3", 6),
+            ("finite = 3", 6),
+            ("finite = true\ntolerance = \"exact\"", 7),
+            ("in_range = [0, 2", 7),
+            ("name = \"n\"", 4),
+            ("", 4),
+        ] {
+            let (tests, places) = read(wrong).expect("the file is read");
+            assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
+            assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
+        }
+        let first = format!("[inputs]\nx = 1\n{}", good("a"));
+        std::fs::write(&file, first).expect("a file");
+        super::read(&file, folder.path()).expect_err("it is of no table of a test");
     }
 
     #[test]

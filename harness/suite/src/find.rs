@@ -47,12 +47,18 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
             true => declared::read(&file, &root),
             false => Err(unread(&file)),
         };
+        let name = file.display().to_string();
         match read {
-            Ok(found) => tests.extend(found),
-            Err(found) => {
-                let (name, wrong) = (file.display().to_string(), Wrong::from(found));
-                broken.push(Broken { name, wrong, is_file: true });
+            Ok((found, wrong)) => {
+                tests.extend(found);
+                broken.extend(wrong.into_iter().map(|found| {
+                    let line =
+                        found.location().map_or(1, |at| at.file.line_column(at.range.start).0);
+                    let name = format!("{name}:{line}");
+                    Broken { name, wrong: Wrong::from(found), is_file: true }
+                }));
             }
+            Err(found) => broken.push(Broken { name, wrong: Wrong::from(found), is_file: true }),
         }
     }
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();

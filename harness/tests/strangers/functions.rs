@@ -120,6 +120,44 @@ fn overrides_that_others_are_made_of_are_set() {
     assert!(error.contains("has two values"), "{error}");
 }
 
+/// A host sets overrides by their names. One of another module keeps its own, unless two modules have one each: then a bare
+/// name is told.
+#[test]
+fn overrides_of_several_modules_are_named() {
+    let declares = |value: &str, own: &str| {
+        format!(
+            "override SAMPLES: u32 = {value};\nfn {own}(x: f32) -> f32 {{ return x * f32(SAMPLES); }}"
+        )
+    };
+    let (shadow, occlusion) = (declares("4u", "soft"), declares("16u", "occluded"));
+    let both = "import package::shadow::soft;\nimport package::occlusion::occluded;\n\
+                fn both(x: f32) -> vec2f { return vec2f(soft(x), occluded(x)); }";
+    let alone = "import package::shadow::soft;\nfn alone(x: f32) -> f32 { return soft(x); }";
+    let package = Package::from_modules(
+        "p",
+        [("shadow", &*shadow), ("occlusion", &occlusion), ("lit", both), ("one", alone)],
+    );
+    let of = |name: &str| {
+        package.function("lit::both").with_override(name, 2.0).over(OneOf(vec![1.0_f32]))
+    };
+    of("shadow::SAMPLES").agrees_with(|x: f64| glam::DVec2::new(2.0 * x, 16.0 * x), Abs(0.0));
+    let error = of("SAMPLES").unrecorded();
+    let error = error.try_agrees_with(|x: f64| glam::DVec2::splat(x), Abs(0.0));
+    let error = error.expect_err("two are called so").to_string();
+    assert!(error.contains("`shadow::SAMPLES` and `occlusion::SAMPLES`"), "{error}");
+    package
+        .function("one::alone")
+        .with_override("SAMPLES", 2.0)
+        .over(OneOf(vec![1.0_f32]))
+        .agrees_with(|x: f64| 2.0 * x, Abs(0.0));
+    let text = |module| {
+        let program = karat::unstable::reflect::Program::of_module(&package, module);
+        program.expect("it links").text().to_owned()
+    };
+    assert!(text("one").contains("override SAMPLES: u32"), "{}", text("one"));
+    assert!(!text("lit").contains("override SAMPLES: u32"), "{}", text("lit"));
+}
+
 #[test]
 fn overrides_are_set() {
     let package = check(
