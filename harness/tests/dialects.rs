@@ -607,6 +607,47 @@ fn karat_toml_says_what_expands_modules() {
     }
 }
 
+/// What a host joins shares its names, and who declares a missing one is told. A name that a module declares is no placeholder.
+#[test]
+fn texts_that_a_host_joins_are_joined() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    write(
+        "light.wgsl",
+        "struct Light { gain: f32 }\nfn lit(x: f32, l: Light) -> f32 { return x * l.gain; }\n",
+    );
+    write("tone.wgsl", "const WHITE = 4.0;\nfn tone(x: f32) -> f32 { return x / WHITE; }\n");
+    write("material.wgsl", "fn shade(x: f32) -> f32 { return tone(lit(x, Light(2.0))); }\n");
+    let package = || Package::open(folder.path()).expect("a folder");
+    let said = error(&package(), "material::shade");
+    assert!(said.contains("material.wgsl:1:34"), "{said}");
+    let note = "`tone` declares `tone`: write `import package::tone::tone;`; or, if your host joins both texts, [join] material = [\"tone\"]";
+    assert!(said.contains(note), "{said}");
+    write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
+    package().function("material::shade").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+    package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
+    let invalid = || package().try_is_valid().expect_err("it is declared wrong").to_string();
+    write("karat.toml", "[join]\nmaterial = [\"light\", \"tones\"]\n");
+    let told = invalid();
+    assert!(
+        told.contains("no module `tones` that `[join]`") && told.contains("did you mean `tone`?"),
+        "{told}"
+    );
+    write("karat.toml", "[join]\nmaterials = [\"light\"]\nmaterial = [\"light\", \"tone\"]\n");
+    assert!(invalid().contains("`[join]` says what `materials` is joined with"), "{}", invalid());
+    write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n[values]\nWHITE = 8.0\n");
+    package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
+    write(
+        "light.wgsl",
+        "struct Light { gain: f32 }\nfn lit(x: f32, l: Light) -> f32 { return x; }\nfn tone() {}\n",
+    );
+    write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
+    let twice = error(&package(), "material::shade");
+    assert!(twice.contains("`tone` is declared in two files that share their names"), "{twice}");
+}
+
 /// A file is included by its path, though a module calls itself by its name.
 #[test]
 fn a_file_is_included_beside_a_module_of_its_name() {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use blake3::Hash;
 
-use super::directives;
+use super::directives::{self, Include};
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
 use super::overlay::{Overlay, read_utf8};
@@ -141,6 +141,11 @@ impl Library {
         Ok(file)
     }
 
+    /// The modules that a host puts into one text with this one.
+    pub(super) fn joined(&self, path: &ModulePath) -> Result<Vec<String>, PackageError> {
+        Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
+    }
+
     /// A module without what its conditions leave out.
     pub(super) fn module(&self, path: &ModulePath) -> Result<Arc<Module>, PackageError> {
         if let Some(module) = self.modules.borrow().get(path) {
@@ -154,7 +159,12 @@ impl Library {
             let elsewhere = self.features(path.package);
             features.retain(|name, _| !own.contains_key(name) || elsewhere.contains_key(name));
         }
-        let module = parsed(&file, features)?;
+        let mut module = parsed(&file, features)?;
+        let joined = self.joined(path)?;
+        if !joined.is_empty() {
+            let joined = joined.into_iter().map(|name| (Include::Joined(name), 0..0));
+            Arc::make_mut(&mut module).includes.extend(joined);
+        }
         self.modules.borrow_mut().insert(path.clone(), Arc::clone(&module));
         Ok(module)
     }
@@ -463,6 +473,21 @@ impl Package {
         }
         let expectations = expectation::package(name);
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
+    }
+
+    /// The modules that declare a name, and the one that a file is.
+    pub(crate) fn declaring(&self, name: &str, file: &str) -> (Vec<String>, Option<String>) {
+        let (mut declaring, mut own) = (Vec::new(), None);
+        let Ok(library) = Library::open(self) else { return (declaring, own) };
+        for path in self.modules().unwrap_or_default() {
+            let Ok(module) = library.module(&ModulePath::root(&path)) else { continue };
+            if module.file.name == file {
+                own = Some(path);
+            } else if module.names().any(|known| known == name) {
+                declaring.push(path);
+            }
+        }
+        (declaring, own)
     }
 
     /// The file of a module, if it has one.

@@ -94,7 +94,7 @@ impl Package {
         let root = ModulePath::root(module);
         let library = Library::open(self)?;
         let file = library.begin(&root)?;
-        if asks_for_nothing(&file.text) {
+        if asks_for_nothing(&file.text) && library.joined(&root)?.is_empty() {
             return Ok(verbatim(&library, &root, &file));
         }
         let parsed = library.module(&root)?;

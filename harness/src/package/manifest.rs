@@ -40,6 +40,8 @@ pub(super) struct Manifest {
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
     preprocess: Vec<String>,
+    /// The modules that the host puts into one text with a module, by that module.
+    join: BTreeMap<String, Vec<String>>,
     /// What is declared not to work on a column of the matrix of translations.
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and hazards that are accepted.
@@ -86,6 +88,8 @@ struct Written {
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
     preprocess: Option<Vec<String>>,
+    #[serde(default)]
+    join: BTreeMap<String, Vec<String>>,
     #[serde(default)]
     matrix: Vec<KnownRows>,
     #[serde(default)]
@@ -153,6 +157,8 @@ pub(crate) struct Declared {
     inputs: Vec<String>,
     /// Values that no module has a place for yet.
     values: Vec<String>,
+    /// Modules that others are joined with, which weren't seen yet.
+    joins: Vec<String>,
     /// Functions whose hazards are accepted: `module::name`, `module::*`.
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
@@ -184,6 +190,7 @@ impl Package {
             file: shown(&read.file),
             inputs: manifest.hazards.inputs.into_keys().collect(),
             values: manifest.values.into_keys().collect(),
+            joins: manifest.join.into_keys().collect(),
             functions: accepted.flat_map(|one| one.functions).collect(),
             rows: manifest.matrix.into_iter().flat_map(|known| known.rows).collect(),
             names: Vec::new(),
@@ -200,6 +207,7 @@ impl Declared {
         linked: &str,
     ) -> Result<(), PackageError> {
         let module = package.parsed(name)?;
+        self.joins.retain(|module| module != name);
         if !self.values.is_empty() {
             let all = self.values.iter().map(|name| (name.clone(), String::new())).collect();
             let text = package.before_values(name)?;
@@ -237,6 +245,10 @@ impl Declared {
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let reason = if let Some(name) = self.values.first() {
             format!("`[values]` says what `{name}` stands for, and no module has this name")
+        } else if let Some(name) = self.joins.first() {
+            format!(
+                "`[join]` says what `{name}` is joined with, and the package has no such module"
+            )
         } else if let Some(name) = self.inputs.first() {
             format!("the input `{name}` is declared, and nothing in the package has this name")
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
@@ -296,6 +308,7 @@ impl Manifest {
             mut features,
             values,
             preprocess,
+            join,
             matrix,
             inputs: written_inputs,
             overrides,
@@ -391,12 +404,18 @@ impl Manifest {
                     set_by_engine,
                     values,
                     preprocess: command.unwrap_or_default(),
+                    join,
                     matrix,
                     hazards,
                     compilers,
                 })
             }
         }
+    }
+
+    /// The modules that a host puts into one text with this one.
+    pub(super) fn joined(&self, module: &str) -> &[String] {
+        self.join.get(module).map_or(&[], |joined| joined)
     }
 
     /// What is declared of the matrix of translations.

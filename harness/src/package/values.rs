@@ -64,6 +64,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
         at.and_then(|at| tokens.get(at)).is_some_and(|token| &text[token.range()] == symbol)
     };
     let mut found = Vec::new();
+    let declared = declared(text, tokens);
     for (at, token) in tokens.iter().enumerate() {
         let Some((name, _)) = values.get_key_value(of(at)) else { continue };
         let mut around = at..at + 1;
@@ -90,6 +91,10 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
+        // What the module declares is that.
+        if is_bare && declared.contains(&**name) {
+            continue;
+        }
         if token.kind == Kind::Word && !(is_bare && is_name(text, tokens, at)) {
             found.push((
                 tokens[around.start].range().start..tokens[around.end - 1].range().end,
@@ -102,6 +107,22 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 
 /// Words that declare the name behind them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
+
+/// The names that a text declares for all of it.
+fn declared<'t>(text: &'t str, tokens: &[Token]) -> BTreeSet<&'t str> {
+    let (mut depth, mut found) = (0_i32, BTreeSet::new());
+    for (at, token) in tokens.iter().enumerate() {
+        match &text[token.range()] {
+            "{" => depth += 1,
+            "}" => depth -= 1,
+            word if depth == 0 && DECLARES.contains(&word) => {
+                found.extend(tokens.get(at + 1).map(|name| &text[name.range()]));
+            }
+            _ => {}
+        }
+    }
+    found
+}
 
 /// True of a word that is a name, and nothing that an engine replaces.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
@@ -186,6 +207,10 @@ mod tests {
                 "switch x { case 64: { y = 64; } case 2, 64: {} }",
             ),
             ("import package::a::{b, N as c};\nf(N)", "import package::a::{b, N as c};\nf(64)"),
+            (
+                "const N = 3;\nfn f() -> u32 { return N + {N}; }",
+                "const N = 3;\nfn f() -> u32 { return N + 64; }",
+            ),
             ("@if(A) f(N); @else g(N);", "@if(A) f(64); @else g(64);"),
             ("#import a::N\nfn f() { g(N); }", "#import a::N\nfn f() { g(64); }"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::message::with_declarers;
 use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
@@ -52,7 +53,8 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
             package.link_items(module, &items)?
         }
     };
-    let mut program = Program::from_linked(linked)?;
+    let program = Program::from_linked(linked);
+    let mut program = program.map_err(|error| with_declarers(package, error))?;
     if let Wanted::Function(path) = wanted {
         if program.discards_and_writes(path) {
             program = Program::from_linked(package.link(path, Discards::Kept)?)?;

@@ -3,9 +3,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::ReflectError;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 use crate::expectation;
-use crate::package::{Linked, Unmet};
+use crate::package::{Linked, Package, Unmet};
 
 /// The innermost cause of an error, then what led to it.
 pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
@@ -51,7 +52,7 @@ pub(super) fn to_author(
         let near = nearest(&name, ATTRIBUTES).map(|near| format!("did you mean `@{near}`?"));
         return near.into_iter().fold(diagnostic, Diagnostic::note);
     }
-    let Some(name) = of_words(&diagnostic, "no definition in scope for identifier") else {
+    let Some(name) = of_words(&diagnostic, UNDECLARED) else {
         return diagnostic;
     };
     if expectation::package("karat").is_some_and(|karat| karat.names.contains(&name)) {
@@ -64,6 +65,28 @@ pub(super) fn to_author(
     }
     let mend = macro_of(&diagnostic, name);
     diagnostic.mended_by(mend)
+}
+
+/// How naga begins to say that nothing declares a name.
+const UNDECLARED: &str = "no definition in scope for identifier";
+
+/// Adds to an error about a name that nothing declares which other modules declare it.
+pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectError {
+    let ReflectError::Invalid(found) = error else { return error };
+    let file = found.location().map_or_else(String::new, |at| at.file.name.clone());
+    let name = of_words(&found, UNDECLARED).unwrap_or_default();
+    let (declaring, own) = package.declaring(&name, &file);
+    let ([first, others @ ..], Some(own)) = (&*declaring, own) else {
+        return ReflectError::Invalid(found);
+    };
+    let also = others.iter().map(|other| format!(", and so does `{other}`")).collect::<String>();
+    let key = if own.contains("::") { format!("{own:?}") } else { own };
+    let note = format!(
+        "`{first}` declares `{name}`{also}: write `import package::{first}::{name};`; or, if your host joins both texts, \
+         [join] {key} = [{first:?}] in karat.toml"
+    );
+    let mend = Some(Mend::Elsewhere(note.clone()));
+    ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))
 }
 
 /// Attributes of functions, parameters and members: WGSL's (12), those of conditions and those of tests.

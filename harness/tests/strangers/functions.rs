@@ -140,9 +140,9 @@ fn overrides_of_several_modules_are_named() {
     let of = |name: &str| {
         package.function("lit::both").with_override(name, 2.0).over(OneOf(vec![1.0_f32]))
     };
-    of("shadow::SAMPLES").agrees_with(|x: f64| glam::DVec2::new(2.0 * x, 16.0 * x), Abs(0.0));
+    of("shadow::SAMPLES").agrees_with(|x: f64| DVec2::new(2.0 * x, 16.0 * x), Abs(0.0));
     let error = of("SAMPLES").unrecorded();
-    let error = error.try_agrees_with(|x: f64| glam::DVec2::splat(x), Abs(0.0));
+    let error = error.try_agrees_with(|x: f64| DVec2::splat(x), Abs(0.0));
     let error = error.expect_err("two are called so").to_string();
     assert!(error.contains("`shadow::SAMPLES` and `occlusion::SAMPLES`"), "{error}");
     package

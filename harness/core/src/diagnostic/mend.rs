@@ -10,6 +10,8 @@ pub enum Mend {
     Condition(String),
     /// `[values]`: a placeholder.
     Value(String),
+    /// An import: another module declares the name. A sentence says which.
+    Elsewhere(String),
     /// `[values]`: a name in capitals that nothing declares, which may be a macro.
     Undeclared(String),
     /// `[values]`: a text that may be empty, as a placeholder on a line of its own, or a macro before brackets.

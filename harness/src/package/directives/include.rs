@@ -9,13 +9,15 @@ pub(in crate::package) enum Include {
     File(String),
     /// By a name: `bbox`.
     Name(String),
+    /// By a module's path, in `[join]` of `karat.toml`: the host puts both into one text.
+    Joined(String),
 }
 
 impl Include {
     /// The name of the module, without folders.
     pub(in crate::package) fn name(&self) -> &str {
         match self {
-            Self::Name(name) => name,
+            Self::Name(name) | Self::Joined(name) => name,
             Self::File(path) => {
                 let file = path.rsplit('/').next().unwrap_or_default();
                 without_extension(file)

@@ -29,12 +29,15 @@ impl Library {
                     let name = include.name();
                     let known = self.package(path.package).modules().unwrap_or_default();
                     let last = known.iter().filter_map(|module| module.rsplit("::").next());
-                    let diagnostic =
-                        Diagnostic::new(format!("there is no module `{name}` to include"));
+                    let why = match include {
+                        Include::Joined(_) => "that `[join]` of karat.toml names",
+                        _ => "to include",
+                    };
+                    let diagnostic = Diagnostic::new(format!("there is no module `{name}` {why}"));
                     let diagnostic = diagnostic.at(span, "");
                     let outside = match include {
                         Include::File(file) => file.split('/').filter(|part| *part == "..").count(),
-                        Include::Name(_) => 0,
+                        Include::Name(_) | Include::Joined(_) => 0,
                     };
                     let diagnostic = if outside >= path.components.len() && outside > 0 {
                         let package = self.name(path.package);
@@ -91,6 +94,11 @@ impl Library {
                     let path = ModulePath { package, components };
                     self.has(&path).then_some(path)
                 })
+            }
+            Include::Joined(name) => {
+                let components = name.split("::").map(str::to_owned).collect();
+                let path = ModulePath { package, components };
+                self.has(&path).then_some(path)
             }
             Include::Name(name) => {
                 let known = self.package(package).modules().unwrap_or_default();

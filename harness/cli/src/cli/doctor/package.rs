@@ -44,6 +44,7 @@ const TEXT: &str = "empty: write what your engine puts there";
 /// Advice where a line needs more than is known here.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
+        Mend::Elsewhere(sentence) => Some(sentence.clone()),
         Mend::Preprocess => Some("name a program that expands it: preprocess = [..]".to_owned()),
         Mend::Dependency(name) => Some(format!(
             "say where it is: [dependencies] {name} = {{ path = \"../{name}\" }}, or {{ crate = \"{name}@1.2.3\" }}"
