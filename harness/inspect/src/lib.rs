@@ -13,7 +13,7 @@
 //!
 //! let package = Package::from_source("m", "fn inverse(x: f32) -> f32 { return 1.0 / x; }");
 //! let found = karat_inspect::hazards(&package).run()?;
-//! assert_eq!(found.found[0].function, "m::inverse");
+//! assert_eq!(found.found[0].function, "inverse");
 //! # Ok::<(), karat_inspect::hazards::HazardError>(())
 //! ```
 //!

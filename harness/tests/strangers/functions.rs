@@ -1,6 +1,6 @@
 //! Functions with pointers, without a result, that write, and that only fragment shaders may call.
 
-use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec4};
+use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec3, Vec4};
 use karat::fixture::Compare;
 use karat::prelude::*;
 use karat::value::Quad;
@@ -223,7 +223,7 @@ fn written_storage_is_a_result_and_starts_anew() {
         },
         Abs(0.0),
     );
-    let line = || Storage::new([glam::Vec3::ZERO, glam::Vec3::ONE]);
+    let line = || Storage::new([Vec3::ZERO, Vec3::ONE]);
     package
         .function("put")
         .with("line", line())
@@ -424,6 +424,49 @@ fn implicit_levels_of_detail() {
         move |uv: Quad<DVec2>, bias: f64| (level(uv) + bias).clamp(0.0, 3.0),
         Abs(0.02),
     );
+}
+
+/// The same of cubes: a step moves on the face that the direction points to, the less the longer the direction is.
+#[test]
+fn implicit_levels_of_detail_of_cubes() {
+    let package = check(
+        "@group(0) @binding(0) var sky: texture_cube<f32>;\n\
+         @group(0) @binding(1) var filtering: sampler;\n\
+         fn f(d: vec3f) -> f32 { return textureSample(sky, filtering, d).x; }\n\
+         fn biased(d: vec3f, bias: f32) -> f32 { return textureSampleBias(sky, filtering, d, bias).x; }\n\
+         fn given(d: vec3f, by: vec3f) -> f32 { return textureSampleGrad(sky, filtering, d, by, by).x; }",
+    );
+    let level = |(size, value): (usize, f32)| vec![[value; 4]; 6 * size * size];
+    let levels = [(8, 0.0), (4, 1.0), (2, 2.0), (1, 3.0)].map(level).to_vec();
+    let probe = |function: &str| {
+        let sky = CubeMap::from_levels(8, levels.clone());
+        package.function(function).with("sky", sky).with("filtering", Sampler::LINEAR)
+    };
+    // Of each face, of a short direction and of a long one, a step of one texel, of two and of four, along either side.
+    let numbers = (0..3_usize).flat_map(|axis| [-0.5_f32, 0.5, 3.0].map(|major| (axis, major)));
+    let all: Vec<[Vec3; 2]> = numbers
+        .flat_map(|(axis, major)| {
+            [1.0_f32, 2.0, 4.0].map(|texels| {
+                let mut at = Vec3::splat(0.125 * major);
+                at[axis] = major;
+                let mut step = Vec3::ZERO;
+                step[(axis + 1) % 3] = 2.0 * major.abs() * texels / 8.0;
+                [at, step]
+            })
+        })
+        .collect();
+    let quads = || OneOf(all.clone()).map(|[value, dx]| Quad { value, dx, dy: Vec3::ZERO });
+    let moved = |at: DVec3, by: DVec3| {
+        let major = at.abs().max_element();
+        (8.0 * 0.5 * by.length() / major).log2()
+    };
+    let of = move |d: Quad<DVec3>| moved(d.value, d.dx);
+    probe("f").over(quads()).agrees_with(of, Abs(0.02));
+    probe("biased")
+        .over((quads(), OneOf(vec![-1.0_f32, 1.0])))
+        .agrees_with(move |d: Quad<DVec3>, bias: f64| (of(d) + bias).clamp(0.0, 3.0), Abs(0.02));
+    let pairs = OneOf(all.clone()).map(|[at, by]| (at, by));
+    probe("given").over(pairs).agrees_with(|at: DVec3, by: DVec3| moved(at, by), Abs(0.02));
 }
 
 /// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.

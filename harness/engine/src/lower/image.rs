@@ -112,20 +112,12 @@ impl<'m> Lower<'m> {
                         floats.push(level);
                         Detail::Exact
                     }
-                    SampleLevel::Gradient { .. } if texture.dimension == ImageDimension::Cube => {
-                        return Err(self.refuse("gradients of a cube texture"));
-                    }
                     SampleLevel::Gradient { x, y } => {
                         floats.extend_from_slice(&self.flat(scope, x)?);
                         floats.extend_from_slice(&self.flat(scope, y)?);
                         Detail::Gradient
                     }
                     SampleLevel::Auto if gather.is_some() => Detail::Zero,
-                    SampleLevel::Auto | SampleLevel::Bias(_)
-                        if texture.dimension == ImageDimension::Cube =>
-                    {
-                        return Err(self.refuse("implicit level of detail of a cube texture"));
-                    }
                     SampleLevel::Auto | SampleLevel::Bias(_) => {
                         // The bias is added to the level, which is a logarithm.
                         let scale = match level {

@@ -23,6 +23,19 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
+/// How far a step of a direction moves on the face that it points to: Vulkan's *Cube Map Derivative Transformation*.
+pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
+    let (face, u, v) = face(at);
+    let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
+    let [x, y, z] = step;
+    let turned = |x: f64| if negative { -x } else { x };
+    let (s, t) = [(-turned(z), -y), (x, turned(z)), (turned(x), -y)][axis];
+    let (major, change) = (at[axis].abs(), turned(step[axis]));
+    // The quotients of both are 2 u - 1 and 2 v - 1.
+    let moved = |own: f64, from: f64| 0.5 * (own - (2.0 * from - 1.0) * change) / major;
+    [moved(s, u), moved(t, v), 0.0]
+}
+
 /// The direction through a point of a face, which may lie beyond its edge.
 pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
@@ -112,6 +125,23 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A step is what finite differences are.
+    #[test]
+    fn steps_are_those_of_the_face() {
+        let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];
+        let others = [[0.2, 0.7, -0.1], [0.2, -0.7, -0.1]];
+        for at in directions.into_iter().chain(others) {
+            for by in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.3, -0.5, 0.7]] {
+                let [_, u, v] = <[f64; 3]>::from(face(at));
+                let moved = [0, 1, 2].map(|k| at[k] + 1e-6 * by[k]);
+                let [_, right, down] = <[f64; 3]>::from(face(moved));
+                let [du, dv, _] = step(at, by);
+                assert!((1e6 * (right - u) - du).abs() < 1e-5, "{at:?} {by:?}");
+                assert!((1e6 * (down - v) - dv).abs() < 1e-5, "{at:?} {by:?}");
+            }
+        }
+    }
 
     #[test]
     fn edges_are_those_of_the_geometry() {

@@ -72,6 +72,13 @@ impl Texture {
     ) -> Mean {
         let mut mean = Mean::of(sampler, reference);
         let on_face = self.on_face(place);
+        let level = match level {
+            Level::Gradient(x, y) if self.dimension == Dimension::Cube => {
+                let [x, y] = [x, y].map(|step| cube::step(place.at, step));
+                Level::Gradient(x, y)
+            }
+            other => other,
+        };
         let (filter, first, share) = self.levels_of(sampler, level);
         let is_bilinear =
             filter == Filter::Linear && mean.compare.is_none() && self.dimensions() == 2;
