@@ -73,17 +73,28 @@ impl Probed {
         path: &str,
         overrides: &BTreeMap<String, f64>,
     ) -> Result<Self, ProbeError> {
-        let linked = Program::of_function(package, path)?;
-        // What the function doesn't reach must be valid, too, but where somebody else wrote it:
-        // modules of crates are whole with some features only.
-        if !package.is_crate() {
-            let module = path.rsplit_once("::").map_or("", |(module, _)| module);
-            crate::reflect::validate(package, module, &linked)?;
-        }
-        let program = linked.overridden(overrides)?;
+        let program = Program::of_function(package, path)?.overridden(overrides)?;
         let function = program.function(path)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })
+    }
+
+    /// The same of a test. An engine takes a module whole, so what the function doesn't reach must be valid, too, but where
+    /// somebody else wrote it: modules of crates are whole with some features only.
+    ///
+    /// # Errors
+    /// Those of [`with_overrides`](Self::with_overrides); and if the module isn't valid.
+    pub fn in_valid(
+        package: &Package,
+        path: &str,
+        overrides: &BTreeMap<String, f64>,
+    ) -> Result<Self, ProbeError> {
+        let probed = Self::with_overrides(package, path, overrides)?;
+        if !package.is_crate() {
+            let module = path.rsplit_once("::").map_or("", |(module, _)| module);
+            crate::reflect::validate(package, module, &Program::of_function(package, path)?)?;
+        }
+        Ok(probed)
     }
 
     /// The same with another source of the arguments.

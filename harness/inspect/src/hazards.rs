@@ -334,8 +334,7 @@ impl Request {
                 Err(error) => skipped.push((module, first_line(&error.to_string()))),
             }
         }
-        let mut unread = skipped.len();
-        let mut invalid = BTreeSet::new();
+        let unread = skipped.len();
         names.retain(|item| wanted(&item.name));
         if names.is_empty() && !self.only.is_empty() {
             let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
@@ -371,13 +370,8 @@ impl Request {
         for (name, seen) in each {
             match seen {
                 Err(why) => {
-                    let module = name.rsplit_once("::").map_or("", |(module, _)| module);
-                    match self.invalid(module, &name) {
-                        Some(why) if invalid.insert(module.to_owned()) => {
-                            skipped.push((module.to_owned(), why));
-                        }
-                        _ => skipped.push((name, why)),
-                    }
+                    let why = self.invalid(&name).unwrap_or(why);
+                    skipped.push((name, why));
                 }
                 Ok(mut seen) => {
                     unseen.inputs += seen.cut;
@@ -388,7 +382,6 @@ impl Request {
                 }
             }
         }
-        unread += invalid.len();
         let (package, functions) = (self.package.name(), looked.len());
         if functions == 0 {
             return Err(HazardError::Nothing { package, skipped });
@@ -502,8 +495,8 @@ impl Request {
     }
 
     /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
-    fn invalid(&self, module: &str, name: &str) -> Option<String> {
-        let own = name.rsplit("::").next().unwrap_or(name);
+    fn invalid(&self, name: &str) -> Option<String> {
+        let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = || Program::of_items(&self.package, module, &[own]);
         match (!is_crate(&self.package)).then(linked)? {
             Err(ReflectError::Invalid(found)) => {

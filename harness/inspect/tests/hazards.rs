@@ -309,6 +309,33 @@ fn each_operation_has_its_own_verdict() {
     assert_eq!(classes, expected);
 }
 
+/// One function that isn't valid leaves those that don't use it, in a matrix, too. A test wants all of its module.
+#[test]
+fn a_function_is_judged_by_what_it_uses() {
+    let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
+        fn twice(x: f32) -> f32 { return 2.0 * x; }
+        fn broken(x: f32) -> f32 { return x.y; }
+        fn uses(x: f32) -> f32 { return broken(x); }";
+    let package = Package::from_source("m", text);
+    let hazards = karat_inspect::hazards(&package).run().expect("some are looked at");
+    assert_eq!((hazards.functions, hazards.unread), (2, 0));
+    let skipped: Vec<_> = hazards.skipped.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(skipped, ["broken", "uses"]);
+    assert!(hazards.skipped[1].1.contains("<m>:3:"), "{:?}", hazards.skipped);
+    assert_eq!(hazards.found[0].function, "inverse");
+    let columns = ["vulkan", "cpu"].map(|name| name.parse().expect("a column"));
+    let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is made");
+    let agrees = |name: &str| {
+        let row = matrix.rows.iter().find(|row| row.name == name).expect("a row");
+        row.cells.iter().all(|cell| cell.status == Some(karat_inspect::matrix::Status::Agrees))
+    };
+    assert!(agrees("twice") && !agrees("broken") && !agrees("uses"));
+    let test = package.function("inverse").over(1.0..=2.0).unrecorded();
+    let error =
+        test.try_agrees_with(|x: f64| 1.0 / x, Ulp(2.5)).expect_err("an engine takes it whole");
+    assert!(error.to_string().contains("invalid field accessor"), "{error}");
+}
+
 /// A module that isn't valid has none of the callers, and its own functions are judged one by one.
 #[test]
 fn modules_that_are_not_valid_may_call() {

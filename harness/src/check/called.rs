@@ -36,7 +36,7 @@ impl Fitting {
         supplied: &[Shape],
         who: &'static str,
     ) -> Result<Self, Failure> {
-        let probed = Probed::with_overrides(package, function, overrides)?;
+        let probed = Probed::in_valid(package, function, overrides)?;
         let mut probed = probed.with_inputs(inputs)?;
         probed.fit(fixtures)?;
         let probed = probed.with_quads_of(supplied);

@@ -110,8 +110,7 @@ impl Plan<'_> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{trend} in {argument}, {}", tolerances.general);
         let asserted = Asserted::new(NAME, text);
-        let probed =
-            Probed::with_overrides(self.probe.package, &self.probe.name, &self.probe.overrides);
+        let probed = Probed::in_valid(self.probe.package, &self.probe.name, &self.probe.overrides);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
             // The session finds the same fault, and records it.

@@ -188,7 +188,7 @@ impl Plan<'_> {
     /// The function, with what it writes in its result.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
-        let mut probed = Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?;
+        let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;
         probed.fit(&probe.fixtures)?;
         Ok(probed.function)
     }
@@ -346,7 +346,7 @@ impl Plan<'_> {
         let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
         let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
         let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
-        let probed = Probed::with_overrides(probe.package, reference, &overrides)?;
+        let probed = Probed::in_valid(probe.package, reference, &overrides)?;
         let drawn = &*demand.arguments;
         let mut probed = probed.with_quads_of(drawn);
         let taken: Vec<Shape> =

@@ -336,7 +336,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let Assertion { test, function, what, folder, .. } = assertion;
     let overrides = test.overrides.iter().map(|(name, value)| (name.clone(), value.number()));
     let overrides: BTreeMap<String, f64> = overrides.collect();
-    let probed = match Probed::with_overrides(package, function, &overrides) {
+    let probed = match Probed::in_valid(package, function, &overrides) {
         Ok(probed) => probed,
         // Invalid WGSL has its own place.
         Err(ProbeError::Reflect(error)) if error.diagnostic().is_some() => {
