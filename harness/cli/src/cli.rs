@@ -189,7 +189,8 @@ enum Command {
                             rejects it;\n2 naga doesn't translate it, or the shader can't be read.")]
     Translate(translate::Args),
     /// Translate every function and entry point, validate, run and compare what naga makes of them
-    #[command(after_help = "Examples:\n  karat matrix\n  karat matrix --crate bevy_pbr@0.20.1\n  \
+    #[command(
+        after_help = "Examples:\n  karat matrix\n  karat matrix my/shaders\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
                             karat matrix --require vulkan:hlsl=executed,vulkan:glsl=agrees\n\
                             A row is `translated` by naga, `valid` for all validators that are here, \
@@ -197,7 +198,8 @@ enum Command {
                             column. Without a validator nothing is valid.\n\
                             Exit codes: 0 nothing is wrong but what karat.toml declares, and what \
                             --require names is reached;\n1 something is, or it isn't; 2 a function \
-                            can't be read, or nothing was judged.")]
+                            can't be read, or nothing was judged."
+    )]
     Matrix(matrix::Args),
     /// Find what can go wrong inside of functions, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
@@ -212,7 +214,7 @@ enum Command {
     Hazards(hazards::Args),
     /// Tell what an edit changed: every function before and after it, with no test written
     #[command(
-        after_help = "Examples:\n  karat compare HEAD\n  karat compare main --only fresnel\n  \
+        after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
                             Arguments come from their types, three in four from where their names say. \
                             Functions whose text is the\nsame but for comments and blanks aren't run; results are \

@@ -18,7 +18,7 @@ use karat_inspect::compare::{
 use super::project::Project;
 use super::search;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Ending, Outcome, PackageArgs, call, write_json};
+use super::{Ending, Outcome, PlaceArgs, call, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -44,12 +44,12 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    package: PackageArgs,
+    place: PlaceArgs,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let packages = project.packages(&args.package)?;
+    let packages = project.packages(&args.place.package())?;
     let paths = karat::path::named("--paths", &args.paths)?;
     ensure!(!paths.is_empty(), "--paths names no path");
     let overrides = call::bind::overrides(&args.overrides)?;
@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             path if path.exists() => Package::open(path)?,
             _ => at_revision(&args.before, &after.root(), folder.path())?,
         };
-        let before = args.package.featured(before);
+        let before = args.place.package.featured(before);
         let request = Request::new(before, after.clone());
         let request =
             overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));

@@ -15,7 +15,7 @@ use karat::unstable::output::counted;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
 use karat::unstable::record::Recorded;
-use karat::unstable::reflect::Stage;
+use karat::unstable::reflect::{Program, Stage};
 use karat::value::Shape;
 
 use super::doctor::profile::unoptimised;
@@ -58,11 +58,22 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut invalid = Vec::new();
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
-    ensure!(valid, "mend these modules first: no test of them can pass");
+    if !valid {
+        writeln!(out, "{DIM}no test of these modules can pass before they are mended{DIM:#}")?;
+    }
     let mut items = callable(&package)?;
     // A fragment or vertex function is called as any other, where there is none.
     items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
-    let passes = entry_points(&package, |stage| stage == Stage::Compute)?;
+    let mut passes = entry_points(&package, |stage| stage == Stage::Compute)?;
+    if !valid {
+        let is_whole = |item: &FunctionItem| {
+            let (module, _) = item.name.rsplit_once("::").unwrap_or_default();
+            Program::of_module(&package, module).is_ok()
+        };
+        items.retain(is_whole);
+        passes.retain(is_whole);
+        ensure!(!items.is_empty() || !passes.is_empty(), "mend these modules first");
+    }
     ensure!(
         !items.is_empty() || !passes.is_empty(),
         "`{}` has no function and no entry point: write one, and run this again",
@@ -87,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
     }
     let good = run_tests(&folder, out)?;
-    if let (false, Some(file)) = (good, &written) {
+    if let (false, true, Some(file)) = (good, valid, &written) {
         writeln!(
             out,
             "\n{BAD}the first test is red{BAD:#}: mend the function, or say in {} what a host gives it",

@@ -18,8 +18,7 @@ use karat_inspect::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, re
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::{
-    Ending, Outcome, PackageArgs, Reported, call, is_in_package, resolved, spare_shaders,
-    write_json,
+    Ending, Outcome, PlaceArgs, Reported, call, is_in_package, resolved, spare_shaders, write_json,
 };
 
 #[derive(clap::Args)]
@@ -66,7 +65,7 @@ pub(super) struct Args {
     #[arg(long, hide = true)]
     journal: Option<PathBuf>,
     #[command(flatten)]
-    package: PackageArgs,
+    place: PlaceArgs,
 }
 
 /// `vulkan:hlsl=executed`
@@ -110,7 +109,7 @@ fn supervise() -> Outcome {
 
 fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let packages = project.packages(&args.package)?;
+    let packages = project.packages(&args.place.package())?;
     expect_outputs(args, &packages)?;
     let records = if args.tests { records(&project)? } else { Vec::new() };
     let mut columns = if args.columns.is_empty() { Column::usual() } else { args.columns.clone() };

@@ -327,7 +327,7 @@ fn nothing_is_written_in_ci_unless_it_may() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// A project for the web gets a script; Tint is required where it is, so that a first run is green.
+/// A project for the web gets a script; Tint is required where the project itself has it, so that a first run is green on each machine.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -341,7 +341,7 @@ fn a_project_for_the_web_gets_a_script() {
     };
     let said = init().good();
     assert!(said.contains("added `npm run test:shaders`"), "{said}");
-    assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
+    assert!(said.contains("package.json hasn't got it: `npm install --save-dev webgpu`"), "{said}");
     let manifest = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     let script = "    \"test:shaders\": \"karat test src/shaders\",\n    \"dev\": \"vite\"\n";
     assert!(manifest.contains(script), "{manifest}");
@@ -349,6 +349,46 @@ fn a_project_for_the_web_gets_a_script() {
     init().good();
     let again = std::fs::read_to_string(folder.path().join("package.json")).expect("there");
     assert_eq!(again, manifest, "once is enough");
+    // It has it, and this machine hasn't.
+    let with = manifest.replacen('{', "{ \"devDependencies\": { \"webgpu\": \"0.3\" },", 1);
+    write(folder.path(), "package.json", &with);
+    let said = init().good();
+    assert!(said.contains("Chrome's compiler isn't asked"), "{said}");
+}
+
+/// A module that isn't valid is told, and the others get their test; `matrix` and `compare` take a folder as others do.
+#[test]
+fn what_is_whole_gets_its_test() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("src/wgsl");
+    write(&shaders, "tone.wgsl", "fn tone(x: f32) -> f32 { return x / (1.0 + abs(x)); }\n");
+    write(&shaders, "use.wgsl", "fn shade(x: f32) -> f32 { return tone(x); }\n");
+    let run = |arguments: &[&str]| {
+        let mut command = command(folder.path(), arguments);
+        output(command.env("KARAT_PATHS", "cpu").env("KARAT_TINT", "off"))
+    };
+    let red = |ran: Ran| {
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        ran.out
+    };
+    let said = red(run(&["init", "src/wgsl"]));
+    for part in [
+        "`tone` declares `tone`: write `import package::tone::tone;`",
+        "no test of these modules can pass before they are mended",
+        "tone.test.toml, a test of `tone::tone`",
+        "1 module isn't valid: use; 1 check passed",
+    ] {
+        assert!(said.contains(part), "no `{part}` in {said}");
+    }
+    assert!(!said.contains("the first test is red"), "{said}");
+    write(&shaders, "karat.toml", "[join]\nuse = [\"tone\"]\n");
+    run(&["check", "src/wgsl"]).good();
+    let matrix = run(&["matrix", "src/wgsl", "--columns", "vulkan,cpu"]).good();
+    assert!(matrix.contains("of 2 rows"), "{matrix}");
+    let before = folder.path().join("before");
+    write(&before, "tone.wgsl", "fn tone(x: f32) -> f32 { return x / (2.0 + abs(x)); }\n");
+    let compared = red(run(&["compare", "before", "src/wgsl"]));
+    assert!(compared.contains("changed") && compared.contains("tone::tone"), "{compared}");
 }
 
 /// Packages of npm hold no module of the project, and for each command the folder with all modules is the package.

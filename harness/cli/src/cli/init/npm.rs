@@ -16,6 +16,9 @@ const SCRIPT: &str = "test:shaders";
 /// The file of npm.
 const FILE: &str = "package.json";
 
+/// The package of npm that brings Tint, as a part of Dawn.
+const TINT: &str = "webgpu";
+
 /// Adds what a project for the web has besides; nothing elsewhere.
 pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let whole = folder.canonicalize()?;
@@ -25,7 +28,7 @@ pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let below = whole.strip_prefix(root).unwrap_or(&whole);
     let below = if below.as_os_str().is_empty() { Path::new(".") } else { below };
     add_script(&root.join(FILE), &shown(below), out)?;
-    ask_for_tint(folder, &whole, out)
+    ask_for_tint(folder, (&whole, &root.join(FILE)), out)
 }
 
 /// Adds the script, where the file has none of its name.
@@ -85,7 +88,11 @@ fn inserted(text: &str, member: &str) -> Option<String> {
 }
 
 /// In a project for the web both compilers are to accept the shaders: a browser that isn't Firefox has Tint.
-fn ask_for_tint(folder: &Path, whole: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
+fn ask_for_tint(
+    folder: &Path,
+    (whole, manifest): (&Path, &Path),
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
     let file = folder.join("karat.toml");
     let known = match std::fs::read_to_string(&file) {
         Ok(text) => text,
@@ -93,6 +100,18 @@ fn ask_for_tint(folder: &Path, whole: &Path, out: &mut dyn Write) -> anyhow::Res
         Err(error) => return Err(error).with_context(|| format!("`{}`", file.display())),
     };
     if known.contains("[compilers]") {
+        return Ok(());
+    }
+    // What this machine has besides, a colleague's may lack.
+    let text = std::fs::read_to_string(manifest).unwrap_or_default();
+    let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
+    let has = |key: &str| manifest[key].get(TINT).is_some();
+    if !["dependencies", "devDependencies", "optionalDependencies"].iter().any(|key| has(key)) {
+        writeln!(
+            out,
+            "{DIM}Chrome's compiler isn't required, as {FILE} hasn't got it: `npm install --save-dev {TINT}`, and run this \
+             again{DIM:#}"
+        )?;
         return Ok(());
     }
     // A package that requires it fails without it, and a first run is green.
