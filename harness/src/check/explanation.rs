@@ -6,6 +6,7 @@ use super::CaseFailure;
 use super::session::{Explained, Session};
 use crate::diagnostic::one_line;
 use crate::executor::Caller;
+use crate::interpret::hazards::first_not_finite;
 use crate::interpret::{Bound, Interpreted};
 use crate::probe::lets;
 use crate::value::{Scalar, format_f32};
@@ -21,8 +22,18 @@ impl Session<'_> {
                     failure.explanation = explanation;
                 }
             }
-            Explained::ByHazards(kinds) => failure.explanation = self.hazards_of(row, kinds),
+            Explained::ByHazards(kinds) => {
+                failure.explanation = self.hazards_of(row, kinds);
+                return;
+            }
         }
+        failure.explanation.extend(self.first_not_finite(row));
+    }
+
+    /// What a NaN in a result, or a number that a bound has made of it, comes from.
+    fn first_not_finite(&self, row: &[u32]) -> Option<(&'static str, String)> {
+        let mut found = self.witness().ok()?.hazards_but(1, row, &|_| true).ok()?;
+        first_not_finite(found.cases.pop()?.iter())
     }
 
     fn explanation(

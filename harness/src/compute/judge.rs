@@ -6,6 +6,7 @@ use std::panic::Location;
 use super::{After, ComputeAgreement, ComputeError, words};
 use crate::dispatch::Passes;
 use crate::executor::Executor;
+use crate::interpret::hazards::first_not_finite;
 use crate::path::Adapter;
 use crate::record::{CaseDetails, Details, PathDetails, PathRecord, Replay, Subject};
 use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
@@ -78,6 +79,8 @@ pub struct Difference {
     pub paths: Vec<PathDifference>,
     /// Paths that agree.
     pub agreeing: Vec<Adapter>,
+    /// Where a value that isn't finite comes from, if an element is one: ``first NaN: `a / b` of 0, 0 (sum.wgsl:4:9)``.
+    pub not_finite: Option<String>,
 }
 
 /// Elements that differ on one path.
@@ -331,6 +334,11 @@ impl After<'_> {
         );
         let differ = |differing: Vec<(Adapter, Outcome)>, agreeing: &[(Adapter, Outcome)]| {
             let entry_points: Vec<&str> = passes.entry_points().collect();
+            let is_bad = |one: &Element| one.actual.contains("NaN") || one.actual.contains("inf");
+            let is_bad = differing.iter().any(|(_, one)| one.sum.shown.iter().any(is_bad));
+            let inside = is_bad.then(|| crate::interpret::passes::hazards(&passes).ok()).flatten();
+            let first = inside.and_then(|all| first_not_finite(all.iter().map(|one| &one.found)));
+            let not_finite = first.map(|(name, text)| format!("{name}: {text}"));
             let paths = differing.into_iter().map(|(adapter, one)| {
                 let Outcome { elements, sum: Sum { failures, shown, .. }, replay } = one;
                 PathDifference { adapter, elements, failures, shown, replay }
@@ -342,6 +350,7 @@ impl After<'_> {
                 location: passes.span().map_or_else(String::new, |span| span.to_string()),
                 paths: paths.collect(),
                 agreeing: agreeing.iter().map(|(adapter, _)| adapter.clone()).collect(),
+                not_finite,
             }))]
         };
         let (agreed, known_issues) = all.verdict(differ)?;
@@ -607,6 +616,9 @@ impl fmt::Display for Difference {
                 }
             }
             writeln!(f, "  replay: {}", path.replay)?;
+        }
+        if let Some(not_finite) = &self.not_finite {
+            writeln!(f, "  {not_finite}")?;
         }
         for adapter in &self.agreeing {
             writeln!(f, "on {adapter}\n  all elements agree")?;

@@ -19,6 +19,19 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
+/// The first operation whose operands are finite and whose value isn't, with its place, under its name in a message.
+pub(crate) fn first_not_finite<'f>(
+    found: impl Iterator<Item = &'f Found>,
+) -> Option<(&'static str, String)> {
+    let is_it = |one: &&Found| matches!(one.kind, Kind::Nan | Kind::Infinite);
+    let first = found.filter(is_it).min_by_key(|one| (one.kind, one.site))?;
+    let name = if first.kind == Kind::Nan { "first NaN" } else { "infinite" };
+    let of: Vec<String> = first.operands.iter().map(|x| crate::value::format_f32(*x)).collect();
+    let of = if of.is_empty() { String::new() } else { format!(" of {}", of.join(", ")) };
+    let text = crate::diagnostic::one_line(&first.text);
+    Some((name, format!("`{text}`{of} ({})", first.span)))
+}
+
 /// A hazard in a case: where it is born, and whether the result shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {

@@ -469,6 +469,28 @@ fn implicit_levels_of_detail_of_cubes() {
     probe("given").over(pairs).agrees_with(|at: DVec3, by: DVec3| moved(at, by), Abs(0.02));
 }
 
+/// A number that isn't finite has a place, also where a bound hides it, and in what passes leave.
+#[test]
+fn what_is_not_finite_has_a_place() {
+    let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\
+        fn outer(v: f32, l: f32) -> f32 { return clamp(g(v, l), -10.0, 10.0) + 1.0; }\n\
+        fn inverse(x: f32) -> f32 { return min(1.0 / x, 8.0); }\n\
+        @group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
+        @compute @workgroup_size(4) fn fill(@builtin(local_invocation_index) i: u32) {\n    \
+        let x = f32(i);\n    data[i] = x / (x * x - x * 2.0);\n}";
+    let package = check(text);
+    let probe = package.function("outer").over((Just(0.0_f32), Just(0.0_f32))).unrecorded();
+    let error = probe.try_stays_within(0.0..=2.0).expect_err("it is 1 and a bound").to_string();
+    assert!(error.contains("first NaN = `(v * l) / (4.0 * v * l)` of 0, 0 (<f>:2:12)"), "{error}");
+    let error = package.function("inverse").over(Just(0.0_f32)).unrecorded();
+    let error = error.try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("it is 8").to_string();
+    assert!(error.contains("infinite = `1.0 / x` of 1, 0 (<f>:5:40)"), "{error}");
+    let passes = package.compute().with("data", Storage::new(vec![0.0_f32; 4]));
+    let passes = passes.dispatch("fill", [1, 1, 1]).after("data").unrecorded();
+    let error = passes.try_agrees_with([0.0_f64; 4], Abs(0.1)).expect_err("0 / 0").to_string();
+    assert!(error.contains("first NaN: `x / (x * x - x * 2.0)` of 0, 0 (<f>:9:15)"), "{error}");
+}
+
 /// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.
 #[test]
 fn loops_that_a_driver_leaves_are_told() {
