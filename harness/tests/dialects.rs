@@ -648,6 +648,36 @@ fn texts_that_a_host_joins_are_joined() {
     assert!(twice.contains("`tone` is declared in two files that share their names"), "{twice}");
 }
 
+/// What Bevy's modules before 0.20 have, and `naga_oil` takes: values without braces, a brace behind a condition's name, no comma
+/// behind a group, and imports of names that aren't there, which nothing uses.
+#[test]
+fn what_naga_oil_takes_is_taken() {
+    let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                #ifdef POINT\nfn only_point(x: f32) -> f32 { return x; }\n#endif\n";
+    let other = "#define_import_path demo::other\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n";
+    let user = "#import demo::{\n    util::{half, only_point}\n    other::{twice}\n}\n\
+                #ifdef FAST {\nfn f(x: f32) -> f32 { return half(x); }\n#else {\n\
+                fn f(x: f32) -> f32 { return twice(x) * f32(#SLICES); }\n#endif\n";
+    let of =
+        |user: &str| Package::from_modules("m", [("util", util), ("other", other), ("user", user)]);
+    let package = of(user);
+    let sliced = || package.feature("SLICES", 4);
+    sliced().function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 8.0 * x, Ulp(0.0));
+    let fast = sliced().feature("FAST", true);
+    fast.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
+    let said = error(&package, "user::f");
+    assert!(said.contains("`SLICES` has no value") && said.contains("user>:8:"), "{said}");
+    let used = of(&user.replace("twice(x) *", "only_point(x) *")).feature("SLICES", 4);
+    let said = error(&used, "user::f");
+    assert!(
+        said.contains("`only_point` is declared under `#ifdef POINT`, which doesn't hold"),
+        "{said}"
+    );
+    let slip = of(&user.replace("half, only_point", "half, only_pint")).feature("SLICES", 4);
+    let said = error(&slip, "user::f");
+    assert!(said.contains("declares no `only_pint`"), "{said}");
+}
+
 /// A file is included by its path, though a module calls itself by its name.
 #[test]
 fn a_file_is_included_beside_a_module_of_its_name() {

@@ -200,6 +200,14 @@ impl Reader<'_> {
         self.done = end;
     }
 
+    /// True of a name in capitals behind a `#`, within a line of a module that has directives of `naga_oil`.
+    fn is_oil(&self, word: &str, first: bool) -> bool {
+        let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
+        let text = self.text();
+        let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
+        !first && is_composed && word.len() > 1 && word.chars().all(is_capital)
+    }
+
     /// Reads what a `#` begins.
     fn mark(&mut self, at: usize) -> Result<(), PackageError> {
         let text = Arc::clone(self.file);
@@ -207,7 +215,7 @@ impl Reader<'_> {
         let line_start = text[..at].rfind(['\n', '\r']).map_or(0, |end| end + 1);
         let first = text[line_start..at].trim().is_empty();
         if text[at + 1..].starts_with('{') {
-            return if self.is_live() { self.value(at) } else { Ok(()) };
+            return if self.is_live() { self.braced(at) } else { Ok(()) };
         }
         let line_end = text[at..].find(['\n', '\r']).map_or(text.len(), |end| at + end);
         let line = without_comment(&text[at + 1..line_end]);
@@ -224,6 +232,10 @@ impl Reader<'_> {
             if KNOWN.contains(&word) {
                 return Err(self.error(whole, "a directive begins its line"));
             }
+            // `naga_oil` takes a value without braces, too.
+            if self.features.contains_key(word) || self.is_oil(word, first) {
+                return self.value(at..at + 1 + word_end, word.to_owned());
+            }
             let shown = &text[at..at + 1 + word_end];
             let mut error = unknown(self.file, whole, &format!("`{shown}`"), "a preprocessor");
             if let (PackageError::Shader(diagnostic), Some(near)) =
@@ -234,7 +246,8 @@ impl Reader<'_> {
             return Err(error);
         }
         self.blank_dead(at);
-        let rest = rest.trim();
+        // `naga_oil` reads no further than the name: some write a brace behind it.
+        let rest = rest.trim().trim_end_matches('{').trim_end();
         match word {
             "ifdef" | "ifndef" | "if" => {
                 let outer = self.is_live();
@@ -359,8 +372,14 @@ impl Reader<'_> {
         // braces. What is between them may stand under conditions of its own.
         let (mut depth, mut end, mut ended) = (0_i32, start, false);
         let first = self.tokens.partition_point(|token| token.range().start < start);
+        let mut closes = false;
         for token in &self.tokens[first..] {
             let range = token.range();
+            // `naga_oil` needs no comma behind a group.
+            if closes && depth > 0 && token.kind == Kind::Word {
+                self.bytes[end] = b',';
+            }
+            closes = token.kind == Kind::Symbol(b'}');
             if ended || depth <= 0 && self.text()[end..range.start].contains(['\n', '\r']) {
                 break;
             }

@@ -60,8 +60,13 @@ pub(super) fn check_more(
     while let Some(path) = queue.pop() {
         let module = library.module(&path)?;
         for import in imports(&module)? {
-            let (Target::Item(reached, _) | Target::Module(reached)) =
-                follow(library, &path, &module, &import)?;
+            let led = match led(library, &path, &module, &import) {
+                // Whoever uses it is told: `naga_oil` looks no further.
+                Err(Problem::Item { condition: Some(_), .. }) => continue,
+                led => led,
+            };
+            let (Target::Item(reached, _) | Target::Module(reached)) = led
+                .map_err(|problem| failed(problem, module.span(import.token), library, &import))?;
             if library.has(&reached) && seen.insert(reached.clone()) {
                 queue.push(reached);
             }
@@ -185,20 +190,27 @@ pub(super) fn follow(
     module: &Module,
     import: &Import,
 ) -> Result<Target, PackageError> {
-    let span = || module.span(import.token);
-    let target = locate(library, path, &import.words).map_err(Problem::Module);
+    let failed = |problem| failed(problem, module.span(import.token), library, import);
+    led(library, path, module, import).map_err(failed)
+}
+
+fn led(
+    library: &Library,
+    path: &ModulePath,
+    module: &Module,
+    import: &Import,
+) -> Result<Target, Problem> {
     // The modules that were asked, and the names that they were asked for.
     let mut chain: Vec<(ModulePath, String)> = vec![(path.clone(), import.alias.clone())];
-    let mut target = target.map_err(|problem| failed(problem, span(), library, import))?;
+    let mut target = locate(library, path, &import.words).map_err(Problem::Module)?;
     loop {
         let Target::Item(owner, name) = &target else { return Ok(target) };
         let step = (owner.clone(), name.clone());
         if chain.contains(&step) {
-            return Err(cycle(library, &chain, &step, span()));
+            let span = module.span(import.token);
+            return Err(Problem::Module(cycle(library, &chain, &step, span)));
         }
-        let next = declared_or_imported(library, owner, name)
-            .map_err(|problem| failed(problem, span(), library, import))?;
-        match next {
+        match declared_or_imported(library, owner, name)? {
             None => return Ok(target),
             Some(again) => {
                 chain.push(step);

@@ -131,10 +131,11 @@ impl Spliced {
                 let author = author.ok_or_else(|| fault("an edit isn't in the file", here()))?;
                 let now = self.text.get(placed.clone()).unwrap_or_default();
                 let sound = match &edit.name {
-                    // `#{NAME}` of a value.
-                    Some(value) if author.starts_with("#{") => {
+                    // `#{NAME}` or `#NAME` of a value.
+                    Some(value) if author.starts_with('#') => {
                         now == value
-                            && author.ends_with('}')
+                            && (author.starts_with("#{") && author.ends_with('}')
+                                || is_name(&author[1..]))
                             && value
                                 .bytes()
                                 .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')

@@ -86,6 +86,15 @@ pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
             ("@", "if" | "elif", "(") => (index + 2, &[")"]),
             ("#", "{", _) => (index + 1, &["}"]),
             ("#", "if" | "ifdef" | "ifndef" | "else", _) => (index + 1, &[]),
+            // `#NAME`
+            ("#", name, _)
+                if name
+                    .bytes()
+                    .all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_') =>
+            {
+                found.insert(name.to_owned());
+                continue;
+            }
             // `constants::NAME`, `import constants::{A, B};`
             (CONSTANTS, ":", ":") if word(index + 3) == "{" => (index + 3, &["}"]),
             (CONSTANTS, ":", ":") => {

@@ -11,17 +11,22 @@ use crate::package::feature::{Feature, is_on};
 
 impl Reader<'_> {
     /// `#{NAME}`: the value of a feature.
-    pub(super) fn value(&mut self, at: usize) -> Result<(), PackageError> {
+    pub(super) fn braced(&mut self, at: usize) -> Result<(), PackageError> {
         let rest = &self.text()[at..];
         let Some(length) = rest.find('}') else {
             return Err(self.error(at..at + 2, "`#{` has no `}`"));
         };
-        let (range, name) = (at..at + length + 1, rest[2..length].trim().to_owned());
+        let name = rest[2..length].trim().to_owned();
+        self.value(at..at + length + 1, name)
+    }
+
+    /// The value of a feature, in place of a range.
+    pub(super) fn value(&mut self, range: Range<usize>, name: String) -> Result<(), PackageError> {
         let Some(value) = self.features.get(&name).copied() else {
             return Err(self.no_value(&name, range));
         };
         let value = value.to_string();
-        let (before, after) = (&self.text()[..at], &self.text()[range.end..]);
+        let (before, after) = (&self.text()[..range.start], &self.text()[range.end..]);
         let is_part = |c: char| c.is_alphanumeric() || c == '_';
         // `#{COUNT}u` is a number with its suffix.
         let suffix = after.chars().take_while(|c| is_part(*c)).count();
