@@ -20,7 +20,7 @@ mod texture;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
 pub use error::FixtureError;
-pub(crate) use given::{check_used, resolve};
+pub(crate) use given::{check_used, expect_apart, resolve};
 pub(crate) use level::Level;
 pub(crate) use member::with_members;
 pub use sampler::{Address, Compare, Filter, Sampler};

@@ -75,6 +75,7 @@ impl Probed {
     ) -> Result<Self, ProbeError> {
         let program = Program::of_function(package, path)?.overridden(overrides)?;
         let function = program.function(path)?;
+        fixture::expect_apart(&function.bindings)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })
     }

@@ -632,11 +632,12 @@ fn texts_that_a_host_joins_are_joined() {
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tones\"]\n");
     let told = invalid();
     assert!(
-        told.contains("no module `tones` that `[join]`") && told.contains("did you mean `tone`?"),
+        told.contains("`[join]` names `tones`") && told.contains("did you mean `tone`?"),
         "{told}"
     );
     write("karat.toml", "[join]\nmaterials = [\"light\"]\nmaterial = [\"light\", \"tone\"]\n");
-    assert!(invalid().contains("`[join]` says what `materials` is joined with"), "{}", invalid());
+    assert!(invalid().contains("`[join]` names `materials`"), "{}", invalid());
+    assert!(invalid().contains("karat.toml:2:1)"), "{}", invalid());
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n[values]\nWHITE = 8.0\n");
     package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
     write(

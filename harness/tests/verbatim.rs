@@ -1,6 +1,7 @@
 //! What runs is what was written: linked text against the author's bytes, and Karat's verdict on a
 //! file against naga's.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use karat::Package;
@@ -519,11 +520,12 @@ fn what_no_test_reaches_is_validated() {
     let good = "fn f(x: f32) -> f32 { return x; }\n";
     let entry = "@fragment fn main() -> @location(0) vec4f { return colr; }\n";
     let package = Package::from_modules("s", [("m", format!("{good}{entry}")), ("n", good.into())]);
-    let error = Probed::new(&package, "m::f").expect_err("its module isn't valid").to_string();
+    let in_valid = |path: &str| Probed::in_valid(&package, path, &BTreeMap::new());
+    let error = in_valid("m::f").expect_err("its module isn't valid").to_string();
     assert!(error.contains("`colr`") && error.contains("<m>:2:"), "{error}");
     let error = package.try_is_valid().expect_err("a module isn't valid").to_string();
     assert!(error.contains("1 of 2 modules") && error.contains("<m>:2:"), "{error}");
-    assert!(Probed::new(&package, "n::f").is_ok(), "its own module is valid");
+    assert!(in_valid("n::f").is_ok(), "its own module is valid");
 
     let broken = Package::from_modules("s", [("m", good), ("n", "fn g( { }")]);
     let error = broken.try_is_valid().expect_err("a module doesn't parse").to_string();
@@ -641,10 +643,10 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let error = Probed::new(&package, "n::a::f").expect_err("above the root").to_string();
     assert!(error.contains("`super` leads above the root of package `s`"), "{error}");
     let package = Package::from_source("s", "fn f() -> f32 { return 1.0; } // a\0b");
-    let error = Probed::new(&package, "f").expect_err("no WGSL").to_string();
+    let error = package.try_is_valid().expect_err("no WGSL").to_string();
     assert!(error.contains("null character") && error.contains("<s>:1:35"), "{error}");
     let package = Package::from_source("s", "fn f() -> f32 { return 1.0; }\nenable f16;");
-    let error = Probed::new(&package, "f").expect_err("a directive behind").to_string();
+    let error = package.try_is_valid().expect_err("a directive behind").to_string();
     assert!(error.contains("<s>:2:1"), "{error}");
 }
 

@@ -68,7 +68,7 @@ fn a_fixture_that_another_one_hides() {
         let error = frame("moved").render(path).expect_err("one draw, one binding").to_string();
         assert_eq!(
             error,
-            "`near` and `far` are both @group(0) @binding(0), and one draw can bind only one of \
+            "`near` and `far` are both @group(0) @binding(0), and a shader can use only one of \
              them: give one another number"
         );
     }

@@ -10,14 +10,12 @@ pub enum Kind {
     /// It isn't a number.
     Nan,
     /// An index leaves its array.
-    #[serde(alias = "outside")]
     OutOfRange,
     /// An index is one of its array because a sum or a product wraps around.
     Wrapped,
     /// A difference without a sign goes below 0, and becomes a float.
     BelowZero,
     /// Nothing orders two accesses of an element.
-    #[serde(alias = "read_write", alias = "write_write")]
     Race,
     /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
     /// derivative.

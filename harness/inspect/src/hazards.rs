@@ -173,6 +173,8 @@ pub struct Hazards {
     pub skipped: Vec<(String, String)>,
     /// Modules that can't be read, whose functions are unknown.
     pub unread: usize,
+    /// Functions that aren't valid WGSL, or use what isn't.
+    pub invalid: usize,
     /// Faults and requirements, faults first and the worst kind first; one a line and kind.
     pub found: Vec<Hazard>,
     /// Findings that callers meet or don't reach, and those that are dropped.
@@ -334,7 +336,7 @@ impl Request {
                 Err(error) => skipped.push((module, first_line(&error.to_string()))),
             }
         }
-        let unread = skipped.len();
+        let (unread, mut invalid) = (skipped.len(), 0);
         names.retain(|item| wanted(&item.name));
         if names.is_empty() && !self.only.is_empty() {
             let only = self.only.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
@@ -370,8 +372,9 @@ impl Request {
         for (name, seen) in each {
             match seen {
                 Err(why) => {
-                    let why = self.invalid(&name).unwrap_or(why);
-                    skipped.push((name, why));
+                    let not_valid = self.invalid(&name);
+                    invalid += usize::from(not_valid.is_some());
+                    skipped.push((name, not_valid.unwrap_or(why)));
                 }
                 Ok(mut seen) => {
                     unseen.inputs += seen.cut;
@@ -446,6 +449,7 @@ impl Request {
             functions,
             skipped,
             unread,
+            invalid,
             found,
             others,
             needless,

@@ -319,7 +319,7 @@ fn a_function_is_judged_by_what_it_uses() {
         fn uses(x: f32) -> f32 { return broken(x); }";
     let package = Package::from_source("m", text);
     let hazards = karat_inspect::hazards(&package).run().expect("some are looked at");
-    assert_eq!((hazards.functions, hazards.unread), (2, 0));
+    assert_eq!((hazards.functions, hazards.unread, hazards.invalid), (2, 0, 2));
     let skipped: Vec<_> = hazards.skipped.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(skipped, ["broken", "uses"]);
     assert!(hazards.skipped[1].1.contains("<m>:3:"), "{:?}", hazards.skipped);
@@ -1558,7 +1558,7 @@ fn what_hosts_give_is_declared() {
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
-        ("[inputs]\nk = \"unit vector\"", "line 2: the input `k` is a number"),
+        ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
         ("[overrides]\nSIZE = \"4\"", "the override `SIZE` is a number or a bool"),
     ] {

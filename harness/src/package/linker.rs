@@ -332,14 +332,16 @@ impl<'a> Linker<'a> {
             let mut parts = self.parts.values();
             self.free.contains(name) || parts.any(|part| part.module.words.contains(name))
         };
+        let captured = self.captured(items);
         let mut given: BTreeSet<String> = BTreeSet::new();
         let mut names = BTreeMap::new();
-        for (path, index) in items {
+        for one @ (path, index) in items {
             let Some(item) = &self.parts[path].module.declarations[*index].name else { continue };
-            let keeps = (*path == self.root || self.is_of_host(path, *index, item))
+            let key = (path.clone(), item.clone());
+            let is_own = *path == self.root && !captured.contains(&key);
+            let keeps = (is_own || self.is_of_host(one, item, items))
                 && !self.free.contains(item)
                 && !item.starts_with(KERNEL_PREFIX);
-            let key = (path.clone(), item.clone());
             if keeps || names.contains_key(&key) {
                 continue;
             }
@@ -364,16 +366,50 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// True of an override that a host can set by its name: no other module has that word, but to import it.
-    fn is_of_host(&self, path: &ModulePath, index: usize, item: &str) -> bool {
+    /// True of an override that a host can set by its name: in all that is linked each word that is like it means it. A local of
+    /// that name would take its place.
+    fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
+        let (path, index) = one;
         let module = &self.parts[path].module;
-        let before = module.declarations[index].name_token.checked_sub(1);
-        let imports = |part: &Part| part.imports.iter().any(|import| import.alias == item);
-        let is_free = |(other, part): (&ModulePath, &Part)| {
-            other == path || !part.module.words.contains(item) || imports(part)
+        let before = module.declarations[*index].name_token.checked_sub(1);
+        before.is_some_and(|at| module.text(at) == "override")
+            && items.iter().all(|owner| !self.has_another(owner, one, item))
+    }
+
+    /// True if a declaration has a word that is like a name, and doesn't mean it.
+    fn has_another(&self, (owner, index): &Item, (path, of): &Item, item: &str) -> bool {
+        let name_token = self.parts[path].module.declarations[*of].name_token;
+        let means_it = |token: usize| {
+            let uses = self.uses.get(owner).and_then(|uses| uses.get(&(token, token + 1)));
+            owner == path && token == name_token
+                || uses.is_some_and(|(to, name)| to == path && name == item)
         };
-        before.is_some_and(|token| module.text(token) == "override")
-            && self.parts.iter().all(is_free)
+        let module = &self.parts[owner].module;
+        let mut tokens = module.declarations[*index].tokens.clone();
+        tokens.any(|token| module.text(token) == item && !means_it(token))
+    }
+
+    /// The names that a path or an alias leads to in a declaration that has another word like them, as a parameter is: it
+    /// would take their place.
+    fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
+        let mut captured = BTreeSet::new();
+        for owner @ (path, index) in items {
+            let module = &self.parts[path].module;
+            let Range { start, end } = module.declarations[*index].tokens;
+            let uses = self.uses.get(path).into_iter();
+            for ((from, to), target) in uses.flat_map(|uses| uses.range((start, 0)..(end, 0))) {
+                if to - from == 1 && module.text(*from) == target.1 {
+                    continue;
+                }
+                let mut declared = self.parts[&target.0].module.declared(&target.1);
+                if declared
+                    .any(|index| self.has_another(owner, &(target.0.clone(), index), &target.1))
+                {
+                    captured.insert(target.clone());
+                }
+            }
+        }
+        captured
     }
 
     /// The edits of names among some tokens of a module.

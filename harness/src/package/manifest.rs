@@ -153,12 +153,11 @@ impl Package {
 #[derive(Debug)]
 pub(crate) struct Declared {
     file: String,
+    text: String,
     /// Paths of inputs that weren't seen yet: `alpha`, `params.groups`.
     inputs: Vec<String>,
     /// Values that no module has a place for yet.
     values: Vec<String>,
-    /// Modules that others are joined with, which weren't seen yet.
-    joins: Vec<String>,
     /// Functions whose hazards are accepted: `module::name`, `module::*`.
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
@@ -186,11 +185,13 @@ impl Package {
             };
         };
         let accepted = manifest.hazards.accepted.into_iter();
+        let text = self.unsaved_text(&read.file).map(|text| text.to_string());
+        let text = text.or_else(|| std::fs::read_to_string(&read.file).ok()).unwrap_or_default();
         Ok(Some(Declared {
+            text,
             file: shown(&read.file),
             inputs: manifest.hazards.inputs.into_keys().collect(),
             values: manifest.values.into_keys().collect(),
-            joins: manifest.join.into_keys().collect(),
             functions: accepted.flat_map(|one| one.functions).collect(),
             rows: manifest.matrix.into_iter().flat_map(|known| known.rows).collect(),
             names: Vec::new(),
@@ -207,7 +208,6 @@ impl Declared {
         linked: &str,
     ) -> Result<(), PackageError> {
         let module = package.parsed(name)?;
-        self.joins.retain(|module| module != name);
         if !self.values.is_empty() {
             let all = self.values.iter().map(|name| (name.clone(), String::new())).collect();
             let text = package.before_values(name)?;
@@ -243,23 +243,47 @@ impl Declared {
             None => !self.names.contains(name),
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
-        let reason = if let Some(name) = self.values.first() {
-            format!("`[values]` says what `{name}` stands for, and no module has this name")
-        } else if let Some(name) = self.joins.first() {
-            format!(
-                "`[join]` says what `{name}` is joined with, and the package has no such module"
-            )
+        let (keys, reason) = if let Some(name) = self.values.first() {
+            let what = "stands for, and no module has this name";
+            (["values", name], format!("`[values]` says what `{name}` {what}"))
         } else if let Some(name) = self.inputs.first() {
-            format!("the input `{name}` is declared, and nothing in the package has this name")
+            let what = "is declared, and nothing in the package has this name";
+            (["inputs", name], format!("the input `{name}` {what}"))
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            format!("something is declared of `{name}`, and the package has no such function{near}")
+            let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
+            let what = "and the package has no such function";
+            ([of, name], format!("something is declared of `{name}`, {what}{near}"))
         } else {
             return Ok(());
         };
-        Err(PackageError::Manifest { file: self.file, reason })
+        let place = placed(&self.file, &self.text, &keys);
+        Err(PackageError::Manifest { file: self.file, reason: reason + &place })
     }
+}
+
+/// The place of a key below a section, or of a name in its text, behind a message: ` (karat.toml:5:1)`.
+fn placed(file: &str, text: &str, keys: &[&str]) -> String {
+    let Ok(table) = toml::de::DeTable::parse(text) else { return String::new() };
+    let [section, names @ ..] = keys else { return String::new() };
+    let Some((key, value)) = table.get_ref().get_key_value(*section) else { return String::new() };
+    let below = names.first().and_then(|name| {
+        let inner = value.get_ref().as_table();
+        let inner = inner.and_then(|inner| inner.get_key_value(*name));
+        // A name in a list of functions, or a path whose members stand in a table: `params.x`.
+        let below = &text[key.span().start..];
+        let named = |name: &str| Some(key.span().start + below.find(name)?);
+        let quoted = || named(&format!("\"{name}\""));
+        let head = || name.split('.').next().and_then(named);
+        let own = inner.map(|(key, _)| key.span().start);
+        own.or_else(quoted).or_else(|| named(name)).or_else(head)
+    });
+    let at = below.unwrap_or(key.span().start);
+    let before = &text[..at];
+    let start = before.rfind('\n').map_or(0, |end| end + 1);
+    let column = text[start..at].chars().count() + 1;
+    format!(" ({file}:{}:{column})", before.matches('\n').count() + 1)
 }
 
 /// What a program may print of one module: far more than any has.
@@ -302,6 +326,8 @@ impl Manifest {
 
     fn parsed(package: &Package, file: &Path, text: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Manifest { file: shown(file), reason };
+        let told =
+            |keys: &[&str], reason: String| error(reason + &placed(&shown(file), text, keys));
         let written = toml::from_str(text);
         let Written {
             dependencies,
@@ -320,52 +346,72 @@ impl Manifest {
         let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {
             if TAKEN.contains(&&**name) {
-                return Err(error(format!("no dependency can be called `{name}`")));
+                let reason = format!("no dependency can be called `{name}`");
+                return Err(told(&["dependencies", name], reason));
             }
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
-                return Err(error(format!(
+                let reason = format!(
                     "the dependency `{name}` is {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
                      without `root`"
-                )));
+                );
+                return Err(told(&["dependencies", name], reason));
             }
         }
         let set_by_engine = match features.remove("set_by_engine") {
             None => BTreeSet::new(),
             Some(names) => names.try_into().map_err(|_| {
-                error("`set_by_engine` lists names of features: [\"FAST\"]".to_owned())
+                let reason = "`set_by_engine` lists names of features: [\"FAST\"]".to_owned();
+                told(&["features", "set_by_engine"], reason)
             })?,
         };
-        let value = |(name, own): (String, toml::Value)| Ok((values::value(&name, &own)?, name));
-        let values = values.into_iter().map(value).map(|read| read.map(|(own, name)| (name, own)));
-        let values = values.collect::<Result<_, String>>().map_err(error)?;
+        let value = |(name, own): (String, toml::Value)| {
+            let value = values::value(&name, &own);
+            let value = value.map_err(|reason| told(&["values", &name], reason))?;
+            Ok((name, value))
+        };
+        let values = values.into_iter().map(value).collect::<Result<_, _>>()?;
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
-            toml::Value::Array(_) => Err(error(format!(
-                "feature `{name}` is no list; `set_by_engine` lists those that the engine sets"
-            ))),
-            _ => Err(error(format!("feature `{name}` is a whole number, `true` or `false`"))),
+            toml::Value::Array(_) => {
+                let what = "is no list; `set_by_engine` lists those that the engine sets";
+                Err(told(&["features", &name], format!("feature `{name}` {what}")))
+            }
+            _ => {
+                let what = "is a whole number, `true` or `false`";
+                Err(told(&["features", &name], format!("feature `{name}` {what}")))
+            }
         };
         let features = features.into_iter().map(feature).collect::<Result<_, _>>()?;
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
                 let reason = format!("a `[[matrix]]` names no {name}, so it declares nothing");
-                return Err(error(reason));
+                return Err(told(&["matrix"], reason));
             }
         }
         for accepted in &hazards {
             if accepted.functions.is_empty() || accepted.reason.trim().is_empty() {
                 let reason = "a `[[hazard]]` names functions, and a reason why it is accepted";
-                return Err(error(reason.to_owned()));
+                return Err(told(&["hazard"], reason.to_owned()));
             }
+        }
+        let is_folder = matches!(package.origin, Origin::Folder { .. });
+        let modules = if is_folder && !join.is_empty() { package.modules()? } else { Vec::new() };
+        let is_unknown = |name: &&String| is_folder && !modules.contains(name);
+        let named = join.iter().flat_map(|(module, others)| [module].into_iter().chain(others));
+        let unknown = { named }.find(is_unknown);
+        if let Some(name) = unknown {
+            let near = nearest(name, modules.iter().map(String::as_str));
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            let reason =
+                format!("`[join]` names `{name}`, and the package has no such module{near}");
+            return Err(told(&["join", name], reason));
         }
         let mut declared = BTreeMap::new();
         for (name, value) in &written_inputs {
-            // With its line, as there may be many.
-            let place = || text[..name.span().start].matches('\n').count() + 1;
-            let told = |why: String| error(format!("line {}: {why}", place()));
+            let told = |why: String| told(&["inputs", name.get_ref()], why);
             declared.extend(inputs::flat(name.get_ref(), value).map_err(told)?);
         }
         let value = |(name, value): (String, toml::Value)| match &value {
@@ -374,11 +420,14 @@ impl Manifest {
                 #[expect(clippy::cast_precision_loss, reason = "no override has 54 bits")]
                 let whole = || value.as_integer().map(|one| one as f64);
                 let number = value.as_float().or_else(whole).filter(|x| x.is_finite());
-                Ok((name, number.ok_or_else(|| error("an override is finite".to_owned()))?))
+                let wrong = || told(&["overrides", &name], "an override is finite".to_owned());
+                Ok((name.clone(), number.ok_or_else(wrong)?))
             }
-            _ => Err(error(format!(
-                "the override `{name}` is a number or a bool, and this is {value}"
-            ))),
+            _ => {
+                let reason =
+                    format!("the override `{name}` is a number or a bool, and this is {value}");
+                Err(told(&["overrides", &name], reason))
+            }
         };
         let overrides = overrides.into_iter().map(value).collect::<Result<_, _>>()?;
         let hazards = Hazards { inputs: declared, overrides, accepted: hazards };
@@ -393,7 +442,7 @@ impl Manifest {
         };
         match preprocess {
             Some(command) if command.is_empty() => {
-                Err(error("`preprocess` names no program".to_owned()))
+                Err(told(&["preprocess"], "`preprocess` names no program".to_owned()))
             }
             command => {
                 let read = Some(FileRead::of(file, text.as_bytes()));

@@ -108,20 +108,39 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 /// Words that declare the name behind them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The names that a text declares for all of it.
+/// The names that a text declares anywhere, or imports: they mean that.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> BTreeSet<&'t str> {
-    let (mut depth, mut found) = (0_i32, BTreeSet::new());
-    for (at, token) in tokens.iter().enumerate() {
-        match &text[token.range()] {
-            "{" => depth += 1,
-            "}" => depth -= 1,
-            word if depth == 0 && DECLARES.contains(&word) => {
-                found.extend(tokens.get(at + 1).map(|name| &text[name.range()]));
-            }
-            _ => {}
+    let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
+    let mut found = BTreeSet::new();
+    let mut imports = false;
+    for at in 0..tokens.len() {
+        let (before, behind) = (at.checked_sub(1).map_or("", of), of(at + 1));
+        imports = (imports || of(at) == "import") && of(at) != ";";
+        let is_imported = imports && matches!(behind, "," | "}" | ";");
+        let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
+        // A parameter, and no member of a structure, which has another name before it.
+        let is_parameter =
+            matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
+        if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {
+            found.insert(of(at));
         }
     }
     found
+}
+
+/// True between the braces of a structure, or of a `case`.
+fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
+    let mut depth = 0;
+    for token in tokens[..at].iter().rev() {
+        match &text[token.range()] {
+            ")" => depth += 1,
+            "(" if depth == 0 => return false,
+            "(" => depth -= 1,
+            "{" | "}" | ";" => return true,
+            _ => {}
+        }
+    }
+    true
 }
 
 /// True of a word that is a name, and nothing that an engine replaces.
@@ -158,7 +177,8 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
         };
         is_condition && ends().is_some() || of(one) == "import"
     });
-    matches!(before, "." | "@") || is_directive || is_declared || is_member || is_asked
+    let is_path = before == ":" && at > 1 && of(at - 2) == ":";
+    matches!(before, "." | "@") || is_path || is_directive || is_declared || is_member || is_asked
 }
 
 /// True within the selectors of a `case`.
@@ -212,7 +232,13 @@ mod tests {
                 "const N = 3;\nfn f() -> u32 { return N + 64; }",
             ),
             ("@if(A) f(N); @else g(N);", "@if(A) f(64); @else g(64);"),
-            ("#import a::N\nfn f() { g(N); }", "#import a::N\nfn f() { g(64); }"),
+            ("import a::N;\nfn f() { g(N); a::N(N); }", "import a::N;\nfn f() { g(N); a::N(N); }"),
+            ("fn f(N: f32) { N; }\nfn g() { N + {N}; }", "fn f(N: f32) { N; }\nfn g() { N + 64; }"),
+            (
+                "fn f() { for (var N = 0; N < 3; N++) {} }",
+                "fn f() { for (var N = 0; N < 3; N++) {} }",
+            ),
+            ("const a = b::N + N;", "const a = b::N + 64;"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
         ] {
             assert_eq!(substituted(text, &values), expected);

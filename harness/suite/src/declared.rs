@@ -80,6 +80,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -227,7 +228,7 @@ impl TryFrom<Value> for NoHazards {
 
 /// A number, or `true` and `false`.
 #[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "an override's value is a number, `true` or `false`, without quotes")]
 pub(crate) enum OverrideValue {
     Number(f64),
     Switch(bool),
@@ -525,29 +526,31 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnosti
     let unread = |error: &dyn fmt::Display| of_whole(file, format!("can't read `{name}`: {error}"));
     let bytes = read_file(file).map_err(|error| unread(&error))?;
     let text = String::from_utf8(bytes).map_err(|error| unread(&error))?;
+    // Windows' editors write a mark of order first.
+    let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile { name, text });
-    let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
+    let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let (mut text, mut wrong) = (source.text.clone(), Vec::new());
     let parsed: File = loop {
         let error = match toml::from_str(&text) {
             Ok(parsed) => break parsed,
             Err(error) => error,
         };
-        let range = error.span().unwrap_or(0..0);
-        let message = match error.message() {
+        let Some((table, range, message)) = at_fault(&text) else {
+            let range = error.span().unwrap_or(0..0);
+            return Err(Diagnostic::new(error.message()).at(at(range), ""));
+        };
+        let message = match &*message {
             "invalid type: map, expected a sequence" => {
                 "a test begins with double brackets: [[test]], [[frame]] or [[compute]]".to_owned()
             }
             message => with_nearest(message),
         };
-        let found = Diagnostic::new(message).at(at(range.clone()), "");
+        wrong.push(Diagnostic::new(message).at(at(range), ""));
         // The others are read without it.
-        let is_syntax = DeTable::parse(&text).is_err();
-        let Some(table) = table_around(&text, range.start, is_syntax) else { return Err(found) };
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);
-        wrong.push(found);
     };
     if parsed.tests.is_empty()
         && parsed.frames.is_empty()
@@ -636,22 +639,32 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnosti
 /// The tables that are tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
-/// The table of a test that an error is in, with those below it. What isn't closed is seen where the next table begins.
-fn table_around(text: &str, at: usize, is_syntax: bool) -> Option<std::ops::Range<usize>> {
+/// The tables of a file, each with those below it, after what stands before the first.
+fn blocks(text: &str) -> Vec<ops::Range<usize>> {
+    // A header of a table that is below none of these: `[compute.after.keys]` is part of a test.
     let begins = |line: &str| {
-        let inner = line.trim_start().strip_prefix("[[").and_then(|line| line.split_once("]]"));
-        inner.is_some_and(|(name, _)| TABLES.contains(&name.trim()))
+        let inner = line.trim_start().strip_prefix('[').map(|line| line.trim_start_matches('['));
+        let name = inner.map(|line| line.split([']', '#', '\n']).next().unwrap_or_default().trim());
+        let is_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
+        name.is_some_and(|name| name.starts_with(char::is_alphabetic) && name.chars().all(is_word))
     };
-    let mut start = 0;
-    let lines = text.split_inclusive('\n').map(|line| {
+    let (mut start, mut heads) = (0, vec![0]);
+    for line in text.split_inclusive('\n') {
+        heads.extend(begins(line).then_some(start));
         start += line.len();
-        (start - line.len(), line)
-    });
-    let heads: Vec<usize> =
-        lines.filter(|(_, line)| begins(line)).map(|(start, _)| start).collect();
-    let next = heads.partition_point(|head| *head < at || *head == at && !is_syntax);
-    let begin = heads[..next].last()?;
-    Some(*begin..heads.get(next).copied().unwrap_or(text.len()))
+    }
+    heads.push(text.len());
+    heads.windows(2).map(|pair| pair[0]..pair[1]).filter(|one| !one.is_empty()).collect()
+}
+
+/// The first table that can't be read alone, where in the text, and why. What isn't closed is seen where it ends.
+fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)> {
+    blocks(text).into_iter().find_map(|block| {
+        let error = toml::from_str::<File>(&text[block.clone()]).err()?;
+        let range = error.span().unwrap_or(0..0);
+        let range = block.start + range.start..block.start + range.end;
+        Some((block, range, error.message().to_owned()))
+    })
 }
 
 /// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
@@ -868,7 +881,7 @@ mod tests {
             ("throughh = 3", 6),
             ("finite = 3", 6),
             ("finite = true\ntolerance = \"exact\"", 7),
-            ("in_range = [0, 2", 7),
+            ("in_range = [0, 2", 6),
             ("name = \"n\"", 4),
             ("", 4),
         ] {
@@ -876,9 +889,23 @@ mod tests {
             assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
             assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
         }
-        let first = format!("[inputs]\nx = 1\n{}", good("a"));
-        std::fs::write(&file, first).expect("a file");
-        super::read(&file, folder.path()).expect_err("it is of no table of a test");
+        // What belongs to no test, and headers that are meant to be of one.
+        for (first, line) in [
+            ("[inputs]\nx = 1\n", 1),
+            ("x = 1\n", 1),
+            ("[[tests]]\nfunction = \"b\"\n", 1),
+            ("[[test]\nfunction = \"b\"\n", 1),
+            ("[test]\nfunction = \"b\"\nfinite = true\n", 1),
+            ("[[test]]\nfunction = \"\"\"b\nfinite = true\n", 4),
+        ] {
+            let text = format!("\u{feff}{first}{}", good("a"));
+            std::fs::write(&file, text).expect("a file");
+            let (tests, wrong) = super::read(&file, folder.path()).expect("the file is read");
+            let places: Vec<_> = wrong.iter().map(ToString::to_string).collect();
+            let place = format!("m.test.toml:{line}:");
+            assert!(tests.len() == 1 && places.len() == 1, "{first}: {places:?}");
+            assert!(places[0].contains(&place), "{first}: {places:?}");
+        }
     }
 
     #[test]

@@ -150,6 +150,46 @@ fn overrides_of_several_modules_are_named() {
         .with_override("SAMPLES", 2.0)
         .over(OneOf(vec![1.0_f32]))
         .agrees_with(|x: f64| 2.0 * x, Abs(0.0));
+    // A local, a parameter or another import of that name doesn't take its place.
+    for (text, expected) in [
+        (
+            "import package::gain::gain as k; import package::other::gain;\n\
+          fn f(gain: f32) -> f32 { return gain + k * 100.0; }",
+            201.0,
+        ),
+        (
+            "import package::gain::gain;\nfn f(gain: f32) -> f32 { return gain + package::gain::gain * 100.0; }",
+            201.0,
+        ),
+        (
+            "import package::gain::gain as k;\nfn f(x: f32) -> f32 { let gain = x; return gain + k * 100.0; }",
+            201.0,
+        ),
+        (
+            "import package::gain::{gain as k, both as gain};\nfn f(gain: f32) -> f32 { return gain + k * 100.0; }",
+            201.0,
+        ),
+        (
+            "import package::gain::gain as k;\nfn f(x: f32) -> f32 { var r = 0.0; for (var gain = x; gain < 3.0; gain += 1.0) \
+          { r += k * 100.0 + gain; } return r; }",
+            403.0,
+        ),
+        (
+            "const gain = 50.0;\nfn f(gain: f32) -> f32 { return gain + package::user::gain * 100.0; }",
+            5001.0,
+        ),
+    ] {
+        let modules = [
+            ("gain", "override gain: f32 = 2.0;\nfn both(x: f32) -> f32 { return x * gain; }"),
+            ("other", "const gain = 50.0;"),
+            ("user", text),
+        ];
+        let package = Package::from_modules("p", modules);
+        package
+            .function("user::f")
+            .over(OneOf(vec![1.0_f32]))
+            .agrees_with(|_: f64| expected, Abs(0.0));
+    }
     let text = |module| {
         let program = karat::unstable::reflect::Program::of_module(&package, module);
         program.expect("it links").text().to_owned()
@@ -467,6 +507,26 @@ fn implicit_levels_of_detail_of_cubes() {
         .agrees_with(move |d: Quad<DVec3>, bias: f64| (of(d) + bias).clamp(0.0, 3.0), Abs(0.02));
     let pairs = OneOf(all.clone()).map(|[at, by]| (at, by));
     probe("given").over(pairs).agrees_with(|at: DVec3, by: DVec3| moved(at, by), Abs(0.02));
+}
+
+/// Of two variables at one place a host binds one: no function may read both.
+#[test]
+fn variables_at_one_place_are_refused() {
+    let text = "@group(0) @binding(0) var<uniform> u: f32;
+        @group(0) @binding(0) var<uniform> v: f32;
+        fn both(x: f32) -> f32 { return x * u + v; }
+        fn one(x: f32) -> f32 { return x * v; }";
+    let package = Package::from_source("m", text);
+    let given = |name: &str| {
+        let probe = package.function(name).with("v", Uniform::new(2.0_f32));
+        let both = name == "both";
+        let probe = if both { probe.with("u", Uniform::new(1.0_f32)) } else { probe };
+        if both { probe.over(0.0..=1.0).unrecorded() } else { probe.over(0.0..=1.0) }
+    };
+    given("one").agrees_with(|x: f64| 2.0 * x, Ulp(1.0));
+    let error = given("both").try_agrees_with(|x: f64| x + 2.0, Ulp(1.0));
+    let error = error.expect_err("a host binds one of them").to_string();
+    assert!(error.contains("`u` and `v` are both @group(0) @binding(0)"), "{error}");
 }
 
 /// A number that isn't finite has a place, also where a bound hides it, and in what passes leave.

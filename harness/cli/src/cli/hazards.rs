@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 .try_for_each(|(hazards, others)| write_text(hazards, *others, args.all, out))?;
         }
     }
-    let is_read = all.iter().all(|(hazards, _)| hazards.unread == 0);
+    let is_read = all.iter().all(|(hazards, _)| hazards.unread + hazards.invalid == 0);
     let are_requirements_denied = !args.deny.is_empty();
     let is_good = |hazards: &Hazards| {
         let is_met = !are_requirements_denied || hazards.requirements().next().is_none();
@@ -195,7 +195,7 @@ fn write_text(
     all: bool,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let Hazards { package, skipped, unread, found, accepted, drawn, unseen, .. } = hazards;
+    let Hazards { package, skipped, unread, invalid, found, accepted, drawn, unseen, .. } = hazards;
     if all {
         for hazard in found.iter().chain(&hazards.others) {
             write_one(hazard, &[], out)?;
@@ -223,8 +223,13 @@ fn write_text(
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
     }
-    if skipped.len() > *unread {
-        write!(out, ", {} not looked at", counted(skipped.len() - unread, "function"))?;
+    let others = skipped.len() - unread - invalid;
+    if others > 0 {
+        write!(out, ", {} not looked at", counted(others, "function"))?;
+    }
+    if *invalid > 0 {
+        let why = "not looked at, as naga rejects what they use: `karat check` says why";
+        write!(out, ", {} {why}", counted(*invalid, "function"))?;
     }
     if *unread > 0 {
         write!(out, ", {} not read: `karat check` says why", counted(*unread, "module"))?;

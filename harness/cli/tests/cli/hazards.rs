@@ -54,6 +54,20 @@ fn hazards_are_told_with_their_line() {
     }
 }
 
+/// What naga rejects is counted, and no run that passes.
+#[test]
+fn functions_that_are_not_valid_fail_a_run() {
+    let folder = shaders("fn twice(x: f32) -> f32 { return 2.0 * x; }\n");
+    karat(folder.path(), &["hazards"]).good();
+    let text =
+        "fn twice(x: f32) -> f32 { return 2.0 * x; }\nfn broken(x: f32) -> f32 { return x.y; }\n";
+    write(&folder.path().join("shaders"), "fresnel.wgsl", text);
+    let ran = karat(folder.path(), &["hazards"]);
+    let counted = "1 function not looked at, as naga rejects what they use: `karat check` says why";
+    assert!(ran.code == Some(1) && ran.out.contains(counted), "{ran:?}");
+    assert!(ran.out.contains("0 faults and 0 requirements in 1 function,"), "{ran:?}");
+}
+
 /// A requirement names the inputs that avert it, and fails a run that denies requirements. What callers meet and what is dropped is
 /// counted.
 #[test]

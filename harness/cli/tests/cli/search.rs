@@ -242,7 +242,7 @@ fn declared_tests_outside_of_shaders_are_told() {
             }
         } else {
             let ran = run(path, &["test", ".", "--paths", "cpu"]);
-            assert!(ran.code == Some(1) && ran.out.contains("b.test.toml ... FAILED"), "{ran:?}");
+            assert!(ran.code == Some(1) && ran.out.contains("b.test.toml:1 ... FAILED"), "{ran:?}");
         }
         // A folder that is named is what is meant.
         let ran = run(path, &["test", "shaders", "--paths", "cpu"]).good();
