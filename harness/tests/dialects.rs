@@ -628,6 +628,12 @@ fn texts_that_a_host_joins_are_joined() {
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
     package().function("material::shade").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
     package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
+    // The names are shared where others use the module, too: in what imports it, and in its tests.
+    write(
+        "other.wgsl",
+        "import package::material::shade;\nfn twice(x: f32) -> f32 { return 2.0 * shade(x); }\n",
+    );
+    package().function("other::twice").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(1.0));
     let invalid = || package().try_is_valid().expect_err("it is declared wrong").to_string();
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tones\"]\n");
     let told = invalid();

@@ -39,15 +39,17 @@ pub(super) struct Linker<'a> {
     pub(super) free: BTreeSet<String>,
     /// The modules that share a name space with the root, as it includes them.
     included: Vec<ModulePath>,
+    /// Those that share one with another module.
+    spaces: BTreeMap<ModulePath, Vec<ModulePath>>,
 }
 
 impl<'a> Linker<'a> {
     pub(super) fn new(library: &'a Library, root: &ModulePath) -> Result<Self, PackageError> {
         let free = KERNEL_WORDS.iter().map(|word| (*word).to_owned()).collect();
-        let (parts, uses, resolved) = Default::default();
+        let (parts, uses, resolved, spaces) = Default::default();
         let included = library.included(root)?;
         let root = root.clone();
-        let mut linker = Self { library, root, parts, uses, resolved, free, included };
+        let mut linker = Self { library, root, parts, uses, resolved, free, included, spaces };
         linker.add(&linker.root.clone())?;
         for path in linker.included.clone() {
             linker.add(&path)?;
@@ -295,7 +297,7 @@ impl<'a> Linker<'a> {
                 Target::Item(path.clone(), words[0].to_owned())
             } else if let Some(import) = imports.iter().find(|i| i.alias == words[0]) {
                 imports::follow(self.library, path, &module, import)?
-            } else if let Some(owner) = self.shared(path, words[0]) {
+            } else if let Some(owner) = self.shared(path, words[0])? {
                 Target::Item(owner, words[0].to_owned())
             } else {
                 if *path != self.root {
@@ -315,13 +317,31 @@ impl<'a> Linker<'a> {
         Ok(found)
     }
 
-    /// The module that declares a name in the name space that the root shares with what it includes.
-    fn shared(&self, from: &ModulePath, name: &str) -> Option<ModulePath> {
-        let mut space = self.included.iter().chain([&self.root]);
-        let belongs = *from == self.root || self.included.contains(from);
+    /// The module that declares a name in the name space that a module shares with what it includes.
+    fn shared(
+        &mut self,
+        from: &ModulePath,
+        name: &str,
+    ) -> Result<Option<ModulePath>, PackageError> {
+        let is_roots = *from == self.root || self.included.contains(from);
+        let is_known = is_roots || self.spaces.contains_key(from);
+        if !is_known && !self.parts[from].module.includes.is_empty() {
+            // Of others a missing file is told where one of its names is unknown.
+            let mut space = self.library.included(from).unwrap_or_default();
+            space.push(from.clone());
+            for path in &space {
+                self.add(path)?;
+                self.spaces.entry(path.clone()).or_insert_with(|| space.clone());
+            }
+        }
+        let others: &[ModulePath] = match is_roots {
+            true => &self.included,
+            false => self.spaces.get(from).map_or(&[], |space| space),
+        };
+        let mut space = others.iter().chain(Some(&self.root).filter(|_| is_roots));
         let declares =
             |path: &&ModulePath| self.parts[*path].module.declared(name).next().is_some();
-        space.find(declares).filter(|_| belongs).cloned()
+        Ok(space.find(declares).cloned())
     }
 
     /// New names: of all that isn't the root's, and of what the root declares where others mean
