@@ -285,7 +285,7 @@ mod tests {
     use super::*;
 
     /// Functions above [`LONG`] lines that are left: split one before you write another.
-    const MOST_LONG: usize = 68;
+    const MOST_LONG: usize = 60;
 
     /// The lines of code of each room: a folder of the library's sources, or a package beside it.
     fn rooms(all: &[Source]) -> BTreeMap<String, usize> {
