@@ -210,7 +210,7 @@ enum Command {
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
                             Exit codes: 0 there is no fault, and no requirement where --deny names these; 1 there is, or a \
-                            module\ncan't be read; 2 nothing could be looked at, or a declaration isn't true.")]
+                            module\ncan't be read, or naga rejects a function; 2 nothing could be looked at, or a declaration isn't true.")]
     Hazards(hazards::Args),
     /// Tell what an edit changed: every function before and after it, with no test written
     #[command(

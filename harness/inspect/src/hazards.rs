@@ -227,7 +227,7 @@ pub enum HazardError {
         name: String,
         /// The closest name that something takes.
         nearest: Option<String>,
-        /// ` (karat.toml:3)`, where a file declares it.
+        /// ` (karat.toml:3:1)`, where a file declares it.
         place: String,
     },
     /// What is declared can't be so.
@@ -479,11 +479,9 @@ impl Request {
         let said = format!("`{own}` is declared");
         if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
             let place = place_of_input(&self.package, name);
-            let place = place.map_or_else(String::new, |place| format!(" ({place})"));
             return Err(HazardError::Declaration(format!("{function}: {why}{place}")));
         }
         let place = place_of_input(&self.package, name);
-        let place = place.map_or_else(String::new, |place| format!(" ({place})"));
         let none = match own.split_once('(') {
             Some(("length", _)) => "no array without a length that a function uses",
             Some(("workgroups", _)) => "no compute pass that is looked at",

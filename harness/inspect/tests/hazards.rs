@@ -1547,10 +1547,10 @@ fn what_hosts_give_is_declared() {
     assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
     // Declarations that nothing meets, and that no value fits.
     for (declared, part) in [
-        ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3)"),
-        ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2)"),
-        ("[inputs]\n\"m::toward.p\" = [0, 1]", "karat.toml:2)"),
-        ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2)"),
+        ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3:1)"),
+        ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2:1)"),
+        ("[inputs]\n\"m::toward.p\" = [0, 1]", "karat.toml:2:1)"),
+        ("[inputs]\n\"m::nowhere.q\" = [0, 1]", "karat.toml:2:1)"),
         (
             "[inputs]\nplaces = { distinct = true, range = [0, 10] }",
             "elements that differ, and 11 numbers lie",

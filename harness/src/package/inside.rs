@@ -1,17 +1,12 @@
-//! What a package holds for programs that look into functions without a test.
-
-use std::collections::BTreeMap;
-
-use serde::Deserialize;
+//! The parts of a package that programs need which look into functions without a test.
 
 use super::accepted::{Hazards, KnownRows};
 use super::library::ModulePath;
-use super::manifest::Manifest;
+use super::manifest::{self, Manifest};
 use super::overlay::Overlay;
 use super::{Package, PackageError, directives, texts};
-use crate::diagnostic::shown;
 
-/// What methods of [`Package`] return that stand elsewhere by now: it does nothing, and the compiler says where they are.
+/// The result of a method of [`Package`] that moved to another crate. The compiler's note says where it is.
 #[derive(Debug)]
 pub struct Moved;
 
@@ -74,22 +69,9 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// The place of an input's declaration in the folder's `karat.toml`: `karat.toml:3`.
+/// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty if
+/// nothing declares it.
 #[must_use]
-pub fn place_of_input(package: &Package, name: &str) -> Option<String> {
-    #[derive(Deserialize)]
-    struct Inputs {
-        #[serde(default)]
-        inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
-    }
-    let read = Manifest::of(package).ok()?.read?;
-    let text = package.unsaved_text(&read.file).map(|text| text.to_string());
-    let text = text.or_else(|| std::fs::read_to_string(&read.file).ok())?;
-    let all = toml::from_str::<Inputs>(&text).ok()?.inputs;
-    let key = all.into_keys().find(|key| {
-        let rest = name.strip_prefix(key.get_ref().as_str());
-        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-    })?;
-    let line = text[..key.span().start].matches('\n').count() + 1;
-    Some(format!("{}:{line}", shown(&read.file)))
+pub fn place_of_input(package: &Package, name: &str) -> String {
+    manifest::place_of_input(package, name)
 }

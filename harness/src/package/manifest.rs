@@ -185,10 +185,8 @@ impl Package {
             };
         };
         let accepted = manifest.hazards.accepted.into_iter();
-        let text = self.unsaved_text(&read.file).map(|text| text.to_string());
-        let text = text.or_else(|| std::fs::read_to_string(&read.file).ok()).unwrap_or_default();
         Ok(Some(Declared {
-            text,
+            text: text_of(self, &read.file),
             file: shown(&read.file),
             inputs: manifest.hazards.inputs.into_keys().collect(),
             values: manifest.values.into_keys().collect(),
@@ -261,6 +259,20 @@ impl Declared {
         let place = placed(&self.file, &self.text, &keys);
         Err(PackageError::Manifest { file: self.file, reason: reason + &place })
     }
+}
+
+/// The text of a file as it is edited, or as it was saved.
+fn text_of(package: &Package, file: &Path) -> String {
+    let unsaved = package.unsaved_text(file).map(|text| text.to_string());
+    unsaved.or_else(|| std::fs::read_to_string(file).ok()).unwrap_or_default()
+}
+
+/// The place of an input's declaration, behind a message; empty if none declares it.
+pub(super) fn place_of_input(package: &Package, name: &str) -> String {
+    let read = Manifest::of(package).ok().and_then(|manifest| manifest.read);
+    read.map_or_else(String::new, |FileRead { file, .. }| {
+        placed(&shown(&file), &text_of(package, &file), &["inputs", name])
+    })
 }
 
 /// The place of a key below a section, or of a name in its text, behind a message: ` (karat.toml:5:1)`.

@@ -509,17 +509,19 @@ mod tests {
         }
     }
 
-    /// An index over any numbers is told where nothing else is; and a pass of one workgroup that races with itself in
-    /// several is made for one.
-    #[test]
-    fn what_a_host_may_not_give_is_told_last() {
-        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
+    const GATHER: &str = "@group(0) @binding(0) var<storage, read> column: array<u32>;
             @group(0) @binding(1) var<storage, read> x: array<f32>;
             @group(0) @binding(2) var<storage, read_write> y: array<f32>;
             @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
                 if id.x >= arrayLength(&y) { return; }
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
+
+    /// An index over any numbers is told where nothing else is; and a pass of one workgroup that races with itself in
+    /// several is made for one.
+    #[test]
+    fn what_a_host_may_not_give_is_told_last() {
+        let text = GATHER;
         let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
         assert_eq!(compared(text, &bare).violations.len(), 1);
         let changed = compared(text, &bare.replace("= x[", "= 2.0 * x["));
@@ -546,13 +548,7 @@ mod tests {
     /// Where a host's numbers stay within, an edit that drops a guard changes nothing else.
     #[test]
     fn a_guard_that_is_gone_is_told() {
-        let text = "@group(0) @binding(0) var<storage, read> column: array<u32>;
-            @group(0) @binding(1) var<storage, read> x: array<f32>;
-            @group(0) @binding(2) var<storage, read_write> y: array<f32>;
-            @compute @workgroup_size(8) fn gather(@builtin(global_invocation_id) id: vec3u) {
-                if id.x >= arrayLength(&y) { return; }
-                y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
-            }";
+        let text = GATHER;
         let brought = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("m", text));
             let all = Request::new(before, after).run().expect("both are valid");

@@ -29,11 +29,8 @@ impl Library {
                     let name = include.name();
                     let known = self.package(path.package).modules().unwrap_or_default();
                     let last = known.iter().filter_map(|module| module.rsplit("::").next());
-                    let why = match include {
-                        Include::Joined(_) => "that `[join]` of karat.toml names",
-                        _ => "to include",
-                    };
-                    let diagnostic = Diagnostic::new(format!("there is no module `{name}` {why}"));
+                    let diagnostic =
+                        Diagnostic::new(format!("there is no module `{name}` to include"));
                     let diagnostic = diagnostic.at(span, "");
                     let outside = match include {
                         Include::File(file) => file.split('/').filter(|part| *part == "..").count(),
