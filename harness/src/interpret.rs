@@ -16,6 +16,7 @@ mod runner;
 mod sanitizer;
 mod supply;
 pub mod trace;
+mod work;
 mod written;
 
 use std::borrow::Cow;
@@ -40,7 +41,7 @@ use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub use alone::Alone;
-pub use coverage::{Coverage, evaluations, of_outside};
+pub use coverage::{Coverage, of_outside};
 pub use coverage::{Missed, Uncovered};
 pub use dispatch::dispatch_briefly;
 pub use dispatch::dispatch_rounding;
@@ -49,6 +50,7 @@ pub(crate) use parting::parting;
 use quads::Quads;
 pub use runner::{Run, Runner};
 pub use sanitizer::{examine, examine_made_up};
+pub use work::{evaluations, long_cases};
 pub use written::written;
 
 /// A function that is lowered, with what it reads.

@@ -34,7 +34,7 @@ pub(crate) use runner::{BATCH, Runner};
 pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, compare, upload, upload_shared};
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::diagnostic::Diagnostic;
@@ -73,8 +73,22 @@ impl Probed {
         path: &str,
         overrides: &BTreeMap<String, f64>,
     ) -> Result<Self, ProbeError> {
+        Self::in_state(package, path, overrides, &BTreeSet::new())
+    }
+
+    /// The same that takes and gives private variables, too, of which a function gets and leaves values: those of some paths,
+    /// as [`Program::state_of`] gives them.
+    ///
+    /// # Errors
+    /// Those of [`with_overrides`](Self::with_overrides).
+    pub fn in_state(
+        package: &Package,
+        path: &str,
+        overrides: &BTreeMap<String, f64>,
+        state: &BTreeSet<String>,
+    ) -> Result<Self, ProbeError> {
         let program = Program::of_function(package, path)?.overridden(overrides)?;
-        let function = program.function(path)?;
+        let function = program.function_in_state(path, state)?;
         fixture::expect_apart(&function.bindings)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })

@@ -28,7 +28,6 @@ mod pipelines;
 mod resource;
 mod rounds;
 mod signature;
-mod state;
 mod subgroups;
 mod validation;
 

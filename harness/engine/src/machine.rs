@@ -85,6 +85,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     lost: Vec<Option<u32>>,
     /// The lanes whose index has left its array in the operation that runs.
     strayed: Vec<usize>,
+    /// The lanes that spent their fuel and were left out, with the loops they were in.
+    pub(crate) long: Vec<(usize, Span)>,
     /// Rounds of the loops that are open, the outermost first.
     open: Vec<u64>,
     /// The number that an index has that wraps, in the first of them.
@@ -147,6 +149,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             rounds: 0,
             undecided: vec![0; width],
             lost: vec![None; width],
+            long: Vec::new(),
             strayed: Vec::new(),
             open: Vec::new(),
             meant: 0,
@@ -281,6 +284,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     pub(crate) fn start(&mut self, active: usize) {
         self.at = 0;
         self.open.clear();
+        self.long.clear();
         self.parted.fill(None);
         self.helpers.clear();
         (self.paused, self.waits, self.numbered) = (false, false, 0);

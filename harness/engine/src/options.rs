@@ -48,6 +48,8 @@ pub struct Options {
     /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
     /// can afford and some seconds at most until a loop without end is found.
     pub fuel: u64,
+    /// True if a call leaves out a case that spends its fuel, where it would stop: the results say which. Intervals stop.
+    pub leaves: bool,
     /// Rounds of all loops of all cases together that a dispatch may run; all that there are by default.
     pub work: u64,
     /// When a run ends that is still in a loop; `None`: never.
@@ -89,6 +91,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             fuel: 1 << 20,
+            leaves: false,
             work: u64::MAX,
             deadline: None,
             undecided: 256,

@@ -209,6 +209,7 @@ impl Program {
                     ints: vec![],
                     bools: vec![],
                     cases: 0,
+                    long: vec![],
                 });
             }
             let first = chunk * most;
@@ -227,7 +228,7 @@ impl Program {
                 }
             }
             match machine.run::<SEEN>(active, first, memory, observer) {
-                Ok(()) => Ok(self.collect(machine, active)),
+                Ok(()) => Ok(self.collect(machine, (first, active))),
                 Err(spent) => {
                     failed.fetch_min(chunk, Ordering::Relaxed);
                     let case = first + spent.lane;
@@ -245,17 +246,23 @@ impl Program {
                 parts[chunk].get_or_init(|| run(own, chunk));
             }
         });
-        let mut all = Results { scalars, floats: vec![], ints: vec![], bools: vec![], cases };
+        let mut all =
+            Results { scalars, floats: vec![], ints: vec![], bools: vec![], cases, long: vec![] };
         for part in parts {
             let part = part.into_inner().expect("each chunk has run")?;
             all.floats.extend_from_slice(&part.floats);
             all.ints.extend_from_slice(&part.ints);
             all.bools.extend_from_slice(&part.bools);
+            all.long.extend(part.long);
         }
         Ok(all)
     }
 
-    fn collect<A: Arithmetic>(&self, machine: &Machine<'_, A>, active: usize) -> Results<A> {
+    fn collect<A: Arithmetic>(
+        &self,
+        machine: &Machine<'_, A>,
+        (first, active): (usize, usize),
+    ) -> Results<A> {
         let of = |file: File| self.code.results.iter().filter(move |(r, _)| r.file == file);
         let floats: Vec<&[A::Float]> =
             of(File::Float).map(|(r, _)| machine.floats.get(r.index)).collect();
@@ -268,6 +275,7 @@ impl Program {
             ints: interleaved(&ints, active),
             bools: interleaved(&bools, active),
             cases: active,
+            long: machine.long.iter().map(|(lane, span)| (first + lane, *span)).collect(),
         }
     }
 

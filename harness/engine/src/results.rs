@@ -1,5 +1,7 @@
 //! What a call returns.
 
+use naga::Span;
+
 use crate::arithmetic::Arithmetic;
 use crate::arithmetic::sealed::Rules;
 use crate::scalar::{File, Scalar};
@@ -26,9 +28,17 @@ pub struct Results<A: Arithmetic> {
     pub(crate) ints: Vec<A::Int>,
     pub(crate) bools: Vec<A::Bool>,
     pub(crate) cases: usize,
+    pub(crate) long: Vec<(usize, Span)>,
 }
 
 impl<A: Arithmetic> Results<A> {
+    /// The cases that were left out, as [`Options::leaves`](crate::Options::leaves) wants it, and the loops in which they
+    /// spent their fuel. Their rows mean nothing.
+    #[must_use]
+    pub fn long(&self) -> &[(usize, Span)] {
+        &self.long
+    }
+
     /// How many rows there are.
     #[must_use]
     pub fn cases(&self) -> usize {

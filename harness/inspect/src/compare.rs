@@ -37,6 +37,7 @@ use karat::unstable::package::{Stage, words_of};
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Overrides, Program};
 use karat_core::panics;
+use karat_core::value::Scalar;
 use serde::Serialize;
 
 use crate::made_up::{self, Drawn, Ranges};
@@ -443,7 +444,7 @@ impl Request {
         // What can't be called may be untouched all the same.
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |package: &Package| Program::of_items(package, module, &[own]);
-        let (mut host, mut given, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut host, mut settings) = (Vec::new(), vec![BTreeMap::new()]);
         let mut of_stage = [Vec::new(), Vec::new()];
         match (linked(&self.before), linked(&self.after)) {
             (Ok(before), Ok(after)) => {
@@ -453,8 +454,7 @@ impl Request {
                 of_stage = [before.attributes(own), after.attributes(own)];
                 host = attributes(&of_stage[0], &of_stage[1]);
                 host.extend(sides::overrides(&before, &after));
-                given = self.missing_overrides(&before, &after);
-                others = self.other_overrides(&before, &after);
+                settings = self.settings(&before, &after);
             }
             (Err(was), Err(is)) => {
                 let words = |side: &Package| words_of(side, module).map(|(words, _)| words);
@@ -467,87 +467,55 @@ impl Request {
             }
             _ => {}
         }
-        let own = given.iter().fold(self.clone(), |all, (name, x)| all.set_override(name, *x));
-        let mut one = own.compare_linked(name, stage, &of_stage);
-        if let Change::Changed { paths } = &mut one.change {
-            let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
-            paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
-        }
-        for (name_of, value) in &others {
-            if !matches!(one.change, Change::Same { .. }) || !one.violations.is_empty() {
+        let mut one: Option<Compared> = None;
+        for given in &settings {
+            let own = given.iter().fold(self.clone(), |all, (name, x)| all.set_override(name, *x));
+            let mut next = own.compare_linked(name, stage, &of_stage);
+            if let Change::Changed { paths } = &mut next.change {
+                let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
+                paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
+            } else if one.is_some() {
+                continue;
+            }
+            let is_over =
+                !matches!(next.change, Change::Same { .. }) || !next.violations.is_empty();
+            one = Some(next);
+            if is_over {
                 break;
             }
-            let other = own.clone().set_override(name_of, *value);
-            let other = other.compare_linked(name, stage, &of_stage);
-            if let Change::Changed { mut paths } = other.change {
-                let given = (name_of.clone(), value.to_string());
-                paths.iter_mut().for_each(|path| path.arguments.push(given.clone()));
-                one = Compared { change: Change::Changed { paths }, ..other };
-            }
         }
+        let mut one = one.expect("there is one setting, at least");
         one.interface.splice(0..0, host);
         one
     }
 
-    /// Values for overrides that have none.
-    fn missing_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
+    /// Values of overrides that a host may give, of those that nobody has set: in the first setting one for each override that has
+    /// none, and in each other one another value of an override that both sides have.
+    fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         /// A side of a small texture, a number of samples.
         const VALUE: f64 = 4.0;
-        let of = |side: &Program| {
-            let all = side.declared_overrides().into_iter().map(|(name, _)| name);
-            let open = all.filter(|name| side.wants_override(name));
-            open.map(|name| (side.override_type(&name), name)).collect::<Vec<_>>()
-        };
-        let all: BTreeMap<String, _> =
-            [before, after].into_iter().flat_map(of).map(|(scalar, name)| (name, scalar)).collect();
-        let open = all.into_iter().filter(|(name, _)| !self.overrides.contains_key(name));
-        let value =
-            |scalar| if scalar == Some(karat_core::value::Scalar::Bool) { 1.0 } else { VALUE };
-        open.map(|(name, scalar)| (name, value(scalar))).collect()
-    }
-
-    /// Values other than their own for overrides that both sides have, one after the other.
-    fn other_overrides(&self, before: &Program, after: &Program) -> Vec<(String, f64)> {
         /// Neither 0 nor 1 nor a usual size, and what every type of number has.
         const OTHER: f64 = 3.0;
-        let names = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
-        let old: BTreeSet<String> = names(before).collect();
-        let both = names(after).filter(|name| old.contains(name));
-        let open = both.filter(|name| !self.overrides.contains_key(name));
-        let value = |name: String| {
-            let is_bool = after.override_type(&name) == Some(karat_core::value::Scalar::Bool);
-            let all = if is_bool { [0.0, 1.0].as_slice() } else { &[OTHER] };
-            all.iter().map(move |value| (name.clone(), *value)).collect::<Vec<_>>()
-        };
-        open.flat_map(value).collect()
-    }
-
-    /// The change in what others have left in private variables, in the engine, which sets them.
-    fn in_state(
-        &self,
-        before: &Probed,
-        after: &Probed,
-        attributes: &[Vec<(String, String)>; 2],
-        ran: &mut Ran,
-    ) -> Option<Change> {
-        let with = |side: &Probed| {
-            let state = side.program.with_state();
-            let (program, shown) = state.unwrap_or_else(|| (side.program.clone(), Vec::new()));
-            (Probed { program, ..side.clone() }, shown)
-        };
-        let ((before, _), (after, shown)) = (with(before), with(after));
-        if shown.is_empty() {
-            return None;
+        let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
+        let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
+        let mut usual = BTreeMap::new();
+        for side in [before, after] {
+            let open = declared(side).filter(|name| side.wants_override(name));
+            usual.extend(open.map(|name| {
+                let value = if is_bool(side, &name) { 1.0 } else { VALUE };
+                (name, value)
+            }));
         }
-        let own = Self { paths: vec![Path::CPU], ..self.clone() };
-        let shared = Shared::of(&before, &after, attributes)?;
-        match own.run_both(&before, &after, (ran, shared)) {
-            Ok(Change::Changed { mut paths }) => {
-                paths.iter_mut().for_each(|path| path.arguments.extend(shown.iter().cloned()));
-                Some(Change::Changed { paths })
-            }
-            _ => None,
+        usual.retain(|name, _| !self.overrides.contains_key(name));
+        let old: BTreeSet<String> = declared(before).collect();
+        let both = declared(after).filter(|name| old.contains(name));
+        let mut all = vec![usual.clone()];
+        for name in both.filter(|name| !self.overrides.contains_key(name)) {
+            let values = if is_bool(after, &name) { &[0.0, 1.0][..] } else { &[OTHER] };
+            let other = |value: &f64| usual.clone().into_iter().chain([(name.clone(), *value)]);
+            all.extend(values.iter().map(|value| other(value).collect()));
         }
+        all
     }
 
     /// Compares what was edited; attributes are those of both sides.
@@ -568,9 +536,15 @@ impl Request {
             Ok(ranges) => ranges,
             Err(reason) => return unjudged(&reason),
         };
+        // What functions leave each other in private variables is given and taken, too.
+        let state = |package: &Package| {
+            let program = Program::of_function(package, name).ok();
+            program.map(|program| program.state_of(name)).unwrap_or_default()
+        };
+        let state = &state(&self.before) | &state(&self.after);
         let probed = |package: &Package| {
             let overrides = ranges.overrides_of(package, name);
-            Probed::with_overrides(package, name, &overrides).and_then(made_up::fitted)
+            Probed::in_state(package, name, &overrides, &state).and_then(made_up::fitted)
         };
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
             (Ok(before), Ok(after)) => (before, after),
@@ -593,13 +567,6 @@ impl Request {
         let unseen = |reason: String| Change::Unjudged { reason: first_line(&reason) };
         let change = self.run_both(&before, &after, (&mut ran, shared));
         let mut change = change.unwrap_or_else(unseen);
-        // An entry point begins anew.
-        if matches!(change, Change::Same { .. })
-            && stage.is_none()
-            && let Some(changed) = self.in_state(&before, &after, attributes, &mut ran)
-        {
-            change = changed;
-        }
         let (mut violations, mut mended) = (Vec::new(), Vec::new());
         if after.function.form.alone && stage == Some(Stage::Fragment) {
             let renamed = renamed(Side::of(&before), Side::of(&after));
@@ -1526,9 +1493,25 @@ mod tests {
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
-    /// The values that other functions left in private variables are inputs.
+    /// The values that functions leave in private variables are inputs of others, and results of their own.
     #[test]
-    fn private_state_is_an_input() {
+    fn private_state_is_an_input_and_a_result() {
+        let left = "var<private> n: u32;\nvar<private> all: array<f32, 2>;
+            fn put(x: f32) { n = 1u; all[1] = x; }
+            fn user(x: f32) -> f32 { put(x); return x; }";
+        for (from, to, shown) in
+            [("n = 1u", "n = 2u", "n: 1"), ("n = 1u; ", "", "n: "), ("= x;", "= x + 1.0;", "all")]
+        {
+            let found = changes(left, &left.replace(from, to));
+            for name in ["put", "user"] {
+                let (_, change) = found.iter().find(|(own, _)| own == name).expect("it was edited");
+                let Change::Changed { paths } = change else { panic!("{name}, {to}: {change:?}") };
+                assert!(paths[0].before.contains(shown), "{name}, {to}: {paths:?}");
+            }
+        }
+        let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
+        assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
+
         let text = "var<private> state: vec2u;
             fn next() -> f32 { return f32(state.x % 1000u) * sin(f32(state.y)); }";
         let one = compared(text, &text.replace("sin", "tan"));

@@ -512,7 +512,9 @@ impl Request {
     fn look(&self, name: &str, ranges: Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let overrides = ranges.overrides_of(&self.package, name);
-        let probed = Probed::with_overrides(&self.package, name, &overrides);
+        let program = Program::of_function(&self.package, name).map_err(|error| text(&error))?;
+        let state = program.state_of(name);
+        let probed = Probed::in_state(&self.package, name, &overrides, &state);
         let probed = probed.map_err(|error| text(&error))?;
         let probed = probed.with_varying();
         let form = &probed.function.form;

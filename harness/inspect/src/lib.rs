@@ -24,6 +24,7 @@ pub mod hazards;
 pub mod made_up;
 pub mod matrix;
 mod passes;
+mod work;
 
 pub use hazards::hazards;
 pub use matrix::matrix;

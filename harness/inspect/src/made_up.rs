@@ -26,7 +26,7 @@ use meaning::Meaning;
 pub(crate) use content::{Content, Numbered};
 pub(crate) use extents::Extents;
 pub(crate) use resources::fitted;
-pub(crate) use resources::{INVOCATIONS, beyond, data, fixtures, rows};
+pub(crate) use resources::{INVOCATIONS, SEED, beyond, data, fixtures};
 pub(crate) use resources::{Input, Mix, Resources};
 
 /// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
@@ -498,17 +498,7 @@ impl Arguments {
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
         /// One row in so many.
         const SHARE: usize = 4;
-        self.share(rows, count, (draw, if draw == 0 { 1 } else { SHARE }))
-    }
-
-    /// One row in so many, by the number of the first.
-    pub(crate) fn share(
-        &self,
-        rows: &[u32],
-        count: usize,
-        (first, of): (usize, usize),
-    ) -> (usize, Vec<u32>) {
-        self.select(rows, count, |at| count < of || at % of == first % of)
+        self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
     /// The rows of some numbers.
@@ -654,24 +644,15 @@ impl Arguments {
         rows
     }
 
-    /// The rows in which each integer that isn't declared is small enough for loops to count to.
-    pub(crate) fn few(&self, rows: &[u32]) -> Vec<u32> {
-        /// Loops of three in each other make as many rounds as fit into the engine's patience.
+    /// True if no whole number of a row that isn't declared is large: a loop that counts to one ends, at some time.
+    pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
+        /// Loops of three in each other make 512 rounds, far fewer than any that is long.
         const MOST: u32 = 8;
-        let counts: Vec<Option<Scalar>> = self
-            .described
-            .iter()
-            .flat_map(|one| {
-                one.scalars.iter().map(|scalar| Some(*scalar).filter(|_| !one.declared))
-            })
-            .collect();
-        let little = |(scalar, word): (&Option<Scalar>, &u32)| match scalar {
-            Some(Scalar::I32) => word.cast_signed().unsigned_abs() <= MOST,
-            Some(Scalar::U32) => *word <= MOST,
+        self.lanes().zip(row).all(|((one, scalar), word)| match scalar {
+            Scalar::I32 => one.declared || word.cast_signed().unsigned_abs() <= MOST,
+            Scalar::U32 => one.declared || *word <= MOST,
             _ => true,
-        };
-        let few = rows.chunks_exact(self.width().max(1));
-        few.filter(|row| counts.iter().zip(*row).all(little)).flatten().copied().collect()
+        })
     }
 
     /// The range of each number.
@@ -706,7 +687,7 @@ impl MadeUp {
         case: usize,
     ) -> Result<Self, String> {
         let arguments = Arguments::of(probed.function(), ranges)?;
-        let (count, rows) = arguments.rows(resources::SEED, CASES);
+        let (count, rows) = arguments.rows(SEED, CASES);
         let width = arguments.width();
         let lanes = rows.get(case * width..(case + 1) * width).filter(|_| case < count);
         let lanes = lanes.ok_or_else(|| format!("there are {count} cases, from 0"))?.to_vec();
@@ -877,19 +858,6 @@ mod tests {
         let (probed, ranges) = function("fn f() -> f32 { return 1.0; }");
         let cases = [0, 1].map(|case| MadeUp::of(&probed, &ranges, case).map(|one| one.lanes));
         assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
-    }
-
-    /// The rows whose loops end soon.
-    #[test]
-    fn rows_are_few() {
-        let text = "fn f(k: i32, n: u32, x: f32) -> f32 { return x; }";
-        let (probed, mut ranges) = function(text);
-        ranges.declare("n", 0.0, 1e6).expect("it is a range");
-        let arguments = Arguments::of(probed.function(), &ranges).expect("they are made up");
-        let row = |k: i32, n: u32| vec![k.cast_unsigned(), n, 1.0_f32.to_bits()];
-        let few = [row(8, 0), row(-8, 1_000_000)];
-        let all = [row(9, 0), few[0].clone(), row(-9, 0), few[1].clone()].concat();
-        assert_eq!(arguments.few(&all), few.concat(), "`n` is declared");
     }
 
     /// Declared lanes are held, a name counts where nothing calls the function, and plain numbers come first.

@@ -231,7 +231,8 @@ fn callers_judge_what_they_call() {
         "@fragment fn fs(@location(0) t: f32) -> @location(0) vec4f { return vec4f(good(t)); }\n";
     let bad = "fn bad(y: f32) -> f32 { return root(y); }\n";
     let always = "fn always(y: f32) -> f32 { return root(-1.0 - y * y); }\n";
-    let unseen = "var<private> p: f32; fn unseen(x: f32) { p = root(2.0 + abs(x)); }\n";
+    let unseen = "@group(0) @binding(0) var<storage, read_write> p: f32;
+        fn unseen(x: f32) { p = root(2.0 + abs(x)); }\n";
     let seldom = "fn seldom(k: u32) -> f32 { if k == 7u { return root(2.0); } return 0.0; }\n";
     for (more, class, function) in [
         (vec![], Class::Requirement, "root"),
@@ -583,7 +584,7 @@ fn members_of_buffers_are_drawn_and_declared() {
 fn what_was_not_looked_at_is_counted() {
     let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
                 return s; }\n\
-                var<private> p: f32; fn unseen(x: f32) { p = x; }\n";
+                @group(0) @binding(0) var<storage, read_write> p: f32; fn unseen(x: f32) { p = x; }\n";
     let hazards = look(text);
     assert_eq!(hazards.functions, 1);
     assert!(hazards.unseen.inputs > 100 && hazards.unseen.functions == 1, "{:?}", hazards.unseen);
@@ -591,7 +592,7 @@ fn what_was_not_looked_at_is_counted() {
         hazards
             .skipped
             .iter()
-            .any(|(name, why)| name == "unseen" && why.contains("writes nothing"))
+            .any(|(name, why)| name == "unseen" && why.contains("writes what others"))
     );
     let long = look(
         "fn f(x: f32) -> f32 { var s = x; for (var i = 0; i < 3000; i++) { s = s * 0.5 + x; }\n\
@@ -1438,6 +1439,11 @@ fn what_hosts_give_makes_no_fault() {
         fn rand() -> f32 { rnd = rnd * 7u + 3u; return f32(rnd.x) / 4294967295.0; }
         fn phi() -> f32 { return acos(1.0 - 2.0 * f32(rnd.y)); }";
     assert_eq!(look(state).faults().count(), 0, "{}", look(state));
+    let one = at(state, Kind::Nan, "acos(1.0 - 2.0 * f32(rnd.y))");
+    assert_eq!(one.needs, ["rnd"], "{one}");
+    // A function that returns nothing is looked at by what it leaves.
+    let left = "var<private> p: f32; fn put(x: f32) { p = sqrt(x - 0.5); }";
+    assert_eq!(at(left, Kind::Nan, "sqrt(x - 0.5)").needs, ["x"]);
     // A host's texture has a level of one texel, from which a shader goes down.
     let walk = "@group(0) @binding(0) var tex: texture_2d<f32>;
         @group(0) @binding(1) var<storage, read_write> out: array<vec4f>;

@@ -1,10 +1,10 @@
 //! Coverage: the operations that inputs come to, and the ways that they take from there.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, Here, Lanes, Observer, Options, Program as Lowered, Site, Stop, Wrong};
+use karat_engine::{F32, Here, Lanes, Observer, Program as Lowered, Site, Wrong};
 
 use super::dispatch::in_order;
 use super::sanitizer::made_up_options;
@@ -231,45 +231,6 @@ impl Coverage {
         of(other).into_iter().for_each(|text| *more.entry(text).or_default() -= 1);
         let own = self.by_place.values().filter(move |seen| is(seen));
         own.filter(move |seen| more[&plain(&seen.span)] > 0)
-    }
-}
-
-/// Counts operations.
-#[derive(Default)]
-struct Evaluations(AtomicU64);
-
-impl Observer<F32> for Evaluations {
-    fn reached(&self, _: &Here<'_, F32>) {
-        self.0.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-/// The operations of the longest of a few calls, which run together; `None` if their loops go round too often to be counted.
-pub fn evaluations(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    (count, rows): (usize, &[u32]),
-) -> Result<Option<u64>, ProbeError> {
-    /// Rounds of all loops of all calls.
-    const ROUNDS: u64 = 1 << 20;
-    let seen = Evaluations::default();
-    if !probed.function().form.alone {
-        let called = Interpreted::new(probed, fixtures)?;
-        let options = Options { work: ROUNDS, deadline: None, ..called.options() };
-        return match called.run::<F32>(count, rows, &options, &seen) {
-            Ok(_) => Ok(Some(seen.0.into_inner())),
-            Err(Stop::Work { .. } | Stop::Fuel { .. }) => Ok(None),
-            Err(stop) => Err(called.error(&stop)),
-        };
-    }
-    // Each runs alone.
-    let count = count.max(1);
-    let (width, each) = (rows.len() / count, ROUNDS / count as u64);
-    let called = Alone::new(probed, fixtures)?.with_fuel(each);
-    match (0..count).try_for_each(|case| called.run(&rows[case * width..][..width], &seen)) {
-        Ok(()) => Ok(Some(seen.0.into_inner() / count as u64)),
-        Err(ProbeError::Rounds { .. }) => Ok(None),
-        Err(error) => Err(error),
     }
 }
 

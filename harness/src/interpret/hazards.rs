@@ -129,7 +129,7 @@ impl Precision {
 }
 
 /// Rounds of loops that made-up arguments may cause.
-const PATIENCE: u64 = 4096;
+pub(super) const PATIENCE: u64 = 4096;
 
 /// Rounds after which a loop that made-up arguments lead into is said not to end: a case takes tenths of a second.
 pub const LONG: u64 = 1 << 18;

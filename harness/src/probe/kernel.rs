@@ -376,6 +376,10 @@ impl Kernel {
                     writeln!(text, "    karat_p{index} = {value};")?;
                     format!("&karat_p{index}")
                 }
+                Passed::State(variable) => {
+                    writeln!(text, "    {variable} = {value};")?;
+                    continue;
+                }
             };
             arguments.push(name);
         }
@@ -398,8 +402,11 @@ impl Kernel {
         }
         let returned = form.returns.iter().map(|shape| ("karat_r".to_owned(), shape));
         let pointers = function.parameters.iter().zip(&form.passed).enumerate();
-        let pointers = pointers.filter(|(_, (_, passed))| **passed != Passed::Value);
-        let pointers = pointers.map(|(index, ((_, shape), _))| (format!("karat_p{index}"), shape));
+        let pointers = pointers.filter_map(|(index, ((_, shape), passed))| match passed {
+            Passed::Value => None,
+            Passed::State(variable) => Some((variable.clone(), shape)),
+            Passed::Function | Passed::Private => Some((format!("karat_p{index}"), shape)),
+        });
         let mut index = 0;
         for (variable, shape) in returned.chain(pointers) {
             for (scalar, name) in shape.lanes().into_iter().zip(shape.lane_names()) {
@@ -422,7 +429,7 @@ impl Kernel {
         let of = function.parameters.iter().zip(&function.form.passed).enumerate();
         let declared = of.filter_map(|(index, ((_, shape), passed))| match passed {
             Passed::Private => Some(format!("var<private> karat_p{index}: {shape};\n")),
-            Passed::Value | Passed::Function => None,
+            _ => None,
         });
         declared.collect()
     }

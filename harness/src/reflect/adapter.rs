@@ -27,7 +27,11 @@ impl Program {
         let name = Some(function.linked.as_str());
         let found = module.functions.iter().find(|(_, known)| known.name.as_deref() == name);
         let Some((callee, _)) = found else { return Ok(None) };
-        let adapter = adapter(&mut module, callee);
+        let state = function.form.passed.iter().filter_map(|passed| match passed {
+            Passed::State(name) => Some(name.as_str()),
+            _ => None,
+        });
+        let adapter = adapter(&mut module, callee, &state.collect::<Vec<_>>());
         module.functions.append(adapter, Span::UNDEFINED);
         let program = Self::from_ir(self.linked.clone(), module)?;
         let checked = std::sync::Arc::into_inner(program.checked);
@@ -35,7 +39,7 @@ impl Program {
     }
 }
 
-fn adapter(module: &mut Module, callee: Handle<Function>) -> Function {
+fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Function {
     let called = module.functions[callee].clone();
     let mut expressions: Arena<Expression> = Arena::new();
     let mut body = Block::new();
@@ -71,6 +75,18 @@ fn adapter(module: &mut Module, callee: Handle<Function>) -> Function {
         body.push(Statement::Store { pointer, value }, Span::UNDEFINED);
         given.push(pointer);
         pointers.push((pointer, base));
+    }
+    for (index, name) in (called.arguments.len()..).zip(state) {
+        let mut declared = module.global_variables.iter();
+        let found = declared.find(|(_, one)| one.name.as_deref() == Some(name));
+        let (variable, ty) = found.map(|(handle, one)| (handle, one.ty)).expect("it is declared");
+        arguments.push(FunctionArgument { name: None, ty, binding: None });
+        let index = u32::try_from(index).expect("naga numbers arguments so");
+        let value = expressions.append(Expression::FunctionArgument(index), Span::UNDEFINED);
+        let pointer = Expression::GlobalVariable(variable);
+        let pointer = expressions.append(pointer, Span::UNDEFINED);
+        body.push(Statement::Store { pointer, value }, Span::UNDEFINED);
+        pointers.push((pointer, ty));
     }
     let result = called.result.as_ref().map(|result| {
         (expressions.append(Expression::CallResult(callee), Span::UNDEFINED), result.ty)

@@ -1,5 +1,6 @@
 //! What a function takes and returns.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -58,7 +59,7 @@ pub struct Form {
 }
 
 /// How a parameter is passed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
     /// By its value.
     Value,
@@ -66,13 +67,15 @@ pub(crate) enum Passed {
     Function,
     /// By a pointer to a private variable.
     Private,
+    /// By no parameter: in the private variable of this name, which the function uses.
+    State(String),
 }
 
 impl Passed {
     /// The address space of a pointer.
-    pub(crate) fn space(self) -> Option<&'static str> {
+    pub(crate) fn space(&self) -> Option<&'static str> {
         match self {
-            Self::Value => None,
+            Self::Value | Self::State(_) => None,
             Self::Function => Some("function"),
             Self::Private => Some("private"),
         }
@@ -121,10 +124,13 @@ impl fmt::Display for Function {
         }
         write!(f, "{}(", self.name)?;
         let spaces = self.form.passed.iter().map(|passed| passed.space());
-        let passed = self.parameters.iter().zip(spaces).map(|((name, shape), space)| match space {
-            None => format!("{name}: {shape}"),
-            Some(space) => format!("{name}: ptr<{space}, {shape}>"),
-        });
+        let parameters = self.parameters.iter().zip(&self.form.passed);
+        let parameters = parameters.filter(|(_, passed)| !matches!(passed, Passed::State(_)));
+        let passed =
+            parameters.map(|(one, _)| one).zip(spaces).map(|((name, shape), space)| match space {
+                None => format!("{name}: {shape}"),
+                Some(space) => format!("{name}: ptr<{space}, {shape}>"),
+            });
         let mut all: Vec<String> = passed.collect();
         for (place, name, ty) in &self.form.taken {
             all.insert((*place).min(all.len()), format!("{name}: {ty}"));
@@ -148,6 +154,33 @@ impl Program {
     /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
+        self.function_in_state(path, &BTreeSet::new())
+    }
+
+    /// The private variables by which a function gets something of others, and leaves them something, by their paths.
+    pub fn state_of(&self, path: &str) -> BTreeSet<String> {
+        // An entry point begins anew.
+        let declared = self.declared(self.called_name(self.name_of(path)));
+        let Some((handle, _)) = declared.filter(|_| self.linked.called.is_none()) else {
+            return BTreeSet::new();
+        };
+        let info = &self.checked.info[handle];
+        let all = self.checked.module.global_variables.iter();
+        let used = all.filter(|(handle, one)| {
+            let is_private = one.space == naga::AddressSpace::Private;
+            is_private && !info[*handle].is_empty() && self.shape(one.ty).is_ok()
+        });
+        let path = |name: &str| self.author_path(name).unwrap_or(name).to_owned();
+        used.filter_map(|(_, one)| one.name.as_deref().map(path)).collect()
+    }
+
+    /// The same with private variables that it takes and gives, behind its parameters and results. Those that the program
+    /// doesn't declare aren't among them.
+    pub fn function_in_state(
+        &self,
+        path: &str,
+        state: &BTreeSet<String>,
+    ) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let Some((handle, _)) = self.declared(name) else {
             if let Some(span) = self.entry_point_span(name) {
@@ -229,6 +262,15 @@ impl Program {
                 refuse(format!("its result is {reason}"), "pass values, return values")
             })?),
         };
+        for variable in state {
+            let linked = self.name_of(variable);
+            let mut declared = self.checked.module.global_variables.iter();
+            let found = declared.find(|(_, one)| one.name.as_deref() == Some(linked));
+            let Some(shape) = found.and_then(|(_, one)| self.shape(one.ty).ok()) else { continue };
+            let own = variable.rsplit("::").next().unwrap_or(variable);
+            parameters.push((own.to_owned(), shape));
+            form.passed.push(Passed::State(linked.to_owned()));
+        }
         let bindings = self.bindings(info);
         let mut function = Function {
             name: path.to_owned(),

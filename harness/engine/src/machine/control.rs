@@ -117,7 +117,13 @@ impl<A: Rules> Machine<'_, A> {
             // One more than the last round, so that who spent it is known from who just has none.
             *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
-        if spent {
+        if spent && self.options.leaves && !A::UNDECIDED {
+            let long = (0..self.width).filter(|lane| self.fuel[*lane] == u64::MAX);
+            let long: Vec<usize> =
+                long.filter(|lane| A::possible(self.masks.active()[*lane])).collect();
+            self.masks.drop_lanes(&long);
+            self.long.extend(long.into_iter().map(|lane| (lane, span)));
+        } else if spent {
             let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
             return Err(Spent { span, lane, by: Limit::Fuel, own });
         }
@@ -130,6 +136,7 @@ impl<A: Rules> Machine<'_, A> {
         if self.rounds.is_multiple_of(ROUNDS)
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
         {
+            let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
             let lane = mask.iter().position(|active| A::possible(*active)).unwrap_or(0);
             return Err(Spent { span, lane, by: Limit::Deadline, own });
         }

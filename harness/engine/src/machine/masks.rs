@@ -185,6 +185,15 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
+    /// Takes lanes out of all that is open, for good.
+    pub(crate) fn drop_lanes(&mut self, lanes: &[usize]) {
+        for lane in lanes {
+            self.current[*lane] = A::bool(false);
+            self.frames.iter_mut().for_each(|frame| frame.left[*lane] = A::bool(true));
+        }
+        self.changed();
+    }
+
     /// Active lanes jump to the end of the frame below the `depth` innermost ones; out of a loop
     /// when `breaks`.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {

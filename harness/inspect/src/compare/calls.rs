@@ -5,7 +5,6 @@ use std::borrow::Cow;
 use karat::fixture::Fixtures;
 use karat::unstable::check::arguments;
 use karat::unstable::executor::{self, Caller};
-use karat::unstable::interpret::evaluations;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat_core::domain::Stream as _;
 use karat_core::output::counted;
@@ -15,6 +14,7 @@ use super::sides::hold_the_same;
 use super::values::{Clarity, Distance, Largest, clarity, distance, told};
 use super::{Both, Change, PathChange, Request};
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
+use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
 /// The same arguments in every run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
@@ -24,9 +24,6 @@ const LAST_VERTEX: f64 = 35.0;
 
 /// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
 const WORK: u64 = 1 << 25;
-
-/// Inputs by which work is measured, and which are run in any case.
-const SAMPLE: usize = 16;
 
 /// Inputs, of more, whose equal results are a verdict.
 const LEAST: usize = 64;
@@ -135,32 +132,30 @@ impl Request {
             let is_usual = Content::OF_FUNCTIONS.contains(&content);
             if is_usual { &mut drawn } else { &mut anywhere }.merge(made.drawn);
             let held = made.held;
-            let Bounded { count, rows, simpler } =
-                bounded([before, after], &held, (&arguments, &shared), (all, &rows));
-            ran.cut += all - count;
-            left_out += all - count;
+            let of_before = |rows: &[u32], count| shared.rows(rows, count).into_owned();
+            let sides = [(before, Some(&of_before as _)), (after, None)];
+            let side = |(at, (probed, own))| Side { probed, fixtures: &held[at], own };
+            let sides: Vec<Side<'_>> = sides.into_iter().enumerate().map(side).collect();
+            let chosen = Chosen::of(&sides, &arguments, (all, &rows), WORK);
+            let Chosen { count, rows, allowed, .. } = chosen;
+            ran.cut += chosen.cut;
+            left_out += chosen.cut;
             for path in self.paths.iter().filter(|_| count > 0) {
                 let pair = Pair::new(*path, [before, after], &held, (&shared, count));
                 let pair = pair.map_err(|error| error.to_string())?;
-                let mut tried = (count, Cow::Borrowed(&*rows));
-                let found = match changed(&pair, &arguments, (&rows, count, simpler)) {
-                    // A loop that counts to a large number ends, but not here. One that ended before the edit is
-                    // another thing.
-                    Err(ProbeError::Rounds { .. }) => {
-                        if pair.old.results(&shared.rows(&rows, count), count).is_ok() {
-                            return Err("after the edit a loop of it doesn't end".to_owned());
-                        }
-                        let few = arguments.few(&rows);
-                        tried = (few.len() / (rows.len() / count).max(1), Cow::Owned(few));
-                        ran.cut += count - tried.0;
-                        changed(&pair, &arguments, (&tried.1, tried.0, simpler))
+                let found = match changed(&pair, &arguments, (&rows, count, allowed)) {
+                    // One that ended before the edit.
+                    Err(ProbeError::Rounds { .. })
+                        if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
+                    {
+                        return Err("after the edit a loop of it doesn't end".to_owned());
                     }
                     other => other,
                 };
-                cases += tried.0;
+                cases += count;
                 let Some((mut change, row)) = found.map_err(|error| error.to_string())? else {
-                    let rows = [shared.rows(&tried.1, tried.0), Cow::Borrowed(&*tried.1)];
-                    ran.reached.add_calls([before, after], &held, (tried.0, rows));
+                    let rows = [shared.rows(&rows, count), Cow::Borrowed(&*rows)];
+                    ran.reached.add_calls([before, after], &held, (count, rows));
                     continue;
                 };
                 let of = (content, &*made.members);
@@ -177,7 +172,7 @@ impl Request {
         ran.drawn = drawn.beside(&anywhere);
         let each = cases / self.paths.len().max(1);
         if each == 0 {
-            return Err("each of its inputs makes a loop count too far".to_owned());
+            return Err(ENDS_FOR_NONE.to_owned());
         }
         if paths.is_empty() && each < LEAST && left_out > 0 {
             let inputs = counted(each, "input");
@@ -247,53 +242,6 @@ fn matter(
     let matters =
         |(path, _): &&(String, String)| others.iter().any(|other| same(path, *other) != Some(true));
     members.iter().filter(|member| matters(member)).cloned().collect()
-}
-
-/// Inputs that fit into the work of a function over one content of its resources.
-struct Bounded {
-    count: usize,
-    rows: Vec<u32>,
-    /// How many more there may be to make one simpler.
-    simpler: usize,
-}
-
-/// Bounds the work of a function: by what a few inputs evaluate, so that the same are left out on every machine. Where a loop
-/// counts too far for those before the edit, the inputs with small numbers remain; if it does so for those as well, none.
-fn bounded(
-    sides: [&Probed; 2],
-    held: &[Fixtures; 2],
-    (arguments, shared): (&Arguments, &Shared),
-    (count, rows): (usize, &[u32]),
-) -> Bounded {
-    let sample = |count: usize, rows: &[u32]| {
-        let each = count.div_ceil(SAMPLE).max(1);
-        arguments.select(rows, count, |at| at % each == 0)
-    };
-    let mut own = (count, Cow::Borrowed(rows));
-    for _ in 0..2 {
-        let (some, few) = sample(own.0, &own.1);
-        let before = shared.rows(&few, some);
-        let cost = |side: usize, rows: &[u32]| evaluations(sides[side], &held[side], (some, rows));
-        match [cost(0, &before), cost(1, &few)] {
-            [Ok(Some(before)), Ok(Some(after))] => {
-                let fit = usize::try_from(WORK / before.max(after).max(1)).unwrap_or(usize::MAX);
-                let each = own.0.div_ceil(fit.max(SAMPLE)).max(1);
-                let (count, rows) = arguments.select(&own.1, own.0, |at| at % each == 0);
-                return Bounded { count, rows, simpler: fit };
-            }
-            // After the edit it may not end, which these show.
-            [Ok(Some(_)), Ok(None)] => {
-                return Bounded { count: some, rows: few, simpler: 0 };
-            }
-            [Ok(None), _] => {
-                let few = arguments.few(&own.1);
-                own = (few.len().checked_div(arguments.width()).unwrap_or(0), Cow::Owned(few));
-            }
-            // Other paths may run what the engine doesn't.
-            _ => return Bounded { count: own.0, rows: own.1.into_owned(), simpler: usize::MAX },
-        }
-    }
-    Bounded { count: 0, rows: Vec::new(), simpler: 0 }
 }
 
 /// How results differ on a path, and a row that shows it; `None` if they don't.

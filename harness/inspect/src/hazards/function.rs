@@ -4,16 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use karat::unstable::check::{arguments, cause_of};
 use karat::unstable::interpret::hazards::{Found, Hazards as InCases, Kind, LONG};
-use karat::unstable::interpret::{Interpreted, evaluations};
+use karat::unstable::interpret::{Interpreted, long_cases};
 use karat::unstable::probe::{ProbeError, Probed};
-use karat_core::diagnostic::Diagnostic;
+use karat_core::diagnostic::Span;
 
 use super::limits::{
-    ALL_HOLDS, CONTENTS, DRAWS, ENDING, ENDLESS_TRIED, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES,
-    MEMBERS, SEED, VARIED,
+    ALL_HOLDS, CONTENTS, DRAWS, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES, MEMBERS, SEED, VARIED,
+    WORK,
 };
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
 use crate::made_up::{Arguments, Content, Input, Mix, Ranges, Resources};
+use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
 use rayon::prelude::*;
 
@@ -35,8 +36,6 @@ pub(super) struct Trial {
     arguments: Arguments,
     rows: Vec<u32>,
     count: usize,
-    /// One row in so many is tried.
-    share: usize,
     contents: &'static [Content],
     main: Tally,
 }
@@ -79,8 +78,6 @@ struct Tally {
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
-    /// True if some loop is long, or may not end.
-    has_long: bool,
 }
 
 impl Tally {
@@ -121,162 +118,87 @@ impl Trial {
         let (count, mut rows) = arguments.rows(SEED, cases);
         arguments.without_subnormals(&mut rows);
         let first = Resources::of(&probed, &ranges, FIRST)?;
-        // Of a function whose loops go round thousands of times a part is looked at, the smaller the longer they are.
-        let share = probed.program.most_rounds().map_or(1, share_of);
-        let share = share.max(share_of_work(&probed, &first, &arguments, (count, &rows)));
         let contents = if first.varies { CONTENTS_TRIED } else { &CONTENTS_TRIED[..1] };
         let main = Tally::default();
         let name = name.to_owned();
-        let mut trial =
-            Self { name, probed, ranges, arguments, rows, count, share, contents, main };
+        let mut trial = Self { name, probed, ranges, arguments, rows, count, contents, main };
         trial.main = trial.tried()?;
-        if trial.main.has_long {
-            trial.rows = trial.arguments.few(&trial.rows);
-        }
         match trial.main.cases {
-            0 if trial.main.found.is_empty() => {
-                Err("no arguments can be made up for it".to_owned())
-            }
+            0 if trial.main.found.is_empty() => Err(ENDS_FOR_NONE.to_owned()),
             _ => Ok(trial),
         }
     }
 
-    /// The rows that meet a content.
-    fn rows_of(&self, draw: usize) -> (usize, Vec<u32>) {
-        match self.share {
-            1 => self.arguments.part(&self.rows, self.count, draw),
-            share => self.arguments.share(&self.rows, self.count, (draw, share)),
-        }
+    /// The cases of some rows that run over a content.
+    fn chosen(&self, resources: &Resources, (count, rows): (usize, &[u32])) -> Chosen {
+        let Self { probed, arguments, .. } = self;
+        let side = Side { probed, fixtures: &resources.fixtures, own: None };
+        Chosen::of(&[side], arguments, (count, rows), WORK)
     }
 
     fn tried(&self) -> Result<Tally, String> {
-        let text = |error: &dyn std::fmt::Display| first_line(&error.to_string());
         // One function with long loops would keep one core busy while the others idle.
         let looked = self.contents.par_iter().map(|content| {
             let resources = Resources::of(&self.probed, &self.ranges, *content)?;
-            let rows = self.rows_of(content.draw);
+            let (count, rows) = self.arguments.part(&self.rows, self.count, content.draw);
+            let chosen = self.chosen(&resources, (count, &rows));
             let engine = Interpreted::new(&self.probed, &resources.fixtures);
-            let seen = engine.and_then(|engine| engine.hazards_but(rows.0, &rows.1, EACH));
-            Ok::<_, String>((resources, rows, seen))
+            let seen =
+                engine.and_then(|engine| engine.hazards_but(chosen.count, &chosen.rows, EACH));
+            let seen = seen.map_err(|error| first_line(&error.to_string()))?;
+            Ok::<_, String>((resources, chosen, seen))
         });
         let mut tally = Tally::default();
-        let mut first = None;
         for (content, one) in self.contents.iter().zip(looked.collect::<Vec<_>>()) {
-            let (resources, (count, rows), seen) = one?;
-            first.get_or_insert(count);
-            let tried = self.without_long(&mut tally, &resources, (count, rows), seen);
-            let Some((rows, seen)) = tried.map_err(|error| text(&error))? else { continue };
-            self.add(&mut tally, (*content, &resources), &rows, &seen);
+            let (resources, chosen, seen) = one?;
+            tally.cut += chosen.cut;
+            let long = chosen.long.iter().filter(|(row, _)| self.arguments.counts_little(row));
+            for one in long.take(LONG_CASES) {
+                let added = self.endless(&mut tally, one, &resources);
+                added.map_err(|error| first_line(&error.to_string()))?;
+            }
+            self.add(&mut tally, (*content, &resources), &chosen.rows, &seen);
         }
-        tally.cut += self.count - first.unwrap_or(self.count);
         // The loops of these cases ended.
         let ended = tally.cases;
         tally.reached.entry(LOOP).and_modify(|[cases, _]| *cases += ended);
         Ok(tally)
     }
 
-    /// Leaves out the cases whose loops count to a large number. `None` if a loop ends the search for all of them.
-    fn without_long(
-        &self,
-        tally: &mut Tally,
-        resources: &Resources,
-        (all, rows): (usize, Vec<u32>),
-        seen: Result<InCases, ProbeError>,
-    ) -> Result<Option<(Vec<u32>, InCases)>, ProbeError> {
-        let bounded = self.probed.program.most_rounds().is_some();
-        match seen {
-            Err(ProbeError::Rounds { .. }) if !bounded => {}
-            other => return Ok(Some((rows, other?))),
-        }
-        tally.has_long = true;
-        if tally.found.contains_key(&(LOOP, Kind::Endless)) {
-            tally.cut += all;
-            return Ok(None);
-        }
-        let width = self.arguments.width();
-        let mut rows = self.arguments.few(&rows);
-        let engine = Interpreted::new(&self.probed, &resources.fixtures)?;
-        for _ in 0..LONG_CASES {
-            let count = rows.len().checked_div(width).unwrap_or(1);
-            let (case, diagnostic) = match engine.hazards_but(count, &rows, EACH) {
-                Err(ProbeError::Rounds { case, diagnostic }) => (case, diagnostic),
-                other => {
-                    tally.cut += all - count;
-                    return other.map(|seen| Some((rows, seen)));
-                }
-            };
-            let row = rows[case * width..(case + 1) * width].to_vec();
-            let is_endless = engine.may_not_end(&row, LONG);
-            if is_endless {
-                self.endless(tally, &engine, &diagnostic, (row, resources));
-                // The others say what else goes wrong.
-                let rows = rows.chunks_exact(width.max(1)).take(ENDING);
-                let ending = rows.filter(|row| !engine.may_not_end(row, ENDLESS_TRIED.1)).flatten();
-                let ending: Vec<u32> = ending.copied().collect();
-                let count = ending.len().checked_div(width).unwrap_or_default();
-                if count > 0
-                    && let Ok(seen) = engine.hazards_but(count, &ending, EACH)
-                {
-                    tally.cut += all - count;
-                    return Ok(Some((ending, seen)));
-                }
-            }
-            if is_endless || width == 0 {
-                break;
-            }
-            drop(rows.drain(case * width..(case + 1) * width));
-        }
-        tally.cut += all;
-        Ok(None)
-    }
-
     /// Adds a loop that may not end, and whether it ends for other inputs.
     fn endless(
         &self,
         tally: &mut Tally,
-        engine: &Interpreted,
-        diagnostic: &Diagnostic,
-        (row, resources): (Vec<u32>, &Resources),
-    ) {
+        (row, at): &(Vec<u32>, Span),
+        resources: &Resources,
+    ) -> Result<(), ProbeError> {
         let key = (LOOP, Kind::Endless);
-        if tally.found.contains_key(&key) {
-            return;
+        let engine = Interpreted::new(&self.probed, &resources.fixtures)?;
+        if tally.found.contains_key(&key) || !engine.may_not_end(row, LONG) {
+            return Ok(());
         }
-        let width = self.arguments.width();
-        let (count, rounds) = ENDLESS_TRIED;
-        let others = self.arguments.held(&row, &self.rows, count);
-        // The first that ends decides.
-        let mut tried = 1;
-        let mut ended = others.chunks_exact(width.max(1));
-        let is_ended = ended.any(|row| {
-            tried += 1;
-            !engine.may_not_end(row, rounds)
-        });
-        let at = diagnostic.location().unwrap_or(&self.probed.function().span).clone();
+        let others = self.arguments.held(row, &self.rows, DRAWS);
+        let long = long_cases(&self.probed, &resources.fixtures, (DRAWS, &others))?;
+        tally.reached.insert(LOOP, [1 + DRAWS, 1]);
         let text = at.file.text.get(at.range.clone()).unwrap_or_default().to_owned();
         let (hidden, values, operands, missing) = Default::default();
-        let (kind, site) = (key.1, key.0);
-        let found = Found { kind, site, span: at, text, hidden, values, operands, missing };
-        let case = Case { content: FIRST, row };
-        let members = resources.members.clone();
-        let (failing, numbers, oddity) = (vec![case.clone()], Vec::new(), [0; 2]);
-        // Without arguments it is the same loop each time.
-        let wrong = if width == 0 { DRAWS } else { tried - usize::from(is_ended) };
-        tally.reached.insert(LOOP, [wrong + usize::from(is_ended), 1]);
-        let (dropped, kinds, last) = (0, BTreeSet::from([key.1]), None);
+        let (site, kind) = key;
+        let found = Found { kind, site, span: at.clone(), text, hidden, values, operands, missing };
+        let case = Case { content: FIRST, row: row.clone() };
         let gathered = Gathered {
             found,
+            members: resources.members.clone(),
+            oddity: [0; 2],
+            wrong: 1 + long.len(),
+            dropped: 0,
+            failing: vec![case.clone()],
             case,
-            members,
-            oddity,
-            wrong,
-            dropped,
-            failing,
-            numbers,
-            kinds,
-            last,
+            numbers: Vec::new(),
+            kinds: BTreeSet::from([kind]),
+            last: None,
         };
         tally.found.insert(key, gathered);
+        Ok(())
     }
 
     /// Adds what was found in some rows over a content.
@@ -364,13 +286,11 @@ impl Trial {
         let ran = self.contents.par_iter().map(|content| {
             let (other, count, rows) = rows(*content);
             let count = if self.arguments.width() == 0 { 1 } else { count };
-            let seen = self.run((*content, other, takes), (count, &rows));
-            (*content, rows, seen)
+            (*content, self.run((*content, other, takes), (count, &rows)))
         });
         let mut tally = Tally::default();
-        for (content, rows, seen) in ran.collect::<Vec<_>>() {
-            // Cases whose loops are long say nothing here.
-            if let Some((resources, seen)) = seen {
+        for (content, seen) in ran.collect::<Vec<_>>() {
+            if let Some((resources, rows, seen)) = seen {
                 self.add(&mut tally, (content, &resources), &rows, &seen);
             }
         }
@@ -382,12 +302,14 @@ impl Trial {
         &self,
         (content, other, takes): (Content, Content, Takes<'_>),
         (count, rows): (usize, &[u32]),
-    ) -> Option<(Resources, InCases)> {
+    ) -> Option<(Resources, Vec<u32>, InCases)> {
         let mix = Mix { content: other, extents: None, takes };
         let resources = Resources::mixed(&self.probed, &self.ranges, content, &mix).ok()?;
         let engine = Interpreted::new(&self.probed, &resources.fixtures).ok()?;
-        let seen = engine.hazards_but(count, rows, EACH).ok()?;
-        Some((resources, seen))
+        let side = Side { probed: &self.probed, fixtures: &resources.fixtures, own: None };
+        let Chosen { count, rows, .. } = Chosen::ending(&side, &self.arguments, (count, rows));
+        let seen = engine.hazards_but(count, &rows, EACH).ok()?;
+        Some((resources, rows, seen))
     }
 
     /// The inputs in resources.
@@ -423,9 +345,7 @@ impl Trial {
         inputs: &[Input],
         holds: &mut BTreeMap<(Content, Vec<u32>), Tally>,
     ) -> (Class, Option<Case>) {
-        // Private variables hold values of other functions: these are free, and no draw has them.
-        let is_stateless = !self.probed.program.has_state();
-        let all = |is: fn(&Input) -> bool| is_stateless && inputs.iter().all(is);
+        let all = |is: fn(&Input) -> bool| inputs.iter().all(is);
         let is_declared = self.arguments.are_declared() && all(|one| one.declared);
         let nothing_free = self.arguments.are_known() && all(|one| one.known);
         let known = inputs.iter().any(|one| one.known);
@@ -557,10 +477,10 @@ impl Trial {
         let own = |_: &Input| false;
         let averts = |content, other, takes: Takes<'_>, rows: (usize, &[u32])| {
             let mut tally = Tally::default();
-            let Some((resources, seen)) = self.run((content, other, takes), rows) else {
+            let Some((resources, rows, seen)) = self.run((content, other, takes), rows) else {
                 return false;
             };
-            self.add(&mut tally, (content, &resources), rows.1, &seen);
+            self.add(&mut tally, (content, &resources), &rows, &seen);
             tally.is_averted(key)
         };
         let mut needs = Vec::new();
@@ -595,32 +515,4 @@ impl Trial {
 /// somewhere.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
-}
-
-/// One input of so many is looked at in a function with so many rounds of loops: some hundred thousand rounds are. The
-/// longest of the shader library has 4,300, and took 18 s of one core with four times as many.
-fn share_of(rounds: u64) -> usize {
-    const ROUNDS: u64 = 256;
-    let share = (rounds / ROUNDS).clamp(1, 16).next_power_of_two();
-    usize::try_from(share).expect("it is small")
-}
-
-/// One input of so many is looked at in a function of so many operations, by what a few inputs come to.
-fn share_of_work(
-    probed: &Probed,
-    resources: &Resources,
-    arguments: &Arguments,
-    (count, rows): (usize, &[u32]),
-) -> usize {
-    /// Operations of all inputs together: four of each arithmetic run, and all are compared.
-    const WORK: u64 = 1 << 22;
-    const SAMPLE: usize = 16;
-    let each = count.div_ceil(SAMPLE).max(1);
-    let (some, few) = arguments.select(rows, count, |at| at % each == 0);
-    // Loops that don't end are found by their rounds.
-    let Ok(Some(operations)) = evaluations(probed, &resources.fixtures, (some, &few)) else {
-        return 1;
-    };
-    let share = operations.saturating_mul(count as u64).div_ceil(WORK).max(1);
-    usize::try_from(share).unwrap_or(each).min(each).next_power_of_two()
 }

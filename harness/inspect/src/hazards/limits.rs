@@ -36,16 +36,12 @@ pub(super) const INPUTS_TRIED: usize = 16;
 /// among the first hundred.
 pub(super) const MET: usize = 256;
 
-/// Inputs whose loops are long, and end, that are left out one by one: each costs another run of those that are left.
+/// Operations that the inputs of a function come to over one content of its resources: some seconds of one core, as each
+/// arithmetic runs four times, and all are compared.
+pub(super) const WORK: u64 = 1 << 22;
+
+/// Long loops over each content that are run on, for one that doesn't end: each takes some tenths of a second.
 pub(super) const LONG_CASES: usize = 3;
-
-/// Inputs that are run one by one, behind one whose loop doesn't end, for those whose loops do: one that doesn't costs some
-/// milliseconds.
-pub(super) const ENDING: usize = DRAWS;
-
-/// Other inputs with which a loop is run that may not end, and the rounds after which it doesn't: four times as many as a
-/// trial waits for.
-pub(super) const ENDLESS_TRIED: (usize, u64) = (DRAWS, 1 << 14);
 
 /// Members of buffers that are shown with the arguments.
 pub(super) const MEMBERS: usize = 6;

@@ -16,23 +16,7 @@ use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, descri
 const MOST: u64 = 16;
 
 /// The same contents for each variable of one name, on every machine.
-pub(super) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
-
-/// The arguments of so many cases, one row each. Where there are fewer values they come again.
-pub(crate) fn rows(probed: &Probed, ranges: &Ranges, cases: usize) -> Result<Vec<u32>, String> {
-    let arguments = super::Arguments::of(probed.function(), ranges)?;
-    let (_, mut rows) = arguments.rows(SEED, cases);
-    // Where one driver stops a loop that counts too far, none runs.
-    if probed.program.most_rounds().is_none() {
-        rows = arguments.few(&rows);
-    }
-    let width = arguments.width();
-    if rows.is_empty() && width > 0 {
-        return Err("no arguments can be made up for it".to_owned());
-    }
-    let words = if rows.is_empty() { 0 } else { cases * width };
-    Ok(rows.iter().copied().cycle().take(words).collect())
-}
+pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
 /// A function that takes note of how long its made-up resources are, if there are such. Where it takes
 /// derivatives its arguments have some.
@@ -1036,7 +1020,13 @@ mod tests {
     fn what_is_differentiated_varies() {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
         let probed = Probed::new(&karat::Package::from_source("p", text), "f").and_then(fitted);
-        let rows = rows(&probed.expect("it is called"), &Ranges::default(), 64).expect("drawn");
+        let rows = crate::work::rows(
+            &probed.expect("it is called"),
+            &Ranges::default(),
+            &Fixtures::default(),
+            64,
+        )
+        .expect("drawn");
         // a, its dx and dy; k; v, its dx and dy
         let cases = || rows.chunks_exact(3 + 1 + 6).skip(32);
         for slope in [1, 2, 6, 8] {

@@ -19,6 +19,7 @@ use super::reduce::Pair;
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::made_up::{self, Content, Ranges};
+use crate::work;
 
 /// Runs a row on the columns whose cells got so far, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
@@ -80,7 +81,9 @@ const REPEATED: f64 = 1024.0;
 fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
-        let rows = made_up::rows(probed, &ranges, request.cases)?;
+        let fixtures = made_up::fixtures(probed, &ranges, made_up::beyond(probed)[0]);
+        // What can't be made up is told where it is used.
+        let rows = work::rows(probed, &ranges, &fixtures.unwrap_or_default(), request.cases)?;
         Ok((rows, ranges))
     });
     let (rows, ranges) = match drawn {

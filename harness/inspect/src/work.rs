@@ -1,0 +1,104 @@
+//! The cases of a function that run, by one rule: those in which no loop goes round more than 4,096 times, and of these so
+//! many, evenly chosen, as the work of a function allows.
+
+use std::borrow::Cow;
+
+use karat::fixture::Fixtures;
+use karat::unstable::interpret::{evaluations, long_cases};
+use karat::unstable::probe::Probed;
+use karat_core::diagnostic::Span;
+
+use crate::made_up::{Arguments, Ranges, SEED};
+
+/// Inputs by which work is measured, and which run in any case.
+pub(crate) const SAMPLE: usize = 16;
+
+/// A function with its resources, and the words that it takes of each row; `None`: all.
+pub(crate) struct Side<'s> {
+    pub(crate) probed: &'s Probed,
+    pub(crate) fixtures: &'s Fixtures,
+    pub(crate) own: Option<&'s dyn Fn(&[u32], usize) -> Vec<u32>>,
+}
+
+impl Side<'_> {
+    fn rows<'r>(&self, rows: &'r [u32], count: usize) -> Cow<'r, [u32]> {
+        self.own.map_or(Cow::Borrowed(rows), |own| Cow::Owned(own(rows, count)))
+    }
+}
+
+/// The cases that run.
+pub(crate) struct Chosen {
+    pub(crate) count: usize,
+    pub(crate) rows: Vec<u32>,
+    /// Those that don't.
+    pub(crate) cut: usize,
+    /// The rows of those in which a loop goes round too often, with the loop.
+    pub(crate) long: Vec<(Vec<u32>, Span)>,
+    /// How many cases the work allows; 0 where the sample alone is too much.
+    pub(crate) allowed: usize,
+}
+
+impl Chosen {
+    /// The rows in which each loop ends. Where the engine doesn't run the side all rows stay, as other paths may do so.
+    pub(crate) fn ending(
+        side: &Side<'_>,
+        arguments: &Arguments,
+        (all, rows): (usize, &[u32]),
+    ) -> Self {
+        let long = long_cases(side.probed, side.fixtures, (all, &side.rows(rows, all)));
+        let long = long.unwrap_or_default();
+        let (count, left) = arguments.select(rows, all, |at| !long.contains_key(&at));
+        let width = arguments.width();
+        let row = |(case, span)| (rows[case * width..][..width].to_vec(), span);
+        let long: Vec<_> = long.into_iter().map(row).collect();
+        Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
+    }
+
+    /// Of the rows in which each loop of the first side ends as many as the work of each side allows.
+    pub(crate) fn of(
+        sides: &[Side<'_>],
+        arguments: &Arguments,
+        (all, rows): (usize, &[u32]),
+        work: u64,
+    ) -> Self {
+        let ending = Self::ending(&sides[0], arguments, (all, rows));
+        let spread =
+            |each: usize| arguments.select(&ending.rows, ending.count, |at| at % each == 0);
+        let (some, few) = spread(ending.count.div_ceil(SAMPLE).max(1));
+        let mut most = 0;
+        for side in sides {
+            match evaluations(side.probed, side.fixtures, (some, &side.rows(&few, some))) {
+                Ok(operations) => most = most.max(operations.unwrap_or(u64::MAX)),
+                Err(_) => return ending,
+            }
+        }
+        let allowed = usize::try_from(work / most.max(1)).unwrap_or(usize::MAX);
+        let (count, rows) = spread(ending.count.div_ceil(allowed.max(SAMPLE)).max(1));
+        Self { count, rows, cut: all - count, allowed, ..ending }
+    }
+}
+
+/// The arguments of so many cases of a function that only returns, one row each. Where fewer end they come again.
+pub(crate) fn rows(
+    probed: &Probed,
+    ranges: &Ranges,
+    fixtures: &Fixtures,
+    cases: usize,
+) -> Result<Vec<u32>, String> {
+    let arguments = Arguments::of(probed.function(), ranges)?;
+    let width = arguments.width();
+    if width == 0 {
+        return Ok(Vec::new());
+    }
+    let (count, rows) = arguments.rows(SEED, cases);
+    let side = Side { probed, fixtures, own: None };
+    let Chosen { rows, .. } = Chosen::ending(&side, &arguments, (count, &rows));
+    match rows.len() {
+        0 => Err(ENDS_FOR_NONE.to_owned()),
+        _ => Ok(rows.iter().copied().cycle().take(cases * width).collect()),
+    }
+}
+
+/// What is said of a function that can't be tried.
+pub(crate) const ENDS_FOR_NONE: &str =
+    "for each of its inputs a loop goes round more than 4096 times";
