@@ -34,14 +34,14 @@ pub(crate) use runner::{BATCH, Runner};
 pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, compare, upload, upload_shared};
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::diagnostic::Diagnostic;
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Ability, Path, PathError};
-use crate::reflect::{Function, Overrides, Program, ReflectError};
+use crate::reflect::{Function, Overrides, Program, ReflectError, State};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
@@ -73,11 +73,11 @@ impl Probed {
         path: &str,
         overrides: &BTreeMap<String, f64>,
     ) -> Result<Self, ProbeError> {
-        Self::in_state(package, path, overrides, &BTreeSet::new())
+        Self::in_state(package, path, overrides, &State::new())
     }
 
-    /// The same that takes and gives private variables, too, of which a function gets and leaves values: those of some paths,
-    /// as [`Program::state_of`] gives them.
+    /// The same that takes and gives private variables, too, of which a function gets and leaves values, as
+    /// [`Program::state_of`] gives them.
     ///
     /// # Errors
     /// Those of [`with_overrides`](Self::with_overrides).
@@ -85,9 +85,10 @@ impl Probed {
         package: &Package,
         path: &str,
         overrides: &BTreeMap<String, f64>,
-        state: &BTreeSet<String>,
+        state: &State,
     ) -> Result<Self, ProbeError> {
-        let program = Program::of_function(package, path)?.overridden(overrides)?;
+        let program = Program::of_function(package, path)?.with_state(state)?;
+        let program = program.overridden(overrides)?;
         let function = program.function_in_state(path, state)?;
         fixture::expect_apart(&function.bindings)?;
         let kernel = Kernel::new(&program, &function);

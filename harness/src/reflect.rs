@@ -57,8 +57,8 @@ pub use parsed::parsed_with;
 pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
 pub use rounds::Watched;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, count_rounds};
-pub use signature::Function;
 pub(crate) use signature::Passed;
+pub use signature::{Function, State};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 

@@ -29,11 +29,11 @@ use std::sync::{Mutex, PoisonError};
 
 use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
-use karat::package::{Package, PackageError};
+use karat::package::{Feature, Package, PackageError};
 use karat::path::Path;
 use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
-use karat::unstable::package::{Stage, words_of};
+use karat::unstable::package::{Stage, values_of, words_of};
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Overrides, Program};
 use karat_core::panics;
@@ -256,15 +256,31 @@ impl Request {
         &self,
         told: &(dyn Fn(&Compared, usize, usize) + Sync),
     ) -> Result<Vec<Compared>, PackageError> {
-        let all = self.pairs()?;
+        // A feature that conditions compare with a number has one on both sides, or nothing can be read.
+        let values = [&self.before, &self.after].map(values_of);
+        let first = |side: usize| -> Vec<String> {
+            values[side].iter().map(|(name, all)| format!("{name}={}", all[0])).collect()
+        };
+        let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
+        let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
+        let valued = Self { before, after, ..self.clone() };
+        let all = valued.pairs(&values)?;
         let of = all.len();
         let done = Mutex::new((0, BTreeMap::new()));
         let all: Vec<_> = all.into_iter().enumerate().collect();
         let compared = all.into_par_iter().map(|(at, (name, pair))| {
-            let one = panics::caught(|| self.verdict(&name, pair)).unwrap_or_else(|panicked| {
+            let one = panics::caught(|| valued.verdict(&name, pair));
+            let mut one = one.unwrap_or_else(|panicked| {
                 let reason = format!("Karat panics at it: {panicked}");
                 Compared::of(&name, Change::Unjudged { reason })
             });
+            if one.change != Change::Untouched {
+                let named =
+                    |feature: &String| feature.split('=').next().unwrap_or_default().to_owned();
+                let own: BTreeSet<String> = one.under.iter().map(named).collect();
+                let open = shown.iter().filter(|feature| !own.contains(&named(feature)));
+                one.under.extend(open.cloned());
+            }
             // In the order of names, so that the same verdicts are the same text.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, waiting) = &mut *done;
@@ -279,7 +295,7 @@ impl Request {
     }
 
     /// All functions of both sides, by their names. A module that can't be read on a side stands for its functions.
-    fn pairs(&self) -> Result<BTreeMap<String, Pair>, PackageError> {
+    fn pairs(&self, values: &[Values; 2]) -> Result<BTreeMap<String, Pair>, PackageError> {
         let sides = [&self.before, &self.after];
         let [before, after] = [self.before.modules()?, self.after.modules()?];
         let modules: BTreeSet<&String> = before.iter().chain(&after).collect();
@@ -328,10 +344,14 @@ impl Request {
             let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
             let open: Vec<String> = open.into_iter().cloned().collect();
             let mut edited = BTreeSet::new();
-            for features in subsets(&open) {
+            for features in subsets(&open).into_iter().chain(other_values(values)) {
                 // A side is asked about those that it knows.
                 let of = |side: usize| -> Vec<String> {
-                    features.iter().filter(|name| words[side].1.contains(name)).cloned().collect()
+                    let asks = |name: &&String| match name.split_once('=') {
+                        Some((name, _)) => values[side].contains_key(name),
+                        None => words[side].1.contains(name),
+                    };
+                    features.iter().filter(asks).cloned().collect()
                 };
                 let own = [of(0), of(1)];
                 let (Ok(old), Ok(new)) = (items(0, &own[0]), items(1, &own[1])) else { continue };
@@ -541,7 +561,9 @@ impl Request {
             let program = Program::of_function(package, name).ok();
             program.map(|program| program.state_of(name)).unwrap_or_default()
         };
-        let state = &state(&self.before) | &state(&self.after);
+        let mut all = state(&self.before);
+        all.extend(state(&self.after));
+        let state = all;
         let probed = |package: &Package| {
             let overrides = ranges.overrides_of(package, name);
             Probed::in_state(package, name, &overrides, &state).and_then(made_up::fitted)
@@ -622,9 +644,26 @@ struct Under {
 /// Features of which each set is tried.
 const WHOLE: usize = 5;
 
-/// A package with some features on.
+/// Values of the features that conditions compare with one.
+type Values = BTreeMap<String, Vec<Feature>>;
+
+/// Each value of each such feature but its first, by itself.
+fn other_values(values: &[Values; 2]) -> BTreeSet<Vec<String>> {
+    let others = |(name, all): (&String, &Vec<Feature>)| {
+        all[1..].iter().map(|value| vec![format!("{name}={value}")]).collect::<Vec<_>>()
+    };
+    values.iter().flatten().flat_map(others).collect()
+}
+
+/// A package with some features on, or with a value that stands behind a name.
 fn featured(package: &Package, features: &[String]) -> Package {
-    features.iter().fold(package.clone(), |package, name| package.feature(name, true))
+    features.iter().fold(package.clone(), |package, feature| match feature.split_once('=') {
+        Some((name, value)) => match value.parse::<i64>() {
+            Ok(number) => package.feature(name, Feature::Number(number)),
+            Err(_) => package.feature(name, value == "true"),
+        },
+        None => package.feature(feature, true),
+    })
 }
 
 /// Sets of features, the smaller ones first: each set of few; of more none, each, two of them, and all. Of many the pairs are
@@ -1527,6 +1566,33 @@ mod tests {
             compared(text, &text.replace("1000u", "1000u * 1u")).change,
             Change::Same { .. }
         ));
+    }
+
+    /// A feature that conditions compare with a number has that number, and its neighbours where the edit needs them.
+    #[test]
+    fn features_without_a_value_get_one() {
+        let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
+                    fn f(x: f32) -> f32 { return x; }\n#endif\n\
+                    fn g(x: f32) -> f32 { return x * #{COUNT}.0; }\n";
+        for (from, to, name, under) in [
+            ("return x;", "return -x;", "f", vec!["COUNT=4", "LIGHTS=2"]),
+            ("x + 1.0", "x + 2.0", "f", vec!["LIGHTS=3", "COUNT=4"]),
+            ("x * #", "2.0 * x * #", "g", vec!["COUNT=4", "LIGHTS=2"]),
+        ] {
+            let package = |text: &str| Package::from_source("p", text);
+            let all = Request::new(package(text), package(&text.replace(from, to)));
+            let all = all.run().expect("it reads");
+            let told: Vec<_> = all.iter().filter(|one| one.change != Change::Untouched).collect();
+            let [one] = &*told else { panic!("{to}: {all:?}") };
+            assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
+            assert_eq!(
+                (&*one.function, &one.under),
+                (name, &under.iter().map(|name| (*name).to_owned()).collect()),
+                "{to}"
+            );
+        }
+        let same = changes(text, &text.replace("x + 1.0", "1.0 + x"));
+        assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
     /// A pixel that is discarded comes to nothing behind the statement that anybody sees.

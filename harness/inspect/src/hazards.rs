@@ -35,7 +35,7 @@ use karat::package::{Package, PackageError};
 use karat::unstable::dispatch::{Violation, ViolationAccess};
 use karat::unstable::interpret::hazards::{Found, Missing};
 use karat::unstable::package::{
-    AcceptedHazard, Stage, declared_hazards, is_crate, place_of_input, scope,
+    AcceptedHazard, FunctionItem, Stage, declared_hazards, is_crate, place_of_input, scope,
 };
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Program, ReflectError};
@@ -318,13 +318,10 @@ impl Request {
         for (name, least, most) in &self.inputs {
             inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
         }
-        for name in declared.overrides.keys().chain(self.overrides.keys()) {
-            if !Program::some_has_override(&self.package, name) {
-                let why = format!("no function and no entry point uses an override `{name}`");
-                return Err(HazardError::Declaration(why));
-            }
-        }
         self.overrides.iter().for_each(|(name, value)| inputs.set_override(name, *value));
+        if let Some(wrong) = Program::unfit(&self.package, inputs.overrides()) {
+            return Err(HazardError::Declaration(wrong));
+        }
         let wanted = |name: &str| {
             self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
         };
@@ -352,10 +349,7 @@ impl Request {
             .map(|item| {
                 let own =
                     if callers.calls(&item.name) { inputs.clone() } else { inputs.with_names() };
-                let look = || match item.entry_point {
-                    Some(Stage::Compute) => passes::look(&self.package, &item.name, &own),
-                    _ => self.look(&item.name, own.clone()),
-                };
+                let look = || self.look(item, &own);
                 let seen = panics::caught(look)
                     .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
                 // Whoever counts tells it before another one counts, so that no count is told late.
@@ -389,15 +383,8 @@ impl Request {
         if functions == 0 {
             return Err(HazardError::Nothing { package, skipped });
         }
-        let names = declared.overrides.keys().chain(self.overrides.keys());
-        for name in names {
-            let said = format!("the override `{name}` is");
-            if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
-                return Err(HazardError::Declaration(format!("{function}: {why}")));
-            }
-        }
         if self.only.is_empty() {
-            self.expect_names(&inputs, &drawn, &looked, &skipped)?;
+            self.expect_names(&inputs, &drawn, &looked, (&names, &skipped))?;
         }
         let names: BTreeSet<&str> = looked.keys().map(String::as_str).collect();
         let roots: BTreeMap<String, BTreeSet<String>> = names
@@ -466,7 +453,7 @@ impl Request {
         inputs: &Ranges,
         drawn: &Drawn,
         looked: &BTreeMap<String, Seen>,
-        skipped: &[(String, String)],
+        (names, skipped): (&[FunctionItem], &[(String, String)]),
     ) -> Result<(), HazardError> {
         let used = drawn.names();
         let is_met = |name: &&String| match scope(name) {
@@ -474,14 +461,18 @@ impl Request {
             (None, own) => used.contains(own),
         };
         let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
-        // It may be met where no value fits.
-        let (_, own) = scope(name);
-        let said = format!("`{own}` is declared");
-        if let Some((function, why)) = skipped.iter().find(|(_, why)| why.contains(&said)) {
-            let place = place_of_input(&self.package, name);
-            return Err(HazardError::Declaration(format!("{function}: {why}{place}")));
-        }
         let place = place_of_input(&self.package, name);
+        // It may be met where no value fits: without it that function isn't skipped, or for another reason.
+        let without = inputs.without(name);
+        let blamed = names.iter().find_map(|item| {
+            let (_, why) = skipped.iter().find(|(name, _)| *name == item.name)?;
+            let [with, without] = [inputs, &without].map(|all| self.look(item, all).err());
+            (with != without).then(|| format!("{}: {why}{place}", item.name))
+        });
+        if let Some(why) = blamed {
+            return Err(HazardError::Declaration(why));
+        }
+        let (_, own) = scope(name);
         let none = match own.split_once('(') {
             Some(("length", _)) => "no array without a length that a function uses",
             Some(("workgroups", _)) => "no compute pass that is looked at",
@@ -509,7 +500,11 @@ impl Request {
         }
     }
 
-    fn look(&self, name: &str, ranges: Ranges) -> Result<Seen, String> {
+    fn look(&self, item: &FunctionItem, ranges: &Ranges) -> Result<Seen, String> {
+        let name = &*item.name;
+        if item.entry_point == Some(Stage::Compute) {
+            return passes::look(&self.package, name, ranges);
+        }
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let overrides = ranges.overrides_of(&self.package, name);
         let program = Program::of_function(&self.package, name).map_err(|error| text(&error))?;
@@ -519,14 +514,14 @@ impl Request {
         let probed = probed.with_varying();
         let form = &probed.function.form;
         if form.alone && form.stage == Some(Stage::Fragment) {
-            return passes::look_at_pixels(&self.package, name, &ranges);
+            return passes::look_at_pixels(&self.package, name, ranges);
         }
         if form.alone {
             return Err("it writes what others would see: hazards are looked for in functions \
                         that only return"
                 .to_owned());
         }
-        Ok(Trial::of(name, probed, ranges, self.cases)?.seen())
+        Ok(Trial::of(name, probed, ranges.clone(), self.cases)?.seen())
     }
 }
 

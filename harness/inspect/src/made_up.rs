@@ -79,6 +79,17 @@ impl Ranges {
         self.declared.keys()
     }
 
+    /// The same where nothing says what that input is.
+    pub(crate) fn without(&self, name: &str) -> Self {
+        let mut all = self.clone();
+        all.declared.remove(name);
+        all
+    }
+
+    pub(crate) fn overrides(&self) -> &BTreeMap<String, f64> {
+        &self.overrides
+    }
+
     /// The same for one function: what is declared of it alone comes first.
     #[must_use]
     pub(crate) fn scoped(&self, function: &str) -> Self {

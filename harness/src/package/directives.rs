@@ -25,7 +25,7 @@ use super::feature::Features;
 use super::lexer::{Kind, Token, lex};
 
 use ahead::without_comment;
-pub(super) use ahead::{asked, defined, guards, path};
+pub(super) use ahead::{asked, defined, guards, path, values};
 use foreign::{template, unknown};
 pub(super) use include::{Include, without_extension};
 

@@ -104,13 +104,30 @@ impl Program {
     }
 
     /// A fault of given values of its overrides, in a sentence; an override without a value isn't.
-    pub fn misfit(&self, given: &Overrides) -> Option<String> {
+    fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
             values.insert(self.text_name(name).ok()?, *value);
         }
         let mut module = self.checked.module.clone();
         set(&mut module, &values).err().map(|(_, reason)| reason)
+    }
+
+    /// Why a package can't be given some overrides: nothing has one, or a value isn't of its type.
+    pub fn unfit(package: &Package, given: &Overrides) -> Option<String> {
+        let unknown = given.keys().find(|name| !Self::some_has_override(package, name));
+        if let Some(name) = unknown {
+            return Some(format!("no function and no entry point uses an override `{name}`"));
+        }
+        let misfit = |module: String| {
+            let program = Self::of_module(&package.for_validating(&module), &module).ok()?;
+            let own = given.iter().filter(|(name, _)| program.has_override(name));
+            program.misfit(&own.map(|(name, value)| (name.clone(), *value)).collect())
+        };
+        // A package without an override needn't be linked.
+        let modules =
+            if given.is_empty() { Vec::new() } else { package.modules().unwrap_or_default() };
+        modules.into_iter().find_map(misfit)
     }
 
     /// True if something in a package has an override of this name or number.

@@ -1,10 +1,10 @@
 //! What a function takes and returns.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use naga::common::wgsl::TryToWgsl;
+use naga::common::wgsl::{TryToWgsl, TypeContext as _};
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
@@ -57,6 +57,9 @@ pub struct Form {
     /// Parameters, and members of them, that are builtin values: `input.pixel`, `position`.
     pub builtins: Vec<(String, String)>,
 }
+
+/// Private variables by their paths: the name in the linked text, and the type.
+pub type State = BTreeMap<String, (String, String)>;
 
 /// How a parameter is passed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -154,15 +157,15 @@ impl Program {
     /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
-        self.function_in_state(path, &BTreeSet::new())
+        self.function_in_state(path, &State::new())
     }
 
-    /// The private variables by which a function gets something of others, and leaves them something, by their paths.
-    pub fn state_of(&self, path: &str) -> BTreeSet<String> {
+    /// The private variables by which a function gets something of others, and leaves them something.
+    pub fn state_of(&self, path: &str) -> State {
         // An entry point begins anew.
         let declared = self.declared(self.called_name(self.name_of(path)));
         let Some((handle, _)) = declared.filter(|_| self.linked.called.is_none()) else {
-            return BTreeSet::new();
+            return State::new();
         };
         let info = &self.checked.info[handle];
         let all = self.checked.module.global_variables.iter();
@@ -170,17 +173,35 @@ impl Program {
             let is_private = one.space == naga::AddressSpace::Private;
             is_private && !info[*handle].is_empty() && self.shape(one.ty).is_ok()
         });
-        let path = |name: &str| self.author_path(name).unwrap_or(name).to_owned();
-        used.filter_map(|(_, one)| one.name.as_deref().map(path)).collect()
+        let of = |one: &naga::GlobalVariable| {
+            let name = one.name.clone().expect(NAMED);
+            let path = self.author_path(&name).unwrap_or(&name).to_owned();
+            let declared = self.checked.module.to_ctx().type_to_string(one.ty);
+            (path, (name, declared))
+        };
+        used.map(|(_, one)| of(one)).collect()
     }
 
-    /// The same with private variables that it takes and gives, behind its parameters and results. Those that the program
-    /// doesn't declare aren't among them.
-    pub fn function_in_state(
-        &self,
-        path: &str,
-        state: &BTreeSet<String>,
-    ) -> Result<Function, ReflectError> {
+    /// The same program, which declares each of these variables.
+    pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
+        let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
+        let text = state
+            .iter()
+            .filter(lacks)
+            .map(|(_, (name, ty))| format!("var<private> {name}: {ty};\n"));
+        match text.collect::<String>() {
+            none if none.is_empty() => Ok(self),
+            text => Ok(Arc::new(self.followed_by(&format!("\n{text}"))?)),
+        }
+    }
+
+    fn private(&self, name: &str) -> Option<&naga::GlobalVariable> {
+        let mut all = self.checked.module.global_variables.iter().map(|(_, one)| one);
+        all.find(|one| one.name.as_deref() == Some(name))
+    }
+
+    /// The same with private variables that it takes and gives, behind its parameters and results.
+    pub fn function_in_state(&self, path: &str, state: &State) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let Some((handle, _)) = self.declared(name) else {
             if let Some(span) = self.entry_point_span(name) {
@@ -262,14 +283,15 @@ impl Program {
                 refuse(format!("its result is {reason}"), "pass values, return values")
             })?),
         };
-        for variable in state {
+        for (variable, (name, _)) in state {
             let linked = self.name_of(variable);
-            let mut declared = self.checked.module.global_variables.iter();
-            let found = declared.find(|(_, one)| one.name.as_deref() == Some(linked));
-            let Some(shape) = found.and_then(|(_, one)| self.shape(one.ty).ok()) else { continue };
+            let of = |linked: &str| {
+                Some((linked.to_owned(), self.shape(self.private(linked)?.ty).ok()?))
+            };
+            let Some((linked, shape)) = of(linked).or_else(|| of(name)) else { continue };
             let own = variable.rsplit("::").next().unwrap_or(variable);
             parameters.push((own.to_owned(), shape));
-            form.passed.push(Passed::State(linked.to_owned()));
+            form.passed.push(Passed::State(linked));
         }
         let bindings = self.bindings(info);
         let mut function = Function {

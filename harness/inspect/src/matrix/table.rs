@@ -1,11 +1,11 @@
 //! All rows, and what is wanted of them.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use karat::package::{Package, PackageError};
 use karat::path::{self, PathError};
-use karat::unstable::package::{FunctionItem, KnownRows, for_validating, known_rows};
+use karat::unstable::package::{FunctionItem, KnownRows, known_rows};
 use karat::unstable::reflect::Program;
 use karat_core::diagnostic::nearest;
 use karat_core::settings::{self, SettingsError};
@@ -147,11 +147,7 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
-    if let Some(name) = request.overrides.keys().find(|name| !request.has_override(name)) {
-        return Err(MatrixError::Override(format!("no function and no entry point uses `{name}`")));
-    }
-    let misfit = |program: Arc<Program>| program.misfit(&request.overrides_of(&program));
-    if let Some(wrong) = request.programs().find_map(misfit) {
+    if let Some(wrong) = Program::unfit(&request.package, &request.overrides) {
         return Err(MatrixError::Override(wrong));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
@@ -222,14 +218,6 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
 }
 
 impl Request {
-    /// The package's modules, as entry points are opened.
-    fn programs(&self) -> impl Iterator<Item = Arc<Program>> + '_ {
-        let modules = self.package.modules().unwrap_or_default().into_iter();
-        modules.filter_map(|module| {
-            Program::of_module(&for_validating(&self.package, &module), &module).ok()
-        })
-    }
-
     /// True if something in the package has an override of this name or number.
     #[must_use]
     pub fn has_override(&self, name: &str) -> bool {

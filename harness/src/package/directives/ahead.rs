@@ -1,6 +1,6 @@
 //! What is read of a text before its directives are: names, paths and definitions.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::is_mark;
 use crate::package::CONSTANTS;
@@ -72,6 +72,40 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
         "false" => Some(Feature::Flag(false)),
         _ => value.strip_suffix(['u', 'i']).unwrap_or(value).parse().ok().map(Feature::Number),
     }
+}
+
+/// The values that a text compares features with, each between its neighbours, of which something else holds; of a feature
+/// whose value stands in the text, one that any number of things may have.
+pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
+    const USUAL: Feature = Feature::Number(4);
+    let mut all = BTreeMap::<String, Vec<Feature>>::new();
+    for (word, rest) in lines(text) {
+        let condition = if word == "else" { rest.strip_prefix("if ") } else { Some(rest) };
+        let (name, compared) = match (word, condition) {
+            ("", _) => match rest.strip_prefix('{').and_then(|rest| rest.split_once('}')) {
+                Some((name, _)) => (name, vec![USUAL]),
+                None => continue,
+            },
+            ("if" | "else", Some(condition)) => {
+                let end = condition.find(['=', '!', '<', '>']).unwrap_or(condition.len());
+                let (name, value) = condition.split_at(end);
+                match value_of(value.trim_start_matches(['=', '!', '<', '>']).trim()) {
+                    Some(Feature::Number(x)) => {
+                        let near = [x, x.saturating_add(1), x.saturating_sub(1)];
+                        (name, near.map(Feature::Number).to_vec())
+                    }
+                    Some(Feature::Flag(on)) if !value.is_empty() => {
+                        (name, [on, !on].map(Feature::Flag).to_vec())
+                    }
+                    _ => continue,
+                }
+            }
+            _ => continue,
+        };
+        let known = all.entry(name.trim().to_owned()).or_default();
+        known.extend(compared.into_iter().filter(|one| !known.contains(one)).collect::<Vec<_>>());
+    }
+    all
 }
 
 /// The features that a text asks about, in conditions of either kind, and as values.
