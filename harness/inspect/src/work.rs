@@ -54,27 +54,35 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// Of the rows in which each loop of the first side ends as many as the work of each side allows.
+    /// As many rows as the work of each side allows, less those in which a loop of the first side doesn't end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
         (all, rows): (usize, &[u32]),
         work: u64,
     ) -> Self {
-        let ending = Self::ending(&sides[0], arguments, (all, rows));
-        let spread =
-            |each: usize| arguments.select(&ending.rows, ending.count, |at| at % each == 0);
-        let (some, few) = spread(ending.count.div_ceil(SAMPLE).max(1));
+        let spread = |count: usize| {
+            let each = all.div_ceil(count.max(1)).max(1);
+            arguments.select(rows, all, |at| at % each == 0)
+        };
+        let (count, sample) = spread(SAMPLE);
+        let sample = Self::ending(&sides[0], arguments, (count, &sample));
+        // Where no loop of the sample ends, it stands for all: what they count to is no argument.
+        if sample.count == 0 {
+            return Self { cut: all, ..sample };
+        }
         let mut most = 0;
         for side in sides {
-            match evaluations(side.probed, side.fixtures, (some, &side.rows(&few, some))) {
+            let own = side.rows(&sample.rows, sample.count);
+            match evaluations(side.probed, side.fixtures, (sample.count, &own)) {
                 Ok(operations) => most = most.max(operations.unwrap_or(u64::MAX)),
-                Err(_) => return ending,
+                Err(_) => return Self::ending(&sides[0], arguments, (all, rows)),
             }
         }
         let allowed = usize::try_from(work / most.max(1)).unwrap_or(usize::MAX);
-        let (count, rows) = spread(ending.count.div_ceil(allowed.max(SAMPLE)).max(1));
-        Self { count, rows, cut: all - count, allowed, ..ending }
+        let (count, chosen) = spread(allowed.max(SAMPLE));
+        let chosen = Self::ending(&sides[0], arguments, (count, &chosen));
+        Self { cut: all - chosen.count, allowed, ..chosen }
     }
 }
 

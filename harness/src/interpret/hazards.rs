@@ -479,9 +479,9 @@ impl Interpreted {
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
-            // An infinity may have become a NaN: `clamp(inf - inf, 0.0, 1.0)`.
-            let dropped = finite && !is_used;
+            // An infinity may have become a NaN: `clamp(inf - inf, 0.0, 1.0)`. In `x / sqrt(x * x)` one makes 0 of 1.
             let lost = differ(&result, &shadow, &halves);
+            let dropped = finite && !is_used && lost.is_none();
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
             // Both agree where double precision cancels as well, and only the interval knows.
             if let (None, Some(site)) = (lost, wide.get(&lane))

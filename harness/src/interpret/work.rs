@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use karat_engine::{F32, F64, Here, Observer, Options, Runs, Stop};
 
 use super::hazards::PATIENCE;
-use super::quads::PIXELS;
 use super::trace::Traced as _;
 use super::{Alone, Interpreted, place};
 use crate::diagnostic::Span;
@@ -23,7 +22,7 @@ impl Observer<F32> for Evaluations {
     }
 }
 
-/// The operations of the longest of a few calls, which run together; `None` if their loops go round too often to be counted.
+/// The operations of the longest of a few calls, which run together, of each pixel of a quad by itself; `None` if their loops go round too often to be counted.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -36,7 +35,7 @@ pub fn evaluations(
         let called = Interpreted::new(probed, fixtures)?;
         let options = Options { work: ROUNDS, deadline: None, ..called.options() };
         return match called.run::<F32>(count, rows, &options, &seen) {
-            Ok(_) => Ok(Some(seen.0.into_inner())),
+            Ok(_) => Ok(Some(seen.0.into_inner() * called.lanes() as u64)),
             Err(Stop::Work { .. } | Stop::Fuel { .. }) => Ok(None),
             Err(stop) => Err(called.error(&stop)),
         };
@@ -92,7 +91,7 @@ impl Interpreted {
     ) -> Result<BTreeMap<usize, Span>, ProbeError> {
         let options = Options { fuel: PATIENCE, leaves: true, ..self.options() };
         let results = self.call_with::<A>(count, rows, &options)?;
-        let each = if self.quads.is_some() { PIXELS } else { 1 };
+        let each = self.lanes();
         let all = results.long().iter().map(|(lane, span)| {
             let at = place(&self.program, span.to_range());
             (lane / each, at.unwrap_or_else(|| self.declared.clone()).first_line())

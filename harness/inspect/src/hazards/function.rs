@@ -78,6 +78,8 @@ struct Tally {
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
+    /// Cases in which a loop goes round too often.
+    long: usize,
 }
 
 impl Tally {
@@ -123,6 +125,9 @@ impl Trial {
         let name = name.to_owned();
         let mut trial = Self { name, probed, ranges, arguments, rows, count, contents, main };
         trial.main = trial.tried()?;
+        if trial.main.long > 0 && !trial.main.rows.is_empty() {
+            trial.rows.clone_from(&trial.main.rows);
+        }
         match trial.main.cases {
             0 if trial.main.found.is_empty() => Err(ENDS_FOR_NONE.to_owned()),
             _ => Ok(trial),
@@ -152,8 +157,10 @@ impl Trial {
         for (content, one) in self.contents.iter().zip(looked.collect::<Vec<_>>()) {
             let (resources, chosen, seen) = one?;
             tally.cut += chosen.cut;
-            let long = chosen.long.iter().filter(|(row, _)| self.arguments.counts_little(row));
-            for one in long.take(LONG_CASES) {
+            let little = |(row, _): &&(Vec<u32>, Span)| self.arguments.counts_little(row);
+            let open = LONG_CASES.saturating_sub(tally.long);
+            tally.long += chosen.long.len();
+            for one in chosen.long.iter().filter(little).take(open) {
                 let added = self.endless(&mut tally, one, &resources);
                 added.map_err(|error| first_line(&error.to_string()))?;
             }

@@ -38,9 +38,9 @@ pub(super) const MET: usize = 256;
 
 /// Operations that the inputs of a function come to over one content of its resources: some seconds of one core, as each
 /// arithmetic runs four times, and all are compared.
-pub(super) const WORK: u64 = 1 << 22;
+pub(super) const WORK: u64 = 1 << 21;
 
-/// Long loops over each content that are run on, for one that doesn't end: each takes some tenths of a second.
+/// Long loops that are run on, for one that doesn't end: each takes some tenths of a second.
 pub(super) const LONG_CASES: usize = 3;
 
 /// Members of buffers that are shown with the arguments.
