@@ -388,22 +388,6 @@ fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     Some(span.first_line())
 }
 
-/// Numbers the sites of a program, which stand one behind the other.
-#[derive(Clone, Copy)]
-struct Sites {
-    first: usize,
-}
-
-impl Sites {
-    fn of(lowered: &Lowered) -> Self {
-        Self { first: lowered.sites().as_ptr().addr() }
-    }
-
-    fn number(self, site: &Site) -> usize {
-        (std::ptr::from_ref(site).addr() - self.first) / size_of::<Site>()
-    }
-}
-
 /// What WGSL allows a lane to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {

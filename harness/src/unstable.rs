@@ -97,7 +97,7 @@ pub mod package {
     pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;
     pub use crate::package::functions::LeftOut;
-    pub use crate::package::inputs::{Declaration, End, scope};
+    pub use crate::package::inputs::{Declaration, End, MOST_ELEMENTS, scope};
     pub use crate::package::inside::*;
     pub use crate::package::scan::is_of_tools;
     pub use crate::package::stage::Stage;

@@ -227,6 +227,8 @@ pub(crate) struct AtomicOp {
 /// Where an operation comes from.
 #[derive(Clone, Debug)]
 pub struct Site {
+    /// Its number among those of the program.
+    pub number: usize,
     /// The function that the author wrote it in.
     pub function: String,
     /// The handle of the expression in that function, where it is one.

@@ -135,6 +135,7 @@ impl<'m> Lower<'m> {
     ) -> Self {
         let mut code = Code::default();
         code.sites.push(Site {
+            number: code.sites.len(),
             function: String::new(),
             expression: None,
             name: None,

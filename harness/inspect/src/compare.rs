@@ -40,6 +40,7 @@ use karat_core::panics;
 use karat_core::value::Scalar;
 use serde::Serialize;
 
+use crate::limits::{OPEN_OVERRIDE, OTHER_OVERRIDE, PAIRED_FEATURES, WHOLE_FEATURES};
 use crate::made_up::{self, Drawn, Ranges};
 use calls::Ran;
 use lanes::Shared;
@@ -367,7 +368,7 @@ impl Request {
                     }
                 }
             }
-            if edited.is_empty() && open.len() > WHOLE {
+            if edited.is_empty() && open.len() > WHOLE_FEATURES {
                 all.insert(name_of(module), Pair::Hidden(open));
             }
         }
@@ -512,17 +513,13 @@ impl Request {
     /// Values of overrides that a host may give, of those that nobody has set: in the first setting one for each override that has
     /// none, and in each other one another value of an override that both sides have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
-        /// A side of a small texture, a number of samples.
-        const VALUE: f64 = 4.0;
-        /// Neither 0 nor 1 nor a usual size, and what every type of number has.
-        const OTHER: f64 = 3.0;
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
         let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
         let mut usual = BTreeMap::new();
         for side in [before, after] {
             let open = declared(side).filter(|name| side.wants_override(name));
             usual.extend(open.map(|name| {
-                let value = if is_bool(side, &name) { 1.0 } else { VALUE };
+                let value = if is_bool(side, &name) { 1.0 } else { OPEN_OVERRIDE };
                 (name, value)
             }));
         }
@@ -531,7 +528,7 @@ impl Request {
         let both = declared(after).filter(|name| old.contains(name));
         let mut all = vec![usual.clone()];
         for name in both.filter(|name| !self.overrides.contains_key(name)) {
-            let values = if is_bool(after, &name) { &[0.0, 1.0][..] } else { &[OTHER] };
+            let values = if is_bool(after, &name) { &[0.0, 1.0][..] } else { &[OTHER_OVERRIDE] };
             let other = |value: &f64| usual.clone().into_iter().chain([(name.clone(), *value)]);
             all.extend(values.iter().map(|value| other(value).collect()));
         }
@@ -641,9 +638,6 @@ struct Under {
     own: [Vec<String>; 2],
 }
 
-/// Features of which each set is tried.
-const WHOLE: usize = 5;
-
 /// Values of the features that conditions compare with one.
 type Values = BTreeMap<String, Vec<Feature>>;
 
@@ -669,7 +663,7 @@ fn featured(package: &Package, features: &[String]) -> Package {
 /// Sets of features, the smaller ones first: each set of few; of more none, each, two of them, and all. Of many the pairs are
 /// left out.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
-    if all.len() <= WHOLE {
+    if all.len() <= WHOLE_FEATURES {
         let mut masks: Vec<usize> = (0..1 << all.len()).collect();
         masks.sort_by_key(|mask| mask.count_ones());
         let of = |mask: usize| (0..all.len()).filter(move |at| mask >> at & 1 == 1);
@@ -678,11 +672,9 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
             .map(|mask| of(mask).map(|at| all[at].clone()).collect())
             .collect();
     }
-    /// Features of which each pair is tried.
-    const PAIRED: usize = 8;
     let each = all.iter().map(|one| vec![one.clone()]);
     let mut sets: Vec<Vec<String>> = std::iter::once(Vec::new()).chain(each).collect();
-    if all.len() <= PAIRED {
+    if all.len() <= PAIRED_FEATURES {
         let of = |(at, one): (usize, &String)| {
             all[at + 1..].iter().map(|other| vec![one.clone(), other.clone()]).collect::<Vec<_>>()
         };
@@ -699,8 +691,11 @@ fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
     let line = first_line(error);
-    let hint =
-        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
+    let hint = if line.ends_with("has no value") {
+        ": --feature NAME=OPEN_OVERRIDE gives it one"
+    } else {
+        ""
+    };
     format!("{line}{place}{hint}")
 }
 

@@ -24,7 +24,6 @@
 
 mod callers;
 mod function;
-mod limits;
 mod passes;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,10 +44,10 @@ use karat_core::panics;
 use karat_core::value::format_f32;
 use serde::Serialize;
 
+use crate::limits::{CASES, MET};
 use crate::made_up::{Drawn, Ranges};
 use callers::Callers;
 use function::Trial;
-use limits::{CASES, MET};
 
 use rayon::prelude::*;
 

@@ -21,6 +21,7 @@
 
 pub mod compare;
 pub mod hazards;
+mod limits;
 pub mod made_up;
 pub mod matrix;
 mod passes;

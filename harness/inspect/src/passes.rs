@@ -9,10 +9,8 @@ use karat::package::Package;
 use karat::unstable::dispatch::{Passes, Wanted};
 use karat::unstable::reflect::{Binding, Overrides, Program};
 
+use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
-
-/// Invocations of a pass, at least.
-const INVOCATIONS: u32 = 64;
 
 /// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which the pass asks for its
 /// place, or may ask and a workgroup extends, as nothing orders two of them; and three downwards, so that rows are no
@@ -31,7 +29,7 @@ fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) 
         groups[1] = 3;
     }
     let first = extends.iter().position(|extends| *extends).unwrap_or(0);
-    while size.iter().chain(&groups).product::<u32>() < INVOCATIONS {
+    while size.iter().chain(&groups).product::<u32>() < LEAST_INVOCATIONS {
         groups[first] *= 2;
     }
     groups

@@ -8,16 +8,17 @@ use karat::unstable::interpret::{evaluations, long_cases};
 use karat::unstable::probe::Probed;
 use karat_core::diagnostic::Span;
 
+use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// Inputs by which work is measured, and which run in any case.
-pub(crate) const SAMPLE: usize = 16;
+/// The words of so many rows that a function takes.
+type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
 /// A function with its resources, and the words that it takes of each row; `None`: all.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,
-    pub(crate) own: Option<&'s dyn Fn(&[u32], usize) -> Vec<u32>>,
+    pub(crate) own: Option<Own<'s>>,
 }
 
 impl Side<'_> {

@@ -9,7 +9,7 @@ use karat_engine::{F32, Here, Lanes, Observer, Program as Lowered, Site, Wrong};
 use super::dispatch::in_order;
 use super::sanitizer::made_up_options;
 use super::trace::Traced as _;
-use super::{Alone, Interpreted, Sites, statement_of};
+use super::{Alone, Interpreted, statement_of};
 use crate::diagnostic::Span;
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::Fixtures;
@@ -77,7 +77,6 @@ struct Taken {
 /// The same of all sites, in their order.
 struct AllTaken {
     all: Vec<Taken>,
-    sites: Sites,
     /// The sites of `discard`, and the cases that came to one: no output shows their later operations.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
@@ -85,7 +84,7 @@ struct AllTaken {
 
 impl Observer<F32> for AllTaken {
     fn reached(&self, here: &Here<'_, F32>) {
-        let number = self.sites.number(here.site);
+        let number = here.site.number;
         if !self.discards.is_empty() {
             let mut discarded = self.discarded.lock().unwrap_or_else(PoisonError::into_inner);
             let lanes = here.lanes();
@@ -125,11 +124,11 @@ impl AllTaken {
         };
         let numbered = lowered.sites().iter().enumerate();
         let discards = numbered.filter(|(_, site)| is_discard(site)).map(|(at, _)| at).collect();
-        Self { all, sites: Sites::of(lowered), discards, discarded: Mutex::default() }
+        Self { all, discards, discarded: Mutex::default() }
     }
 
     fn of(&self, site: &Site) -> &Taken {
-        &self.all[self.sites.number(site)]
+        &self.all[site.number]
     }
 }
 

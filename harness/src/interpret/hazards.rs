@@ -9,12 +9,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Here, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Program as Lowered, Reach,
-    Site, Stop, Truth, Wrong,
+    F32, F64, Here, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Reach, Site, Stop, Truth,
+    Wrong,
 };
 use rayon::prelude::*;
 
-use super::{Interpreted, Options, Sites, quads};
+use super::{Interpreted, Options, quads};
 use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
@@ -173,7 +173,6 @@ type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Keeps what operations give.
 struct Recorder<F> {
-    sites: Sites,
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
     /// Of each case the operations whose operands are wrong.
@@ -182,10 +181,10 @@ struct Recorder<F> {
     decided: Mutex<BTreeSet<usize>>,
 }
 
-impl<F> Recorder<F> {
-    fn of(lowered: &Lowered) -> Self {
+impl<F> Default for Recorder<F> {
+    fn default() -> Self {
         let (events, reach, wrong, decided) = Default::default();
-        Self { sites: Sites::of(lowered), events, reach, wrong, decided }
+        Self { events, reach, wrong, decided }
     }
 }
 
@@ -195,7 +194,7 @@ macro_rules! recorder {
             fn floats(&self, lanes: &Lanes<'_, $arithmetic>) {
                 let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
                 if events.len() < MOST_EVENTS {
-                    let site = self.sites.number(lanes.site);
+                    let site = lanes.site.number;
                     let operands = lanes.operands.iter().map(|lane| lane.to_vec());
                     let operands: Vec<Vec<$float>> = operands.collect();
                     events.extend(lanes.floats.iter().map(|values| Event {
@@ -224,15 +223,15 @@ macro_rules! recorder {
                 let own = wrong.entry(one.case).or_default();
                 let missing = one.missing.map(|missing| Parted {
                     pixels: [one.case, missing.case],
-                    by: missing.parted.map(|site| self.sites.number(site)),
+                    by: missing.parted.map(|site| site.number),
                 });
-                own.entry((one.kind, self.sites.number(one.site))).or_insert(missing);
+                own.entry((one.kind, one.site.number)).or_insert(missing);
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
                 // Both come to the same operations, but where rounding decides.
                 if $reaches {
-                    self.reach.add(self.sites.number(here.site), here);
+                    self.reach.add(here.site.number, here);
                 }
             }
         }
@@ -243,7 +242,6 @@ recorder!(F64, f64, false);
 
 /// What intervals know of operations, lane by lane.
 struct Known {
-    sites: Sites,
     /// Those that may give anything, in order, and of each whether its operands are to blame for that: they are known
     /// closely, and are where it has no bound.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
@@ -334,7 +332,7 @@ impl Observer<Intervals> for Known {
                 matches!(operands, [x, y] if x == y || x.lo() == -y.hi() && x.hi() == -y.lo());
             !alike && !operands.iter().all(is_exact)
         };
-        let site = self.sites.number(lanes.site);
+        let site = lanes.site.number;
         let mut first = self.anything.lock().unwrap_or_else(PoisonError::into_inner);
         let mut wide = self.wide.lock().unwrap_or_else(PoisonError::into_inner);
         for values in lanes.floats {
@@ -444,8 +442,7 @@ impl Interpreted {
         rows: &[u32],
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
-        let (single, double) =
-            (Recorder::<f32>::of(&self.lowered), Recorder::<f64>::of(&self.lowered));
+        let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
         // What has a bound ends: it may be as long as is still quick to run.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
@@ -460,8 +457,7 @@ impl Interpreted {
         let (single, reach) = single.events();
         let (double, _) = double.events();
         let (anything, wide) = Default::default();
-        let sites = Sites::of(&self.lowered);
-        let known = Known { sites, anything, blind: blind(&double), wide };
+        let known = Known { anything, blind: blind(&double), wide };
         let lanes = u64::try_from(cases * self.lanes()).expect("it fits");
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
@@ -627,10 +623,9 @@ impl Interpreted {
 
     /// The places of all operations in the author's files, with the numbers of their sites.
     pub fn places(&self) -> Vec<(usize, String)> {
-        let sites = Sites::of(&self.lowered);
         let place = |site: &Site| {
             let (span, _) = super::author_of(&self.program, site)?;
-            Some((sites.number(site), span.to_string()))
+            Some((site.number, span.to_string()))
         };
         let places: BTreeMap<usize, String> = self.lowered.operations().filter_map(place).collect();
         places.into_iter().collect()

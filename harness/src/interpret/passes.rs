@@ -8,7 +8,7 @@ use karat_engine::{F32, Here, Lanes, Observer, Reach, Wrong};
 use super::dispatch::{Prepared, options};
 use super::hazards::{Found, Kind, Missing};
 use super::sanitizer::made_up_options;
-use super::{Options, Sites, author_of, invocation, statement_of};
+use super::{Options, author_of, invocation, statement_of};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
@@ -24,7 +24,6 @@ struct Operation {
 
 /// The operations of a pass, and those that go wrong by the number of their site and their kind.
 struct Recorder {
-    sites: Sites,
     all: Mutex<BTreeMap<(usize, Kind), Operation>>,
     /// The invocations that come to each site; `None`: nothing asks.
     reach: Option<Reach>,
@@ -52,7 +51,7 @@ impl Observer<F32> for Recorder {
         if !good.contains(&true) {
             return;
         }
-        let site = self.sites.number(lanes.site);
+        let site = lanes.site.number;
         for values in lanes.floats {
             let bad = |(lane, value): &(usize, &f32)| good[*lane] && !value.is_finite();
             for (lane, value) in values.iter().enumerate().filter(bad) {
@@ -67,9 +66,9 @@ impl Observer<F32> for Recorder {
     }
 
     fn wrong(&self, one: &Wrong<'_>) {
-        self.add(self.sites.number(one.site), one.kind, one.case, || {
+        self.add(one.site.number, one.kind, one.case, || {
             let parted = |other: karat_engine::Missing<'_>| {
-                (other.case, other.parted.map(|site| self.sites.number(site)))
+                (other.case, other.parted.map(|site| site.number))
             };
             let missing = one.missing.map(parted);
             Operation { operands: Vec::new(), missing, invocations: BTreeSet::new() }
@@ -78,7 +77,7 @@ impl Observer<F32> for Recorder {
 
     fn reached(&self, here: &Here<'_, F32>) {
         if let Some(reach) = &self.reach {
-            reach.add(self.sites.number(here.site), here);
+            reach.add(here.site.number, here);
         }
     }
 }
@@ -122,9 +121,8 @@ fn watched(
     let mut all = Operations::default();
     let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
     let held = prepared.run(&mut |pass: &Pass, lowered, resources| {
-        let sites = Sites::of(lowered);
         let reach = are_places.then(Reach::default);
-        let faults = Recorder { sites, all: Mutex::default(), reach };
+        let faults = Recorder { all: Mutex::default(), reach };
         lowered.dispatch::<F32>(pass.workgroups, resources, options, &faults)?;
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         let site = |number: usize| lowered.sites().get(number);

@@ -19,6 +19,9 @@
 
 use toml::Value;
 
+/// Elements of an array that is made up, or workgroups, at most: 2^22 words are 16 MiB, and more take minutes.
+pub const MOST_ELEMENTS: u32 = 1 << 22;
+
 /// The declaration of a name.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Declaration {
@@ -116,16 +119,14 @@ impl Declaration {
             }
             _ => return Err(wrong()),
         };
-        // Elements of arrays that are made up, at most; and workgroups.
-        const MOST: f64 = 4_194_304.0;
         let is_size = is_length || name.contains("workgroups(");
-        let is_count = |x: f64| x.fract() == 0.0 && (1.0..=MOST).contains(&x);
+        let is_count = |x: f64| x.fract() == 0.0 && (1.0..=f64::from(MOST_ELEMENTS)).contains(&x);
         let fits = |x: f64| x.abs() <= f64::from(f32::MAX);
         match &declared {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` has from 1 to {MOST} {what}, and this is {value}"
+                    "the input `{name}` has from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {

@@ -111,6 +111,7 @@ impl<'m> Lower<'m> {
     pub(super) fn enter_statement(&mut self, scope: &Scope<'m>, span: naga::Span) {
         self.span = span;
         self.code.sites.push(Site {
+            number: self.code.sites.len(),
             function: scope.name.clone(),
             expression: None,
             name: None,

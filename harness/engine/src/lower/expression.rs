@@ -57,6 +57,7 @@ impl<'m> Lower<'m> {
         let name =
             scope.function.and_then(|function| function.named_expressions.get(&handle)).cloned();
         self.code.sites.push(Site {
+            number: self.code.sites.len(),
             function: scope.name.clone(),
             expression: scope.function.map(|_| handle),
             name,

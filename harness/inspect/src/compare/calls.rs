@@ -13,23 +13,12 @@ use super::lanes::Shared;
 use super::sides::hold_the_same;
 use super::values::{Clarity, Distance, Largest, clarity, distance, told};
 use super::{Both, Change, PathChange, Request};
+use crate::limits::{COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER_WORDS, SIMPLER};
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
 /// The same arguments in every run.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
-
-/// The last corner of the twelve triangles of a box.
-const LAST_VERTEX: f64 = 35.0;
-
-/// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
-const WORK: u64 = 1 << 25;
-
-/// Inputs, of more, whose equal results are a verdict.
-const LEAST: usize = 64;
-
-/// Rounds in which a changed input is made simpler.
-const ROUNDS: usize = 64;
 
 /// The inputs that a comparison ran over.
 #[derive(Default)]
@@ -136,7 +125,7 @@ impl Request {
             let sides = [(before, Some(&of_before as _)), (after, None)];
             let side = |(at, (probed, own))| Side { probed, fixtures: &held[at], own };
             let sides: Vec<Side<'_>> = sides.into_iter().enumerate().map(side).collect();
-            let chosen = Chosen::of(&sides, &arguments, (all, &rows), WORK);
+            let chosen = Chosen::of(&sides, &arguments, (all, &rows), COMPARED_WORK);
             let Chosen { count, rows, allowed, .. } = chosen;
             ran.cut += chosen.cut;
             left_out += chosen.cut;
@@ -174,7 +163,7 @@ impl Request {
         if each == 0 {
             return Err(ENDS_FOR_NONE.to_owned());
         }
-        if paths.is_empty() && each < LEAST && left_out > 0 {
+        if paths.is_empty() && each < LEAST_EQUAL && left_out > 0 {
             let inputs = counted(each, "input");
             return Err(format!(
                 "not looked at whole: {inputs} of {} give the same results, and more is too much work",
@@ -281,7 +270,7 @@ fn changed(
         |(clear, usual, far): Evidence| (clear, usual) >= (best.0, best.1) && far.is_like(best.2);
     let mut row = row_of(first).to_vec();
     let mut left = simpler;
-    for _ in 0..ROUNDS {
+    for _ in 0..SIMPLER {
         let simpler = drawn.domain.shrink(&row);
         let all = simpler.concat();
         if simpler.is_empty() || width == 0 || simpler.len() > left {
@@ -333,11 +322,9 @@ fn lanes_that_matter(
     row: &[u32],
     result: &Results,
 ) -> Result<Vec<bool>, ProbeError> {
-    /// Rows from which a word is taken, evenly spread: edges and draws.
-    const OTHERS: usize = 16;
     let width = row.len();
     let mut all = Vec::new();
-    let others = count.min(OTHERS);
+    let others = count.min(OTHER_WORDS);
     for lane in 0..width {
         for other in 0..others {
             let mut own = row.to_vec();

@@ -13,6 +13,7 @@ use karat_core::value::{Shape, format_lane};
 use super::sides::{gained_and_lost, interface, renamed};
 use super::values::{Clarity, Largest, clarity};
 use super::{Both, Change, Compared, PathChange, Request, Side, WordChange, first_line};
+use crate::limits::{ORDERS, SEVERAL_WORKGROUPS};
 use crate::made_up::Content;
 use crate::passes::{self, Usual};
 
@@ -51,7 +52,7 @@ impl Request {
             Content::OF_PASSES.map(|content| (content, usual)).to_vec();
         // One workgroup of a pass may tell itself apart by what it takes from an atomic.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
-            runs.push((Content::OF_PASSES[0], [SEVERAL * usual[0], usual[1], usual[2]]));
+            runs.push((Content::OF_PASSES[0], [SEVERAL_WORKGROUPS * usual[0], usual[1], usual[2]]));
         }
         let mut paths: Vec<PathChange> = Vec::new();
         let mut words = 0;
@@ -173,9 +174,6 @@ impl Request {
     }
 }
 
-/// Workgroups of a pass that is dispatched as one, where it may take more.
-const SEVERAL: u32 = 3;
-
 /// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their
 /// headline says whether they read or write.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
@@ -228,9 +226,6 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
         all.push(one.clone());
     }
 }
-
-/// Orders that are drawn for passes over made-up resources.
-const ORDERS: u64 = 6;
 
 /// The change in an order of invocations that left the same as the usual one before the edit.
 fn ordered(

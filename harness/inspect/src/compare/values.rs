@@ -1,5 +1,6 @@
 //! Two values of one result: how far they are from each other, and how they are shown.
 
+use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
@@ -83,8 +84,6 @@ pub(super) enum Clarity {
 
 /// How well a word shows a change; `None` if there is none.
 pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
-    /// The least difference that two pictures beside each other show, of the larger number: a quarter of an 8-bit step.
-    const VISIBLE: f32 = 1e-3;
     distance(scalar, was, is)?;
     if !scalar.is_float() {
         return Some(Clarity::Plain);

@@ -8,11 +8,11 @@ use karat::unstable::interpret::{Interpreted, long_cases};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat_core::diagnostic::Span;
 
-use super::limits::{
+use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
+use crate::limits::{
     ALL_HOLDS, CONTENTS, DRAWS, HELD, HOLDS, INPUTS_TRIED, KEPT, LONG_CASES, MEMBERS, SEED, VARIED,
     WORK,
 };
-use super::{Class, Hazard, Seen, first_line, one_line, operands, parted, shown};
 use crate::made_up::{Arguments, Content, Input, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 

@@ -11,8 +11,8 @@ use karat::unstable::interpret::passes::{Operations, operations};
 use karat::unstable::reflect::Program;
 use karat_core::diagnostic::Diagnostic;
 
-use super::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
 use super::{Class, Hazard, Seen, first_line, one_line, operands, parted};
+use crate::limits::{CONTENTS, INPUTS_TRIED, MEMBERS};
 use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
 use rayon::prelude::*;

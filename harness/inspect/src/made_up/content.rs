@@ -1,6 +1,7 @@
 //! What buffers and textures hold, and how large they are: a table for functions and one for passes, each row a content that
 //! is tried.
 
+use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
 
 /// How integers in arrays are numbered: each of them is an index of another array.
@@ -103,9 +104,6 @@ pub(crate) struct Content {
     /// True if all sizes follow from what is dispatched.
     pub(crate) is_sized: bool,
 }
-
-/// Elements of an array whose length the shader doesn't say.
-pub(super) const ELEMENTS: usize = 64;
 
 /// Draws alone.
 const DRAWN: Content = Content {

@@ -1,5 +1,7 @@
 //! The sizes of what a compute pass is dispatched over.
 
+use karat::unstable::package::MOST_ELEMENTS;
+
 use super::content::{Content, Shorter};
 use super::meaning::words;
 
@@ -77,10 +79,9 @@ impl Extents {
     /// # Errors
     /// If there are more.
     pub(crate) fn expect_few(&self) -> Result<(), String> {
-        const MOST: u32 = 1 << 22;
         match self.total() {
-            total if total > MOST => Err(format!(
-                "buffers are made up for at most {MOST} invocations: dispatch fewer workgroups, or bind them"
+            total if total > MOST_ELEMENTS => Err(format!(
+                "buffers are made up for at most {MOST_ELEMENTS} invocations: dispatch fewer workgroups, or bind them"
             )),
             _ => Ok(()),
         }

@@ -9,8 +9,9 @@ use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels}
 use karat_core::domain::{Part, Source};
 use karat_core::value::{Scalar, Shape};
 
-use super::content::{ELEMENTS, Numbered, Texels as Held, hashed};
+use super::content::{Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
+use crate::limits::{ELEMENTS, MOST_BYTES, MOST_FACE, MOST_SIDE};
 
 /// Small whole numbers, of textures.
 const MOST: u64 = 16;
@@ -570,10 +571,6 @@ pub(crate) fn data(
 /// Invocations of an entry point, at least.
 pub(crate) const INVOCATIONS: u32 = 64;
 
-/// A buffer of an entry point, at most. Mesa's GL takes minutes to compile a shader whose arrays have a
-/// million elements.
-const MOST_BYTES: usize = 1 << 20;
-
 /// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
@@ -825,12 +822,6 @@ fn made<T: Texel>(
         (Dimension::Cube, true) => Texture::cube_array((0..12).map(face)),
     }
 }
-
-/// Texels along a side of a texture, on every device (WebGPU, 3.6.2: `maxTextureDimension1D` is 8,192).
-const MOST_SIDE: u32 = 8192;
-
-/// Texels along a side of a cube's face: there are six of them, with levels.
-const MOST_FACE: u32 = 64;
 
 /// Layers and slices.
 const LAYERS: u32 = 4;

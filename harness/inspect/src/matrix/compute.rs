@@ -15,6 +15,7 @@ use karat_core::value::Scalar;
 
 use super::execute::{Comparison, conclude, flushed, not_run};
 use super::{Buffer, Cell, Request, Status, Stop};
+use crate::limits::ORDERS;
 
 /// Runs a compute entry point on each column that got so far, and compares what it wrote.
 pub(super) fn run_entry_point_on_each(
@@ -221,8 +222,6 @@ fn initial(passes: &Passes) -> Vec<u32> {
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     let mut open = strays(passes).unwrap_or_default();
     open.resize(expected.len(), false);
-    /// Orders that are drawn.
-    const ORDERS: u64 = 6;
     let mut usual: Vec<u32> = Vec::new();
     // A pass that doesn't run in a moment differs in no order.
     for run in Runner::new(passes).few(ORDERS) {

@@ -7,6 +7,7 @@ use karat_core::value::{Scalar, format_f32};
 
 use super::leeway::{Freedom, Latitude, OfCase};
 use super::{Cell, Status, Stop};
+use crate::limits::CANCELLED;
 
 /// What a column made of the inputs.
 pub(super) struct Ran<'p> {
@@ -46,10 +47,6 @@ pub(super) struct Comparison {
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
-
-/// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
-/// is usual, 1e-6 of it, some 8 steps of `f32`.
-const CANCELLED: f64 = 1e-3;
 
 /// How results of a function are compared.
 #[derive(Clone, Debug)]

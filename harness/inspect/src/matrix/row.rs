@@ -18,6 +18,7 @@ use super::leeway::{Latitude, Leeway};
 use super::reduce::Pair;
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
+use crate::limits::REPEATED;
 use crate::made_up::{self, Content, Ranges};
 use crate::work;
 
@@ -73,10 +74,6 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
     let text = ready.text().into();
     Row { text, buffers, ..ready.row(cells) }
 }
-
-/// Floats of cases whose samplers repeat or mirror, at most. WebGPU says nothing of how exact a coordinate is, and a weight has
-/// 8 bits: of 2^10 times 16 texels a float has 10 bits behind the point.
-const REPEATED: f64 = 1024.0;
 
 fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
