@@ -651,8 +651,13 @@ fn texts_that_a_host_joins_are_joined() {
         "struct Light { gain: f32 }\nfn lit(x: f32, l: Light) -> f32 { return x; }\nfn tone() {}\n",
     );
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
-    let twice = error(&package(), "material::shade");
-    assert!(twice.contains("`tone` is declared in two files that share their names"), "{twice}");
+    for function in ["material::shade", "other::twice"] {
+        let twice = error(&package(), function);
+        assert!(
+            twice.contains("`tone` is declared in two files that share their names"),
+            "{twice}"
+        );
+    }
 }
 
 /// What Bevy's modules before 0.20 have, and `naga_oil` takes: values without braces, a brace behind a condition's name, no comma

@@ -600,7 +600,7 @@ impl Request {
             violations.extend(ran.reached.outside(name));
         }
         let uncovered = match change {
-            Change::Same { .. } if violations.is_empty() => ran.reached.uncovered(),
+            Change::Same { .. } if violations.is_empty() => ran.reached.uncovered(&location),
             _ => Vec::new(),
         };
         let Ran { drawn, cut, .. } = ran;
@@ -711,10 +711,19 @@ struct Both {
     sides: [Coverage; 2],
     /// True if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
+    /// Whether the engine ran some of it, or why not; other paths may have values.
+    measured: Option<Result<(), String>>,
+}
+
+/// Keeps that something was measured, or else why the first thing wasn't.
+fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
+    if one.is_ok() || measured.is_none() {
+        *measured = Some(one);
+    }
 }
 
 impl Both {
-    /// Adds calls of both sides. What the engine doesn't execute, for which other paths have values, reaches nothing.
+    /// Adds calls of both sides.
     fn add_calls(
         &mut self,
         sides: [&Probed; 2],
@@ -722,7 +731,8 @@ impl Both {
         (count, rows): (usize, [Cow<'_, [u32]>; 2]),
     ) {
         for (at, reach) in self.sides.iter_mut().enumerate() {
-            let _ = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
+            let added = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
+            note(&mut self.measured, added.map_err(|error| error.to_string()));
         }
         let [before, after] = &self.sides;
         if self.strays || after.outside_beside(before).is_empty() {
@@ -736,11 +746,17 @@ impl Both {
 
     fn add_passes(&mut self, sides: [&Passes; 2]) {
         for (reach, side) in self.sides.iter_mut().zip(sides) {
-            let _ = reach.add_passes(side);
+            let added = reach.add_passes(side);
+            note(&mut self.measured, added.map_err(|error| error.to_string()));
         }
     }
 
-    fn uncovered(&self) -> Vec<Uncovered> {
+    /// The lines of an edit that no input covers. `place` is that of the function.
+    fn uncovered(&self, place: &str) -> Vec<Uncovered> {
+        if let Some(Err(reason)) = &self.measured {
+            let (place, text) = (place.to_owned(), first_line(reason));
+            return vec![Uncovered { place, text, missed: Missed::Unmeasured }];
+        }
         let [before, after] = &self.sides;
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
@@ -1588,6 +1604,20 @@ mod tests {
         }
         let same = changes(text, &text.replace("x + 1.0", "1.0 + x"));
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
+    }
+
+    /// Where the engine runs nothing it isn't known which lines inputs come to, and no silence says that all of them do.
+    #[test]
+    fn what_is_not_measured_is_told() {
+        let mut both = Both::default();
+        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "nothing was asked");
+        note(&mut both.measured, Err("no rule for it\nmore".to_owned()));
+        let told = both.uncovered("f.wgsl:1:1");
+        assert_eq!((&*told[0].place, &*told[0].text), ("f.wgsl:1:1", "no rule for it"));
+        assert_eq!(told[0].missed, Missed::Unmeasured);
+        note(&mut both.measured, Ok(()));
+        note(&mut both.measured, Err("another content".to_owned()));
+        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of it was");
     }
 
     /// A pixel that is discarded comes to nothing behind the statement that anybody sees.

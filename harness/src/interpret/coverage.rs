@@ -63,6 +63,8 @@ pub enum Missed {
     True,
     /// A condition that is false.
     False,
+    /// It isn't known: the engine, which counts, doesn't run it.
+    Unmeasured,
 }
 
 /// The ways of lanes at a site.

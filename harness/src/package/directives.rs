@@ -202,10 +202,9 @@ impl Reader<'_> {
 
     /// True of a name in capitals behind a `#`, within a line of a module that has directives of `naga_oil`.
     fn is_oil(&self, word: &str, first: bool) -> bool {
-        let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
         let text = self.text();
         let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
-        !first && is_composed && word.len() > 1 && word.chars().all(is_capital)
+        !first && is_composed && ahead::is_named(word)
     }
 
     /// Reads what a `#` begins.

@@ -54,7 +54,8 @@ impl<'a> Linker<'a> {
         for path in linker.included.clone() {
             linker.add(&path)?;
         }
-        linker.expect_one_of_each_name()?;
+        let root = Some(&linker.root).filter(|_| !linker.included.is_empty());
+        linker.expect_one_of_each_name(linker.included.iter().chain(root))?;
         Ok(linker)
     }
 
@@ -74,11 +75,12 @@ impl<'a> Linker<'a> {
     }
 
     /// Pasted into one text, two declarations of one name would be an error, too.
-    fn expect_one_of_each_name(&self) -> Result<(), PackageError> {
+    fn expect_one_of_each_name<'p>(
+        &self,
+        space: impl Iterator<Item = &'p ModulePath>,
+    ) -> Result<(), PackageError> {
         let mut known: BTreeMap<&str, Span> = BTreeMap::new();
-        for path in
-            self.included.iter().chain(Some(&self.root).filter(|_| !self.included.is_empty()))
-        {
+        for path in space {
             let module = &self.parts[path].module;
             for declaration in &module.declarations {
                 let Some(name) = &declaration.name else { continue };
@@ -333,6 +335,7 @@ impl<'a> Linker<'a> {
                 self.add(path)?;
                 self.spaces.entry(path.clone()).or_insert_with(|| space.clone());
             }
+            self.expect_one_of_each_name(space.iter())?;
         }
         let others: &[ModulePath] = match is_roots {
             true => &self.included,

@@ -238,6 +238,7 @@ fn write_one(
             Missed::Line => "no input came to",
             Missed::True => "no input made it true:",
             Missed::False => "each input made it true:",
+            Missed::Unmeasured => "it isn't known which lines inputs come to:",
         };
         writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
     }

@@ -139,7 +139,7 @@ impl Request {
         compared.violations = brought.told(!paths.is_empty());
         compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
         if paths.is_empty() && compared.violations.is_empty() {
-            compared.uncovered = covered.uncovered();
+            compared.uncovered = covered.uncovered(&compared.location);
         }
         let each = words / self.paths.len().max(1);
         paths.iter_mut().for_each(|path| path.cases.1 = each);

@@ -65,6 +65,12 @@ fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
     })
 }
 
+/// True of a name that `naga_oil` replaces behind a `#`, too: capitals.
+pub(super) fn is_named(word: &str) -> bool {
+    let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
+    word.len() > 1 && word.chars().all(is_capital)
+}
+
 /// A value as a directive has it; none: on.
 pub(super) fn value_of(value: &str) -> Option<Feature> {
     match value {
@@ -121,11 +127,7 @@ pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
             ("#", "{", _) => (index + 1, &["}"]),
             ("#", "if" | "ifdef" | "ifndef" | "else", _) => (index + 1, &[]),
             // `#NAME`
-            ("#", name, _)
-                if name
-                    .bytes()
-                    .all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_') =>
-            {
+            ("#", name, _) if is_named(name) => {
                 found.insert(name.to_owned());
                 continue;
             }
