@@ -103,6 +103,32 @@ fn values_stand_where_their_names_do() {
     "#);
 }
 
+/// One round sets all values: the error of one feature names the others.
+#[test]
+fn all_missing_values_are_named_at_once() {
+    let package = |features: &str| {
+        Package::from_modules(
+            "m",
+            [
+                (
+                    "a",
+                    format!(
+                        "#define_import_path a\n{features}#if LIGHTS > 2\n#endif\nfn f() -> f32 {{ return #{{COUNT}}.0; }}\n"
+                    ),
+                ),
+                ("b", "#define_import_path b\n#if FAST == true\n#endif\nfn g() {}\n".to_owned()),
+            ],
+        )
+    };
+    let told = error(&package(""), "a::f");
+    assert!(told.contains("`LIGHTS` has no value"), "{told}");
+    assert!(told.contains("features = { COUNT = 4, FAST = true, LIGHTS = 2 }"), "{told}");
+    let set = |all: &Package| all.feature("LIGHTS", 2).feature("FAST", true);
+    let told = error(&set(&package("")), "a::f");
+    assert!(told.contains("`COUNT` has no value") && !told.contains("features = "), "{told}");
+    assert!(!error(&package("#define COUNT 3\n#define LIGHTS 1\n"), "b::g").contains("COUNT"));
+}
+
 /// The author's lines, whatever directives are above them.
 #[test]
 fn places_are_those_of_the_authors_file() {

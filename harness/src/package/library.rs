@@ -14,6 +14,7 @@ use blake3::Hash;
 
 use super::directives::{self, Include};
 use super::feature::{Feature, Features};
+use super::inside;
 use super::manifest::Manifest;
 use super::overlay::{Overlay, read_utf8};
 use super::parse::parse;
@@ -21,7 +22,7 @@ use super::syntax::Module;
 use super::workspace::{self, Kind};
 use super::{CONSTANTS, EXTENSIONS};
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, nearest, text_hash};
+use crate::diagnostic::{FileRead, Mend, SourceFile, nearest, text_hash};
 use crate::expectation;
 
 /// A module: the package that has it, by its index in the library, and its path in there.
@@ -159,7 +160,7 @@ impl Library {
             let elsewhere = self.features(path.package);
             features.retain(|name, _| !own.contains_key(name) || elsewhere.contains_key(name));
         }
-        let mut module = parsed(&file, features)?;
+        let mut module = parsed(&file, features).map_err(|error| self.with_values(path, error))?;
         let joined = self.joined(path)?;
         if !joined.is_empty() {
             let joined = joined.into_iter().map(|name| (Include::Joined(name), 0..0));
@@ -348,6 +349,26 @@ impl Library {
         let set = set.map(|(name, value)| (name.clone(), *value));
         let defined = self.defined.borrow().clone();
         declared.into_iter().flatten().chain(set).chain(defined).collect()
+    }
+
+    /// An error of a feature without a value names the others of its package that have none, so that one round sets them all.
+    fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
+        let PackageError::Shader(diagnostic) = error else { return error };
+        if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {
+            return PackageError::Shader(diagnostic);
+        }
+        let set = self.features(path.package);
+        let mut open = inside::values_of(&self.package(path.package));
+        open.retain(|name, _| !set.contains_key(name));
+        if open.len() < 2 {
+            return PackageError::Shader(diagnostic);
+        }
+        let each = open.iter().map(|(name, all)| format!("{name} = {}", all[0]));
+        let each = each.collect::<Vec<_>>().join(", ");
+        let note = format!(
+            "these of the package have none either; in `karat.toml`: features = {{ {each} }}"
+        );
+        PackageError::Shader(Box::new(diagnostic.note(note)))
     }
 
     /// [`features`](Self::features), and what the module that is linked defines where nothing else has.

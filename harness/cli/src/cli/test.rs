@@ -205,6 +205,28 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
+    /// Refuses a folder's name that is a part of a test's name elsewhere, too: it may mean either.
+    fn expect_no_filter(&self, word: &str) -> anyhow::Result<()> {
+        let folder = Path::new(word).canonicalize()?;
+        // Where there is no project, or none that can be read, the word is the folder.
+        let packages = Project::find().and_then(|project| project.packages(&self.package));
+        let others = packages.unwrap_or_default().into_iter();
+        let mut others = others.filter_map(|package| {
+            let root =
+                package.root().canonicalize().ok().filter(|root| !root.starts_with(&folder))?;
+            let mut tests = Suite::of(package).ok()?.tests.into_iter();
+            Some((root, tests.find(|test| search::begins(test, word))?.name))
+        });
+        match others.next() {
+            None => Ok(()),
+            Some((root, test)) => anyhow::bail!(
+                "`{word}` is a folder, and a part of the name of the test `{test}`: write `karat test ./{word}` for the \
+                 folder's tests, or `karat test {} {word}` for those whose names have it",
+                shown(&root)
+            ),
+        }
+    }
+
     /// By the option, or by the variable that it sets.
     fn leaves_frames_out(&self) -> bool {
         self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
@@ -237,6 +259,9 @@ impl<'a> Asked<'a> {
                 )
             }
             (_, Some(folder)) => {
+                if let (Some(word), None) = (what.filter(|what| !is_path(what)), filter) {
+                    args.expect_no_filter(word)?;
+                }
                 search::expect_filter(folder, filter.filter(|_| !args.exact))?;
                 let (folder, about, names) = (Some(folder.to_owned()), Vec::new(), None);
                 Ok(Self { args, folder, filter, about, names })
