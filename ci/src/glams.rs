@@ -48,7 +48,9 @@ mod glam_VERSION_is_the_engines {
     use glam_VERSION::{DVec3, Mat3, Vec3};
     use karat::prelude::*;
 
-    const TEXT: &str = "fn turned(v: vec3f, k: f32) -> vec3f { return k * v.yzx; }
+    const TEXT: &str = "@group(0) @binding(0) var ramp: texture_2d<f32>;
+                        fn texel(x: u32) -> f32 { return textureLoad(ramp, vec2u(x, 0), 0).y; }
+                        fn turned(v: vec3f, k: f32) -> vec3f { return k * v.yzx; }
                         fn applied(m: mat3x3f, v: vec3f) -> vec3f { return m * v; }";
 
     #[test]
@@ -61,6 +63,10 @@ mod glam_VERSION_is_the_engines {
         assert!(off.unrecorded().try_agrees_with(wrong, Ulp(1.0)).is_err());
         let fixed = Just((Mat3::IDENTITY, Vec3::new(1.0, 2.0, 3.0)));
         package.function("applied").over(fixed).satisfies("is v", |(_, v): (Mat3, Vec3), result: Vec3| v == result);
+        let ramp = karat::Texture::from_fn(4, 1, |x, _| Vec3::new(0.0, x as f32, 0.0));
+        package.function("texel").with("ramp", ramp).over(Integers(0..=3_u32)).agrees_with(|x: u32| f64::from(x), Ulp(0.0));
+        let mesh = karat::draw::Mesh::new(vec![Vec3::X, Vec3::Y, Vec3::Z], vec![0, 1, 2]);
+        let _ = mesh.attribute(1, &[Vec3::Z; 3]).attribute(2, &[[0.5_f32; 2]; 3]);
     }
 }
 "#;

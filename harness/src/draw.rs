@@ -19,10 +19,13 @@ mod row;
 mod state;
 mod targets;
 
+/// The old name of what attributes are.
+#[doc(hidden)]
+pub use crate::value::Shareable as Attribute;
 pub use blend::{Blend, BlendComponent, BlendFactor, BlendOperation};
 pub(crate) use drawing::{Drawing, Scene, Source};
 pub use format::Format;
-pub use mesh::{Attribute, Mesh};
+pub use mesh::Mesh;
 pub use request::Draw;
 pub use state::{Cull, DepthBias, Stencil, StencilOperation, Winding};
 

@@ -17,6 +17,9 @@ mod member;
 mod sampler;
 mod texture;
 
+/// The old name of what texels are.
+#[doc(hidden)]
+pub use crate::value::Shareable as Texel;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
 pub use error::FixtureError;
@@ -24,7 +27,7 @@ pub(crate) use given::{check_used, expect_apart, resolve};
 pub(crate) use level::Level;
 pub(crate) use member::with_members;
 pub use sampler::{Address, Compare, Filter, Sampler};
-pub use texture::{Texel, Texture};
+pub use texture::Texture;
 
 use crate::diagnostic::FileRead;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};

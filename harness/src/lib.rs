@@ -74,7 +74,7 @@ use karat_core::{diagnostic, expectation, hazard, lines, output, panics, setting
 #[doc(no_inline)]
 pub use glam;
 #[doc(inline)]
-pub use karat_core::shareable;
+pub use karat_core::{shareable, vector};
 
 /// Where arguments come from: closed, edge-biased, seeded.
 pub mod domain {

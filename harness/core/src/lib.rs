@@ -3,6 +3,9 @@
 //! Authors of tests know all of it by the names that `karat` has for it. It is a crate of its own so that it is compiled
 //! beside the shader compilers, and not after them. What its documentation hides is Karat's own.
 
+/// For macros.
+pub use glam;
+
 pub mod diagnostic;
 pub mod domain;
 #[doc(hidden)]

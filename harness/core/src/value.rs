@@ -176,6 +176,30 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// The scalars of one to four numbers, as an attribute or a texel is: a scalar, a vector, or an array of scalars.
+    ///
+    /// ```
+    /// use karat_core::value::{Scalar, Shareable};
+    ///
+    /// assert_eq!(glam::Vec3::shape().components(), Some((Scalar::F32, 3)));
+    /// assert_eq!(<[u32; 2]>::shape().components(), Some((Scalar::U32, 2)));
+    /// assert_eq!(glam::Mat2::shape().components(), None);
+    /// ```
+    #[must_use]
+    pub fn components(&self) -> Option<(Scalar, usize)> {
+        let (scalar, count) = match self {
+            Self::Scalar(scalar) => (*scalar, 1),
+            Self::Vector { size, scalar } => (*scalar, usize::from(*size)),
+            Self::Array { element, length } => match **element {
+                Self::Scalar(scalar) => (scalar, *length as usize),
+                _ => return None,
+            },
+            _ => return None,
+        };
+        let is_number = matches!(scalar, Scalar::F32 | Scalar::I32 | Scalar::U32);
+        (is_number && (1..=4).contains(&count)).then_some((scalar, count))
+    }
+
     /// The scalars of the value, in the order of its lanes.
     ///
     /// ```

@@ -1,8 +1,9 @@
 //! Meshes: triangles, with attributes of their vertices.
 
-use glam::{IVec2, IVec3, IVec4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4};
+use crate::value::{Scalar, Shareable};
 
-use crate::value::Scalar;
+/// Floats of a position.
+const POSITION: usize = 3;
 
 /// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
 ///
@@ -34,58 +35,6 @@ pub(super) struct Column {
     pub(super) by_instance: bool,
 }
 
-/// A type of attributes: `f32`, `i32`, `u32` and glam's vectors of them.
-///
-/// ```
-/// use glam::Vec3;
-/// use karat::draw::{Attribute, Mesh};
-///
-/// fn constant<T: Attribute>(mesh: Mesh, location: u32, value: T) -> Mesh {
-///     mesh.attribute(location, &[value; 3])
-/// }
-/// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
-/// # let _ =
-/// constant(triangle, 1, Vec3::Z);
-/// ```
-pub trait Attribute: Copy {
-    /// The type of its scalars.
-    const SCALAR: Scalar;
-    /// Number of scalars, 1 to 4.
-    const WIDTH: usize;
-
-    /// Appends the bits of the scalars.
-    fn store(self, words: &mut Vec<u32>);
-}
-
-macro_rules! attribute {
-    ($($name:ty: $scalar:ident $width:literal, |$value:ident| $words:expr;)*) => {$(
-        impl Attribute for $name {
-            const SCALAR: Scalar = Scalar::$scalar;
-            const WIDTH: usize = $width;
-
-            fn store(self, words: &mut Vec<u32>) {
-                let $value = self;
-                words.extend($words);
-            }
-        }
-    )*};
-}
-
-attribute! {
-    f32: F32 1, |x| [x.to_bits()];
-    Vec2: F32 2, |v| v.to_array().map(f32::to_bits);
-    Vec3: F32 3, |v| v.to_array().map(f32::to_bits);
-    Vec4: F32 4, |v| v.to_array().map(f32::to_bits);
-    i32: I32 1, |x| [x.cast_unsigned()];
-    IVec2: I32 2, |v| v.to_array().map(i32::cast_unsigned);
-    IVec3: I32 3, |v| v.to_array().map(i32::cast_unsigned);
-    IVec4: I32 4, |v| v.to_array().map(i32::cast_unsigned);
-    u32: U32 1, |x| [x];
-    UVec2: U32 2, |v| v.to_array();
-    UVec3: U32 3, |v| v.to_array();
-    UVec4: U32 4, |v| v.to_array();
-}
-
 impl Mesh {
     /// A mesh of triangles that are counter-clockwise seen from outside. Back faces are culled.
     ///
@@ -97,14 +46,20 @@ impl Mesh {
     /// # let _ = triangle;
     /// ```
     ///
+    /// Positions are vectors of three floats of any kind that a function takes: an engine's glam, mint, `[f32; 3]`, or a type
+    /// of your own ([`vector!`](crate::vector)).
+    ///
     /// # Panics
-    /// If an index has no position, or the indices aren't whole triangles.
+    /// If an index has no position, the indices aren't whole triangles, or a position isn't three floats.
     #[must_use]
-    pub fn new(positions: Vec<Vec3>, indices: Vec<u32>) -> Self {
+    pub fn new<P: Shareable>(positions: Vec<P>, indices: Vec<u32>) -> Self {
         assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
         let highest = indices.iter().max().copied().unwrap_or(0);
         assert!((highest as usize) < positions.len(), "index {highest} has no position");
-        Self { indices, attributes: vec![Column::new(0, &positions, false)] }
+        let column = Column::new(0, &positions, false);
+        let is_position = (column.scalar, column.width) == (Scalar::F32, POSITION);
+        assert!(is_position, "a position is three floats, and this is {}", P::shape());
+        Self { indices, attributes: vec![column] }
     }
 
     /// Adds a value for each vertex, which the vertex function reads at `@location(location)`:
@@ -120,9 +75,10 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there are more or fewer values than positions, or the location is taken.
+    /// If there are more or fewer values than positions, the location is taken, or a value isn't one to four floats or whole
+    /// numbers.
     #[must_use]
-    pub fn attribute<T: Attribute>(self, location: u32, values: &[T]) -> Self {
+    pub fn attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         let vertices = self.vertices();
         assert_eq!(values.len(), vertices, "a mesh of {vertices} vertices has as many values");
         self.column(Column::new(location, values, false))
@@ -142,9 +98,9 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there is no value, or the location is taken.
+    /// If there is no value, the location is taken, or a value isn't one to four floats or whole numbers.
     #[must_use]
-    pub fn instance_attribute<T: Attribute>(self, location: u32, values: &[T]) -> Self {
+    pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         assert!(!values.is_empty(), "location {location} has no value");
         self.column(Column::new(location, values, true))
     }
@@ -158,7 +114,7 @@ impl Mesh {
     }
 
     fn vertices(&self) -> usize {
-        self.attributes[0].words.len() / Vec3::WIDTH
+        self.attributes[0].words.len() / POSITION
     }
 
     /// The copies for which each attribute has a value; `None`: any number of them.
@@ -169,10 +125,16 @@ impl Mesh {
 }
 
 impl Column {
-    fn new<T: Attribute>(location: u32, values: &[T], by_instance: bool) -> Self {
-        let mut words = Vec::with_capacity(values.len() * T::WIDTH);
+    fn new<T: Shareable>(location: u32, values: &[T], by_instance: bool) -> Self {
+        let (scalar, width) = T::shape().components().unwrap_or_else(|| {
+            panic!(
+                "an attribute is one to four floats or whole numbers, and this is {}",
+                T::shape()
+            )
+        });
+        let mut words = Vec::with_capacity(values.len() * width);
         values.iter().for_each(|value| value.store(&mut words));
-        Self { location, scalar: T::SCALAR, width: T::WIDTH, words, by_instance }
+        Self { location, scalar, width, words, by_instance }
     }
 
     /// wgpu's format of a value.
@@ -189,6 +151,8 @@ impl Column {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Vec2, Vec3};
+
     use super::*;
 
     fn triangle() -> Mesh {
@@ -207,6 +171,31 @@ mod tests {
     #[should_panic(expected = "a mesh of 3 vertices has as many values")]
     fn each_vertex_has_a_value() {
         let _ = triangle().attribute(1, &[Vec3::X; 2]);
+    }
+
+    /// What functions take meshes take, too.
+    #[test]
+    fn vectors_of_any_kind_are_attributes() {
+        let mesh = Mesh::new(vec![[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![0, 1, 2]);
+        let mesh =
+            mesh.attribute(1, &[[1_u32, 2]; 3]).attribute(2, &[half::f16::ONE; 3].map(f32::from));
+        let columns = mesh.attributes.iter().map(|c| (c.scalar, c.width)).collect::<Vec<_>>();
+        assert_eq!(columns, [(Scalar::F32, 3), (Scalar::U32, 2), (Scalar::F32, 1)]);
+        assert_eq!(mesh.attributes[1].words, [1, 2, 1, 2, 1, 2]);
+    }
+
+    #[test]
+    #[should_panic(
+        expected = "an attribute is one to four floats or whole numbers, and this is mat4x4<f32>"
+    )]
+    fn a_matrix_is_no_attribute() {
+        let _ = triangle().attribute(1, &[glam::Mat4::IDENTITY; 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "a position is three floats, and this is vec2<f32>")]
+    fn positions_have_three_floats() {
+        let _ = Mesh::new(vec![Vec2::X; 3], vec![0, 1, 2]);
     }
 
     #[test]

@@ -372,7 +372,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
 }
 
 /// A texture of a kind, by a value for each layer, column and row.
-fn shaped<T: karat::fixture::Texel>(
+fn shaped<T: karat::Shareable>(
     kind: TextureKind,
     layers: usize,
     width: u32,

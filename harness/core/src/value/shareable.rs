@@ -295,6 +295,54 @@ arguments! {
     (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10, L 11)
 }
 
+/// Makes a type of your own one of glam's vectors for WGSL. It becomes an array of floats or whole numbers, and such an array
+/// becomes it. Functions, buffers, meshes and textures take it; references get glam's vector in `f64`.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// #[derive(Clone, Copy, Debug, PartialEq)]
+/// struct Rgb { r: f32, g: f32, b: f32 }
+///
+/// impl From<Rgb> for [f32; 3] {
+///     fn from(c: Rgb) -> Self { [c.r, c.g, c.b] }
+/// }
+/// impl From<[f32; 3]> for Rgb {
+///     fn from([r, g, b]: [f32; 3]) -> Self { Self { r, g, b } }
+/// }
+/// karat::vector!(Rgb: Vec3);
+///
+/// let package = Package::from_source("m", "fn grey(c: vec3f) -> f32 { return (c.r + c.g + c.b) / 3.0; }");
+/// let colors = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0).map(|(r, g, b)| Rgb { r, g, b });
+/// package.function("grey").over(colors).agrees_with(|c: glam::DVec3| c.element_sum() / 3.0, Ulp(4.0));
+/// ```
+#[macro_export]
+macro_rules! vector {
+    ($name:ty: $vector:ident) => {
+        impl $crate::value::Shareable for $name {
+            type Mirror = <$crate::glam::$vector as $crate::value::Shareable>::Mirror;
+            fn shape() -> $crate::value::Shape {
+                <$crate::glam::$vector as $crate::value::Shareable>::shape()
+            }
+            #[inline(never)]
+            fn store(&self, lanes: &mut Vec<u32>) {
+                let vector = $crate::glam::$vector::from_array(self.clone().into());
+                $crate::value::Shareable::store(&vector, lanes);
+            }
+            #[inline(never)]
+            fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                let vector = <$crate::glam::$vector as $crate::value::Shareable>::load(lanes);
+                Self::from(vector.to_array())
+            }
+            #[inline(never)]
+            fn widen(&self) -> Self::Mirror {
+                let vector = $crate::glam::$vector::from_array(self.clone().into());
+                $crate::value::Shareable::widen(&vector)
+            }
+        }
+    };
+}
+
 /// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.
 ///
 /// Member names and types must be those of the WGSL structure; the type's name may differ. Both types are

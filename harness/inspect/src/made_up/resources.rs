@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use karat::fixture::{Address, Buffer, Compare, CubeMap, Fixture, Sampler, Texel, Texture};
+use karat::fixture::{Address, Buffer, Compare, CubeMap, Fixture, Sampler, Texture};
 use karat::unstable::fixture::{Fixtures, without_mips};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels};
@@ -800,7 +800,7 @@ fn texture(
 }
 
 /// A texture whose values are made of columns, rows, and slices, layers or samples.
-fn made<T: Texel>(
+fn made<T: karat::Shareable>(
     dimension: Dimension,
     arrayed: bool,
     [width, height]: [u32; 2],
