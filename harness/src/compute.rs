@@ -28,7 +28,7 @@ pub(crate) mod untyped;
 use std::fmt;
 use std::panic::Location;
 
-use crate::dispatch::{DispatchError, Passes, Wanted};
+use crate::dispatch::{DispatchError, Part, Passes, Wanted};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
 use crate::golden::ValuesError;
@@ -95,6 +95,8 @@ pub struct After<'a> {
     recorded: bool,
     /// True if elements are compared whatever their order is.
     up_to_order: bool,
+    /// Rows and columns of its elements.
+    grid: Option<[usize; 2]>,
 }
 
 /// What agreed, and how close it came.
@@ -157,6 +159,16 @@ pub enum ComputeError {
         found: usize,
         /// Elements of the reference.
         expected: usize,
+    },
+    /// Elements don't fill the rows and columns that a test gives them.
+    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns have {}", grid[0], grid[1], grid[0] * grid[1])]
+    Grid {
+        /// The variable.
+        variable: String,
+        /// Its elements.
+        elements: usize,
+        /// Rows and columns.
+        grid: [usize; 2],
     },
     /// There is nothing to compare.
     #[error("nothing is compared: {0}")]
@@ -506,7 +518,13 @@ impl<'a> Compute<'a> {
     /// passes.dispatch("reset", [1, 1, 1]).after("totals").agrees_with([expected], Ulp(0.0));
     /// ```
     pub fn after(self, variable: &str) -> After<'a> {
-        After { compute: self, variable: variable.to_owned(), recorded: true, up_to_order: false }
+        After {
+            compute: self,
+            variable: variable.to_owned(),
+            recorded: true,
+            up_to_order: false,
+            grid: None,
+        }
     }
 
     fn passes(&self) -> Result<Passes, DispatchError> {
@@ -650,12 +668,12 @@ impl After<'_> {
     #[track_caller]
     pub fn try_is_written(self) -> Result<ComputeAgreement, ComputeError> {
         let passes = self.compute.passes()?;
-        let (number, shape) = passes.written(&self.variable)?;
+        let (part, shape) = passes.written(&self.variable)?;
         let shape = match shape {
             Shape::Array { element, .. } => *element,
             whole => whole,
         };
-        let lanes = crate::interpret::written(&passes, number)?;
+        let lanes = part.pick(crate::interpret::written(&passes, part.number)?);
         let width = shape.lanes().len().max(1);
         let missed = lanes.chunks(width).filter(|element| element.contains(&false)).count();
         let first = lanes.iter().position(|written| !written);
@@ -689,9 +707,9 @@ impl After<'_> {
     /// If the passes can't be dispatched there, or the elements are of another type.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
-        let (number, shape) = passes.written(&self.variable)?;
+        let (part, shape) = passes.written(&self.variable)?;
         let element = self.element(&passes, &shape, &T::shape(), "the test reads", false)?;
-        let words = words(executor::of(path)?, &passes, number)?;
+        let words = words(executor::of(path)?, &passes, &part)?;
         let elements = words.chunks_exact(element.lanes().len().max(1));
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
@@ -726,16 +744,12 @@ impl After<'_> {
     }
 }
 
-/// The lanes of a resource after passes.
-fn words(
-    executor: &dyn Executor,
-    passes: &Passes,
-    number: usize,
-) -> Result<Vec<u32>, DispatchError> {
+/// The lanes of a part of a resource after passes.
+fn words(executor: &dyn Executor, passes: &Passes, part: &Part) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor::dispatch(executor, passes)?;
-    let found = afterwards.into_iter().find(|(of, _)| *of == number);
-    let lanes = found.and_then(|(_, words)| passes.lanes(number, &words));
-    lanes.ok_or(DispatchError::Unable { path: executor.path() })
+    let found = afterwards.into_iter().find(|(of, _)| *of == part.number);
+    let lanes = found.and_then(|(_, words)| passes.lanes(part.number, &words));
+    lanes.map(|lanes| part.pick(lanes)).ok_or(DispatchError::Unable { path: executor.path() })
 }
 
 fn lanes<T: Mirror>(reference: impl IntoIterator<Item = T>) -> Vec<f64> {

@@ -3,11 +3,13 @@
 //! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
 //! after the other.
 
+mod part;
 mod runner;
 mod violation;
 
 use std::sync::Arc;
 
+pub use part::Part;
 pub use violation::{Examined, Violation, ViolationAccess, Watched};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
@@ -91,6 +93,19 @@ pub enum DispatchError {
         /// What was asked for.
         name: String,
         /// The closest one that is written; `None` if passes only read a resource of that name.
+        nearest: Option<String>,
+    },
+    /// A resource has no such member.
+    #[error("`{name}` is {shape}, which has no `{member}`{}",
+        nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?")))]
+    NoMember {
+        /// The resource.
+        name: String,
+        /// What was asked for.
+        member: String,
+        /// The type of the resource.
+        shape: String,
+        /// The closest member, with its resource.
         nearest: Option<String>,
     },
     /// No pass uses a buffer of that name.
@@ -215,6 +230,20 @@ impl Pass {
     /// Where its entry point is declared.
     pub(crate) fn span(&self) -> Option<Span> {
         self.program.entry_point_span(&self.entry_point)
+    }
+}
+
+/// The error of a member that a resource doesn't have.
+fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
+    let known = part::members(shape);
+    let first = member.split('.').next().unwrap_or_default();
+    let nearest = crate::diagnostic::nearest(first, known.iter().map(String::as_str));
+    let nearest = nearest.map(|near| format!("{name}.{near}"));
+    DispatchError::NoMember {
+        name: name.to_owned(),
+        member: member.to_owned(),
+        shape: shape.to_string(),
+        nearest,
     }
 }
 
@@ -356,9 +385,10 @@ impl Passes {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
 
-    /// A resource that is written, by the name of its variable or of its fixture; and the type of what
-    /// it holds.
-    pub fn written(&self, name: &str) -> Result<(usize, Shape), DispatchError> {
+    /// A resource that is written, by the name of its variable or of its fixture, or a member of it (`particles.position`);
+    /// and the type of what it holds.
+    pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
+        let (name, member) = name.split_once('.').unwrap_or((name, ""));
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
@@ -380,7 +410,7 @@ impl Passes {
             variable: binding.path.clone(),
             reason: "no host can read it".to_owned(),
         })?;
-        Ok((number, shape))
+        Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))
     }
 
     /// The name of a texel by its number, `[3, 1]`, and of a volume or layers `[3, 1, 0]`; `None` of what has one index.
@@ -412,6 +442,7 @@ impl Passes {
 
     /// The content of a buffer before all passes: its name, its type and its lanes.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
+        let (name, member) = name.split_once('.').unwrap_or((name, ""));
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
@@ -422,14 +453,21 @@ impl Passes {
             let bytes = held.fixture.bytes(&pass.program, binding)?.ok()?;
             let shape = pass.program.written_shape(binding, Some(bytes.len()))?;
             let lanes = lanes_of(pass.program.module(), binding.ty, &bytes)?;
-            Some((held.name.clone(), shape, lanes))
+            Some((held.name.clone(), number, shape, lanes))
         });
-        found.ok_or_else(|| {
-            let held = self.resources.iter().map(|held| held.name.as_str());
-            // A texture of that name is no misspelt buffer.
-            let nearest = crate::diagnostic::nearest(name, held).filter(|near| *near != name);
-            let nearest = nearest.map(str::to_owned);
-            DispatchError::NoBuffer { name: name.to_owned(), nearest }
+        let part = |(held, number, shape, lanes): (String, usize, Shape, Vec<u32>)| {
+            let (part, of) =
+                Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))?;
+            Ok((held, of, part.pick(lanes)))
+        };
+        found.map(part).unwrap_or_else(|| {
+            Err({
+                let held = self.resources.iter().map(|held| held.name.as_str());
+                // A texture of that name is no misspelt buffer.
+                let nearest = crate::diagnostic::nearest(name, held).filter(|near| *near != name);
+                let nearest = nearest.map(str::to_owned);
+                DispatchError::NoBuffer { name: name.to_owned(), nearest }
+            })
         })
     }
 

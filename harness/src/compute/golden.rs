@@ -59,7 +59,7 @@ impl After<'_> {
             let golden = goldens.table(case)?;
             let passes = self.compute.passes()?;
             report.read.extend(passes.read());
-            let (number, shape) = passes.written(&self.variable)?;
+            let (part, shape) = passes.written(&self.variable)?;
             let element = match shape {
                 Shape::Array { element, .. } => *element,
                 whole => whole,
@@ -68,7 +68,7 @@ impl After<'_> {
             // What is compared with a golden on one path becomes the next one on that path, too.
             let made = |executor: &dyn Executor| {
                 let adapter = executor::adapter(executor);
-                let words = words(executor, &passes, number)?;
+                let words = words(executor, &passes, &part)?;
                 let table = Table { columns: self.columns(&element), arguments: 0, words };
                 Ok::<_, DispatchError>((table, adapter))
             };

@@ -158,7 +158,7 @@ pub enum Place {
         index: usize,
         /// The component: `.x`; empty: all of it.
         component: String,
-        /// The column and the row of a texel: `[3, 1]`.
+        /// The column and the row of a texel, `[3, 1]`; or an element's place in a grid, `[9: row 1, column 3]`.
         texel: Option<String>,
     },
     /// The whole, in words.
@@ -184,10 +184,14 @@ impl fmt::Display for Place {
 
 impl Sum {
     /// The same, with names of texels if the resource is a texture.
-    pub(super) fn of(mut self, passes: &Passes, resource: usize) -> Self {
+    pub(super) fn of(mut self, passes: &Passes, resource: usize, grid: Option<[usize; 2]>) -> Self {
+        let in_grid = |index: usize| {
+            let [_, columns] = grid?;
+            Some(format!("[{index}: row {}, column {}]", index / columns, index % columns))
+        };
         for one in &mut self.shown {
             if let Place::Element { index, texel, .. } = &mut one.place {
-                *texel = passes.texel(resource, *index);
+                *texel = passes.texel(resource, *index).or_else(|| in_grid(*index));
             }
         }
         self
@@ -278,7 +282,7 @@ impl After<'_> {
         let executors = self.executors()?;
         let passes = compute.passes()?;
         report.read.extend(passes.read());
-        let (number, shape) = passes.written(&self.variable)?;
+        let (part, shape) = passes.written(&self.variable)?;
         let element = self.fitting(assertion, &passes, &shape)?;
         if let (Some(span), Subject::Function { location, .. }) =
             (passes.span(), &mut report.subject)
@@ -287,25 +291,29 @@ impl After<'_> {
         }
         let replayed = || Replayed { case: 0, steps: &[], input: None };
         let again = identity.replay(None, 0, function, &identity.check, replayed());
-        let asserted = Some((assertion, number, &element));
+        let asserted = Some((assertion, &part, &element));
         self.expect_each_order(asserted, &passes, report, &again)?;
         let has_subgroups = passes.has_subgroups();
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let path = executor.path();
             let own = compute.tolerance_on.on(path, adapter);
-            let found = words(executor, &passes, number)?;
+            let found = words(executor, &passes, &part)?;
             let elements = found.len() / element.lanes().len().max(1);
             if elements == 0 {
                 let reason = format!("`{}` holds no element", self.variable);
                 return Err(ComputeError::Nothing(reason));
             }
+            if let Some(grid) = self.grid.filter(|[rows, columns]| rows * columns != elements) {
+                let variable = self.variable.clone();
+                return Err(ComputeError::Grid { variable, elements, grid });
+            }
             let sum = self.sum(assertion, own, &element, &found, function)?;
-            let sum = sum.of(&passes, number);
+            let sum = sum.of(&passes, part.number, self.grid);
             // What fails has shown something.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.failures == 0
                 && !may_stay
-                && passes.before(number).is_some_and(|before| before == found)
+                && passes.before(part.number).is_some_and(|before| part.pick(before) == found)
             {
                 return Err(ComputeError::Unchanged { variable: self.variable.clone() });
             }

@@ -7,7 +7,7 @@ use std::fmt;
 
 use super::judge::{Assertion, Element, Expected, Sum};
 use super::{After, ComputeError};
-use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
+use crate::dispatch::{Afterwards, DispatchError, Examined, Part, Passes};
 use crate::interpret::{OrderOf, Run, Runner, Tried, in_order_of, parting};
 use crate::probe::ProbeError;
 use crate::record::{Details, Replay};
@@ -136,11 +136,28 @@ impl After<'_> {
         self
     }
 
+    /// Gives elements that lie by rows so many rows and columns: a failure says in which an element lies.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn spoil() { data[5] = 9u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32; 6])).dispatch("spoil", [1, 1, 1]);
+    /// let failure = passes.after("data").grid(2, 3).try_agrees_with([0_u32; 6], Abs(0.0)).unwrap_err();
+    /// assert!(failure.to_string().contains("[5: row 1, column 2]"), "{failure}");
+    /// ```
+    #[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
+    pub fn grid(mut self, rows: usize, columns: usize) -> Self {
+        self.grid = Some([rows, columns]);
+        self
+    }
+
     /// Runs the passes in the engine, in one order of their invocations after the other: none may have a violation that
     /// isn't accepted, and the assertion has to hold of what each leaves. Others report a failure in the usual order.
     pub(super) fn expect_each_order(
         &self,
-        assertion: Option<(&Assertion<'_>, usize, &Shape)>,
+        assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
         passes: &Passes,
         report: &mut Report,
         replay: &Replay,
@@ -158,9 +175,9 @@ impl After<'_> {
             if order.is_none() {
                 examined = own;
                 judged = match (assertion, left.take()) {
-                    (Some((assertion, number, element)), Some(left)) => {
-                        let lanes = lanes_of(passes, number, left);
-                        Some(InOrders::new(self, assertion, (number, element), lanes)?)
+                    (Some((assertion, part, element)), Some(left)) => {
+                        let lanes = lanes_of(passes, part, left);
+                        Some(InOrders::new(self, assertion, (part, element), lanes)?)
                     }
                     _ => None,
                 };
@@ -252,17 +269,17 @@ impl After<'_> {
 }
 
 /// The lanes of a resource that passes left.
-fn lanes_of(passes: &Passes, number: usize, left: Afterwards) -> Vec<u32> {
-    let own = left.into_iter().find(|(of, _)| *of == number);
-    let lanes = own.and_then(|(_, words)| passes.lanes(number, &words));
-    lanes.expect("a pass writes the resource")
+fn lanes_of(passes: &Passes, part: &Part, left: Afterwards) -> Vec<u32> {
+    let own = left.into_iter().find(|(of, _)| *of == part.number);
+    let lanes = own.and_then(|(_, words)| passes.lanes(part.number, &words));
+    part.pick(lanes.expect("a pass writes the resource"))
 }
 
 /// An assertion of what passes leave in each order.
 struct InOrders<'a> {
     after: &'a After<'a>,
     assertion: &'a Assertion<'a>,
-    number: usize,
+    part: &'a Part,
     element: &'a Shape,
     /// The lanes that the usual order leaves, and whether the assertion holds of them.
     usual: Vec<u32>,
@@ -275,7 +292,7 @@ impl<'a> InOrders<'a> {
     fn new(
         after: &'a After<'a>,
         assertion: &'a Assertion<'a>,
-        (number, element): (usize, &'a Shape),
+        (part, element): (&'a Part, &'a Shape),
         usual: Vec<u32>,
     ) -> Result<Self, ComputeError> {
         let function = after.last_entry_point();
@@ -292,7 +309,7 @@ impl<'a> InOrders<'a> {
             }
             _ => None,
         };
-        Ok(Self { after, assertion, number, element, usual, holds, own })
+        Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
     /// True if neither what the usual order leaves nor a statement says what an order has to leave.
@@ -310,7 +327,7 @@ impl<'a> InOrders<'a> {
         let Some(left) = left else {
             return Ok(if endless { Sum::endless() } else { Sum::of_failures(0) });
         };
-        let lanes = lanes_of(passes, self.number, left);
+        let lanes = lanes_of(passes, self.part, left);
         if lanes == self.usual {
             return Ok(Sum::of_failures(0));
         }
@@ -320,6 +337,6 @@ impl<'a> InOrders<'a> {
         if self.is_undecided() {
             return Ok(Sum::of_failures(usize::from(sum.failures == 0)));
         }
-        Ok(sum.of(passes, self.number))
+        Ok(sum.of(passes, self.part.number, self.after.grid))
     }
 }

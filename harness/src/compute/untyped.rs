@@ -5,7 +5,7 @@ use std::panic::Location;
 
 use super::judge::{Assertion, Expected, Statement};
 use super::{After, Compute, ComputeAgreement, ComputeError};
-use crate::dispatch::{DispatchError, Violation, Watched};
+use crate::dispatch::{DispatchError, Part, Violation, Watched};
 use crate::executor;
 use crate::path::Path;
 use crate::tolerance::Tolerance;
@@ -49,6 +49,22 @@ impl Content {
             Shape::Array { element, .. } => element,
             whole => whole,
         }
+    }
+
+    /// A member of it, of each element (`position`, `items.position`); empty: all of it.
+    ///
+    /// ```
+    /// use karat::unstable::compute::Content;
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let shape = Shape::Vector { size: 2, scalar: Scalar::U32 };
+    /// let two = Content { name: "key".to_owned(), shape, lanes: vec![7, 8] };
+    /// assert_eq!(two.member("y").map(|own| own.lanes), Some(vec![8]));
+    /// ```
+    #[must_use]
+    pub fn member(self, path: &str) -> Option<Self> {
+        let (part, shape) = Part::of(0, &self.shape, path)?;
+        Some(Self { shape, lanes: part.pick(self.lanes), ..self })
     }
 }
 

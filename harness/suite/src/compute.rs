@@ -7,6 +7,7 @@ use karat::check::HazardKind;
 use karat::compute::{After, Compute, ComputeAgreement, ComputeError};
 use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place};
 use karat::unstable::diagnostic::{read_file, shown};
+use karat::unstable::dispatch::DispatchError;
 use karat::unstable::reflect::{Program, Stage};
 use karat::value::{Scalar, Shape};
 use karat::{Goldens, Package, Path as Route, Tolerance};
@@ -103,6 +104,8 @@ struct Expected {
     in_range: Option<Range>,
     finite: Option<bool>,
     up_to_order: Option<bool>,
+    /// Rows and columns.
+    shape: Option<[usize; 2]>,
     tolerance: Option<String>,
     #[serde(default)]
     tolerance_on: BTreeMap<String, String>,
@@ -138,6 +141,8 @@ pub(crate) struct Assertion {
     pub(crate) tolerance_on: BTreeMap<String, String>,
     /// True if elements are compared whatever their order is.
     up_to_order: bool,
+    /// Rows and columns of the elements.
+    shape: Option<[usize; 2]>,
     /// Tables and images are relative to it.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
@@ -319,6 +324,7 @@ impl Declared {
                     .unwrap_or_default(),
                 up_to_order: expected.is_some_and(|one| one.up_to_order.is_some())
                     && what.is_listed(),
+                shape: expected.and_then(|one| one.shape),
                 what,
                 folder: folder.to_owned(),
                 keys: keys.clone(),
@@ -516,6 +522,10 @@ impl Assertion {
         }
         let after = compute.clone().after(&self.variable);
         let after = if self.up_to_order { after.up_to_order() } else { after };
+        let after = match self.shape {
+            Some([rows, columns]) => after.grid(rows, columns),
+            None => after,
+        };
         let before = |name: &str| Ok::<_, Stop>(untyped::before(compute, name)?);
         match &self.what {
             What::Equals(value) => {
@@ -541,11 +551,10 @@ impl Assertion {
                 }
                 let reference = self.compute(package, Some(&entry))?;
                 let left = untyped::left(&reference, Route::CPU)?;
-                let own = |one: &&Content| is_called(&one.name, &self.variable);
-                let Some(content) = left.iter().find(own) else {
+                let Some(content) = of_variable(left, &self.variable) else {
                     return Err(format!("`{entry}` doesn't write `{}`", self.variable).into());
                 };
-                concluded(untyped::agrees_with(&after, values(content), self.tolerance()?))
+                concluded(untyped::agrees_with(&after, values(&content), self.tolerance()?))
             }
             What::Sorted { descending } => {
                 let content = self.content(compute)?;
@@ -646,11 +655,15 @@ impl Assertion {
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
+            Err(ComputeError::Dispatch(error @ DispatchError::NoMember { .. })) => {
+                let key = format!("after.{}", self.variable);
+                Err(Misdeclared::from(error.to_string()).below(&key).into())
+            }
             // A texture is no buffer, and what it holds before is seen nowhere.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
-                let own = left.into_iter().find(|one| is_called(&one.name, &self.variable));
+                let own = of_variable(left, &self.variable);
                 let names = names.iter().map(String::as_str);
                 let unknown = || {
                     let message = no_such("written resource", &self.variable, names);
@@ -724,6 +737,12 @@ impl From<&str> for Stop {
 }
 
 /// A resource by the name of its variable, with or without its module.
+/// What passes leave in a resource, or in a member of it.
+fn of_variable(left: Vec<Content>, variable: &str) -> Option<Content> {
+    let (name, member) = variable.split_once('.').unwrap_or((variable, ""));
+    left.into_iter().find(|one| is_called(&one.name, name))?.member(member)
+}
+
 fn is_called(path: &str, name: &str) -> bool {
     path == name || path.rsplit("::").next() == Some(name)
 }

@@ -262,6 +262,7 @@ pub(crate) fn compute_key_of(
             Some("entry")
         }
         ComputeError::Accepted { verb, .. } => Some(verb),
+        ComputeError::Grid { .. } => Some("shape"),
         ComputeError::Paths(paths) => {
             let stopped = paths.stopped.iter().map(|(_, error)| error);
             let mut all = paths.failures.iter().chain(stopped);

@@ -322,6 +322,66 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
+/// A member of each element is asserted of by itself, and elements that lie in a grid are told by row and column.
+#[test]
+fn members_and_grids_of_buffers() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        folder.path(),
+        "p.wgsl",
+        "struct Particle { position: vec2f, mass: f32 }\n\
+         @group(0) @binding(0) var<storage, read_write> particles: array<Particle>;\n\
+         @group(0) @binding(1) var<storage, read_write> grid: array<u32>;\n\
+         @compute @workgroup_size(4) fn step(@builtin(global_invocation_id) id: vec3u) {\n    \
+         if id.x >= arrayLength(&particles) { return; }\n    \
+         particles[id.x].position += vec2f(1.0, f32(id.x));\n}\n\
+         @compute @workgroup_size(6) fn fill(@builtin(global_invocation_id) id: vec3u) {\n    \
+         if id.x < arrayLength(&grid) { grid[id.x] = id.x % 3u + select(0u, 9u, id.x == 5u); }\n}\n\
+         @compute @workgroup_size(4) fn other(@builtin(global_invocation_id) id: vec3u) {\n    \
+         if id.x < arrayLength(&particles) { particles[id.x] = Particle(vec2f(1.0, f32(id.x)), 5.0); }\n}\n",
+    );
+    let tested = |entry: &str, expected: &str| {
+        let held = if entry == "step" { "particles" } else { "grid" };
+        let size = if entry == "step" { 3 } else { 6 };
+        let declared = format!(
+            "[[compute]]\nentry = \"{entry}\"\nworkgroups = 1\nwith.{held} = {{ size = {size} }}\n{expected}"
+        );
+        write(folder.path(), "p.test.toml", &declared);
+        karat(folder.path(), &["test", ".", "--paths", "cpu"])
+    };
+    let members = |position: &str, y: &str| {
+        tested(
+            "step",
+            &format!(
+                "[compute.after.\"particles.position\"]\nequals = {position}\nwritten = true\n\
+                 agrees_with = \"other\"\nin_range = [0, 2]\n\
+                 [compute.after.\"particles.position.y\"]\nequals = {y}\nsorted = true\n\
+                 [compute.after.\"particles.mass\"]\nunchanged = true\n"
+            ),
+        )
+    };
+    let position = "[[1, 0], [1, 1], [1, 2]]";
+    members(position, "[0, 1, 2]").good();
+    let wrong = members(position, "[0, 1, 3]");
+    assert!(wrong.code == Some(1) && wrong.out.contains("first: [2]\n"), "{wrong:?}");
+    let wrong = members("[[1, 0], [1, 1], [4, 2]]", "[0, 1, 2]");
+    assert!(wrong.out.contains("first: [2].x\n"), "{wrong:?}");
+    // What is written, and what isn't, is asked of the member alone.
+    let wrong = tested("step", "[compute.after.\"particles.mass\"]\nwritten = true\n");
+    assert!(wrong.code == Some(1) && wrong.out.contains("expected = written"), "{wrong:?}");
+    let wrong = tested("step", "[compute.after.\"particles.positon\"]\nfinite = true\n");
+    assert!(wrong.out.contains("did you mean `particles.position`?"), "{wrong:?}");
+    assert!(wrong.out.contains("p.test.toml:5:16"), "{wrong:?}");
+    let grid = |rows: u32| {
+        let grid =
+            format!("[compute.after.grid]\nequals = [0, 1, 2, 0, 1, 2]\nshape = [{rows}, 3]\n");
+        tested("fill", &grid)
+    };
+    assert!(grid(2).out.contains("first: [5: row 1, column 2]"), "{:?}", grid(2));
+    assert!(grid(3).out.contains("`grid` has 6 elements, and [3, 3]"), "{:?}", grid(3));
+    assert!(grid(3).out.contains("p.test.toml:7:1"), "{:?}", grid(3));
+}
+
 /// One element that is wrong moves no other one.
 #[test]
 fn a_wrong_element_is_told_whatever_the_order_is() {

@@ -280,8 +280,8 @@ impl Difference {
             let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
             // A resource that wasn't written held what it held before.
             let (old_shape, before) = match old.written(known) {
-                Ok((number, shape)) => {
-                    let words = was.iter().find(|(known, _)| *known == number);
+                Ok((part, shape)) => {
+                    let words = was.iter().find(|(known, _)| *known == part.number);
                     (shape, words.and_then(|(number, words)| old.lanes(*number, words)))
                 }
                 Err(_) => match old.content(known) {

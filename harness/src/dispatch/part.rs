@@ -1,0 +1,105 @@
+//! Parts of resources: `particles.position` is that member of each element.
+
+use crate::value::Shape;
+
+/// The lanes of a resource: all, or those of a member.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// The number of the resource.
+    pub number: usize,
+    /// `None`: all.
+    lanes: Option<Vec<usize>>,
+}
+
+impl Part {
+    /// The member of a resource that its shape has, by a path such as `position` or `items.position.x`; empty: all of it.
+    pub(crate) fn of(number: usize, shape: &Shape, path: &str) -> Option<(Self, Shape)> {
+        if path.is_empty() {
+            return Some((Self { number, lanes: None }, shape.clone()));
+        }
+        let (shape, lanes) = picked(shape, path)?;
+        Some((Self { number, lanes: Some(lanes) }, shape))
+    }
+
+    /// What belongs to it, of something for each lane of the resource.
+    pub(crate) fn pick<T: Copy>(&self, all: Vec<T>) -> Vec<T> {
+        match &self.lanes {
+            Some(lanes) => lanes.iter().map(|lane| all[*lane]).collect(),
+            None => all,
+        }
+    }
+}
+
+/// A member, of each element of the arrays around it, with its lanes.
+fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
+    let (name, rest) = path.split_once('.').unwrap_or((path, ""));
+    match shape {
+        _ if path.is_empty() => Some((shape.clone(), (0..shape.lanes().len()).collect())),
+        Shape::Array { element, length } => {
+            let width = element.lanes().len();
+            let (element, lanes) = picked(element, path)?;
+            let of = |index: usize| lanes.iter().map(move |lane| index * width + lane);
+            let all = (0..*length as usize).flat_map(of).collect();
+            Some((Shape::Array { element: Box::new(element), length: *length }, all))
+        }
+        Shape::Struct { members, .. } => {
+            let at = members.iter().position(|(own, _)| own == name)?;
+            let before: usize = members[..at].iter().map(|(_, shape)| shape.lanes().len()).sum();
+            let (shape, lanes) = picked(&members[at].1, rest)?;
+            Some((shape, lanes.into_iter().map(|lane| before + lane).collect()))
+        }
+        Shape::Vector { size, scalar } if rest.is_empty() => {
+            let lane = ["x", "y", "z", "w"].iter().position(|own| *own == name)?;
+            (lane < usize::from(*size)).then(|| (Shape::Scalar(*scalar), vec![lane]))
+        }
+        _ => None,
+    }
+}
+
+/// The members that a path may begin with.
+pub(crate) fn members(shape: &Shape) -> Vec<String> {
+    match shape {
+        Shape::Array { element, .. } => members(element),
+        Shape::Struct { members, .. } => members.iter().map(|(name, _)| name.clone()).collect(),
+        _ => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::value::Scalar;
+
+    #[test]
+    fn members_are_those_of_each_element() {
+        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let item = Shape::Struct {
+            name: "Item".to_owned(),
+            members: vec![
+                ("mass".to_owned(), Shape::Scalar(Scalar::F32)),
+                ("at".to_owned(), vector.clone()),
+            ],
+        };
+        let items = Shape::Array { element: Box::new(item), length: 2 };
+        let whole = Shape::Struct {
+            name: "All".to_owned(),
+            members: vec![
+                ("count".to_owned(), Shape::Scalar(Scalar::U32)),
+                ("items".to_owned(), items.clone()),
+            ],
+        };
+        let lanes = |shape: &Shape, path: &str| {
+            Part::of(0, shape, path).map(|(part, shape)| (part.pick((0..9).collect()), shape))
+        };
+        let vectors = Shape::Array { element: Box::new(vector), length: 2 };
+        assert_eq!(lanes(&items, "at"), Some((vec![1, 2, 3, 5, 6, 7], vectors.clone())));
+        assert_eq!(lanes(&whole, "items.at"), Some((vec![2, 3, 4, 6, 7, 8], vectors)));
+        assert_eq!(lanes(&whole, "items.at.y").map(|(lanes, _)| lanes), Some(vec![3, 7]));
+        assert_eq!(lanes(&whole, "count").map(|(lanes, _)| lanes), Some(vec![0]));
+        assert_eq!(lanes(&whole, "").map(|(lanes, _)| lanes.len()), Some(9));
+        for wrong in ["at", "items.to", "items.at.w", "items.at.x.y", "count.x"] {
+            assert_eq!(lanes(&whole, wrong), None, "{wrong}");
+        }
+        assert_eq!(members(&items), ["mass", "at"]);
+    }
+}
