@@ -20,7 +20,6 @@ mod state;
 mod targets;
 
 /// The old name of what attributes are.
-#[doc(hidden)]
 pub use crate::value::Shareable as Attribute;
 pub use blend::{Blend, BlendComponent, BlendFactor, BlendOperation};
 pub(crate) use drawing::{Drawing, Scene, Source};

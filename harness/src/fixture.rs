@@ -18,7 +18,6 @@ mod sampler;
 mod texture;
 
 /// The old name of what texels are.
-#[doc(hidden)]
 pub use crate::value::Shareable as Texel;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};

@@ -347,13 +347,7 @@ impl Request {
             let mut edited = BTreeSet::new();
             for features in subsets(&open).into_iter().chain(other_values(values)) {
                 // A side is asked about those that it knows.
-                let of = |side: usize| -> Vec<String> {
-                    let asks = |name: &&String| match name.split_once('=') {
-                        Some((name, _)) => values[side].contains_key(name),
-                        None => words[side].1.contains(name),
-                    };
-                    features.iter().filter(asks).cloned().collect()
-                };
+                let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
                 let (Ok(old), Ok(new)) = (items(0, &own[0]), items(1, &own[1])) else { continue };
                 for name in old.keys().chain(new.keys()) {
@@ -647,6 +641,15 @@ fn other_values(values: &[Values; 2]) -> BTreeSet<Vec<String>> {
         all[1..].iter().map(|value| vec![format!("{name}={value}")]).collect::<Vec<_>>()
     };
     values.iter().flatten().flat_map(others).collect()
+}
+
+/// Those of some features that a side asks about, as values or as conditions.
+fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
+    let asks = |name: &&String| match name.split_once('=') {
+        Some((name, _)) => values.contains_key(name),
+        None => conditions.contains(name),
+    };
+    features.iter().filter(asks).cloned().collect()
 }
 
 /// A package with some features on, or with a value that stands behind a name.

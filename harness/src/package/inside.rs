@@ -1,10 +1,10 @@
 //! The parts of a package that programs need which look into functions without a test.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::accepted::{Hazards, KnownRows};
 use super::feature::Feature;
-use super::library::ModulePath;
+use super::library::{self, ModulePath};
 use super::manifest::{self, Manifest};
 use super::overlay::Overlay;
 use super::{Package, PackageError, directives, texts};
@@ -76,27 +76,7 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
 /// that stands there.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
-    let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
-        return BTreeMap::new();
-    };
-    let mut all = BTreeMap::<String, Vec<Feature>>::new();
-    let mut set: BTreeSet<String> = manifest.features.keys().cloned().collect();
-    set.extend(package.features.iter().map(|(name, _)| name.clone()));
-    for module in package.modules().unwrap_or_default() {
-        let path = ModulePath::root(&module).components;
-        let Ok(file) = package.load(&path, &overlay, &manifest) else { continue };
-        set.extend(directives::defined(&file.text).into_keys());
-        for (name, values) in directives::values(&file.text) {
-            let known = all.entry(name).or_default();
-            values.into_iter().for_each(|one| {
-                if !known.contains(&one) {
-                    known.push(one)
-                }
-            });
-        }
-    }
-    all.retain(|name, _| !set.contains(name));
-    all
+    library::values_of(package)
 }
 
 /// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty if

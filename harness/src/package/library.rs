@@ -14,7 +14,6 @@ use blake3::Hash;
 
 use super::directives::{self, Include};
 use super::feature::{Feature, Features};
-use super::inside;
 use super::manifest::Manifest;
 use super::overlay::{Overlay, read_utf8};
 use super::parse::parse;
@@ -358,7 +357,7 @@ impl Library {
             return PackageError::Shader(diagnostic);
         }
         let set = self.features(path.package);
-        let mut open = inside::values_of(&self.package(path.package));
+        let mut open = values_of(&self.package(path.package));
         open.retain(|name, _| !set.contains_key(name));
         if open.len() < 2 {
             return PackageError::Shader(diagnostic);
@@ -577,4 +576,29 @@ impl Package {
         let components = ModulePath::root(module).components;
         Ok(self.load(&components, &Overlay::of(self)?, &manifest)?.text)
     }
+}
+
+/// Values for the features that the conditions of a package compare with one, and that have none.
+pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
+    let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
+        return BTreeMap::new();
+    };
+    let mut all = BTreeMap::<String, Vec<Feature>>::new();
+    let mut set: BTreeSet<String> = manifest.features.keys().cloned().collect();
+    set.extend(package.features.iter().map(|(name, _)| name.clone()));
+    for module in package.modules().unwrap_or_default() {
+        let path = ModulePath::root(&module).components;
+        let Ok(file) = package.load(&path, &overlay, &manifest) else { continue };
+        set.extend(directives::defined(&file.text).into_keys());
+        for (name, values) in directives::values(&file.text) {
+            let known = all.entry(name).or_default();
+            values.into_iter().for_each(|one| {
+                if !known.contains(&one) {
+                    known.push(one)
+                }
+            });
+        }
+    }
+    all.retain(|name, _| !set.contains(name));
+    all
 }
