@@ -302,13 +302,11 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     Ok(())
 }
 
-/// Refuses a second folder as a filter, but where it begins a part of a test's name: `t` is in `expect_true`.
+/// Refuses a second folder, of which a filter would be some other test's name: `t` is in `expect_true`.
 pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Result<()> {
     let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
-    let suite = || Suite::of(Package::open(stands_for(folder).ok()?).ok()?).ok();
     ensure!(
-        second.is_empty()
-            || suite().is_some_and(|suite| suite.tests.iter().any(|test| begins(test, second))),
+        second.is_empty(),
         "`{second}` is a folder or file that is there, and the second word is a filter: name one folder at a time, `{}` or \
          `{second}`",
         folder.display()
@@ -316,9 +314,9 @@ pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Resu
     Ok(())
 }
 
-/// True of a test with a part of its name that begins with a word.
-pub(super) fn begins(test: &karat_suite::Test, word: &str) -> bool {
-    test.name.split(|c: char| !c.is_alphanumeric()).any(|part| part.starts_with(word))
+/// True of a test with a word in its name.
+pub(super) fn has_word(test: &karat_suite::Test, word: &str) -> bool {
+    test.name.split(|c: char| !c.is_alphanumeric()).any(|part| part == word)
 }
 
 /// Files of packages that were meant to declare tests, and can't be read.

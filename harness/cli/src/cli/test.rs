@@ -212,16 +212,24 @@ impl Args {
         let packages = Project::find().and_then(|project| project.packages(&self.package));
         let others = packages.unwrap_or_default().into_iter();
         let mut others = others.filter_map(|package| {
-            let root =
-                package.root().canonicalize().ok().filter(|root| !root.starts_with(&folder))?;
+            let root = package.root().canonicalize().ok()?;
+            // What lies in the folder is what either means.
+            let inside = folder.strip_prefix(&root).ok().map(|own| {
+                own.iter().map(|part| format!("{}::", part.to_string_lossy())).collect::<String>()
+            });
+            let is_inside = |name: &str| match &inside {
+                Some(own) => name.starts_with(own.as_str()),
+                None => root.starts_with(&folder),
+            };
             let mut tests = Suite::of(package).ok()?.tests.into_iter();
-            Some((root, tests.find(|test| search::begins(test, word))?.name))
+            let test = tests.find(|test| search::has_word(test, word) && !is_inside(&test.name))?;
+            Some((root, test.name))
         });
         match others.next() {
             None => Ok(()),
             Some((root, test)) => anyhow::bail!(
-                "`{word}` is a folder, and a part of the name of the test `{test}`: write `karat test ./{word}` for the \
-                 folder's tests, or `karat test {} {word}` for those whose names have it",
+                "`{word}` is a folder, and a word in the name of the test `{test}`: write `karat test ./{word}` for the \
+                 folder's tests, or `karat test {} --exact '{test}'` for that one",
                 shown(&root)
             ),
         }

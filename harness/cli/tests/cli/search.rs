@@ -276,6 +276,13 @@ fn a_second_folder_is_refused() {
     let filtered = run(path, &["test", "s", "tell", "--paths", "cpu"]).good();
     assert!(filtered.contains("1 check, 0 failed"), "{filtered}");
     assert_eq!(run(path, &["test", "t", "--paths", "cpu"]).code, Some(1));
+    // A folder that is a word in the name of a test elsewhere may mean either.
+    write(path, "shaders/a_test.wgsl", &test("true").replace("tells", "s_is_told"));
+    let error = run(path, &["test", "s", "--paths", "cpu"]).error();
+    for part in ["`karat test ./s`", "`karat test shaders --exact 'a_test::s_is_told'`"] {
+        assert!(error.contains(part), "{error}");
+    }
+    assert_eq!(run(path, &["test", "./s", "--paths", "cpu"]).code, Some(0));
 }
 
 /// Links that lead in circles are followed once, and what never ends isn't read.
