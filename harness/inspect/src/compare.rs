@@ -35,7 +35,7 @@ use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
 use karat::unstable::package::{Stage, values_of, words_of};
 use karat::unstable::probe::Probed;
-use karat::unstable::reflect::{Overrides, Program};
+use karat::unstable::reflect::{Overrides, Program, State};
 use karat_core::panics;
 use karat_core::value::Scalar;
 use serde::Serialize;
@@ -482,14 +482,25 @@ impl Request {
             }
             _ => {}
         }
+        let (state, needs_it) = self.state_of(name);
+        let usual = settings[0].clone();
+        let mut runs: Vec<_> = settings.into_iter().map(|given| (given, State::new())).collect();
+        if needs_it {
+            runs.clear();
+        }
+        if !state.is_empty() {
+            runs.push((usual, state));
+        }
         let mut one: Option<Compared> = None;
-        for given in &settings {
+        for (given, state) in &runs {
             let own = given.iter().fold(self.clone(), |all, (name, x)| all.set_override(name, *x));
-            let mut next = own.compare_linked(name, stage, &of_stage);
+            let mut next = own.compare_linked(name, stage, &of_stage, state);
             if let Change::Changed { paths } = &mut next.change {
                 let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
-            } else if one.is_some() {
+            } else if let Some(one) = &mut one {
+                // What one setting doesn't come to another one may.
+                one.uncovered.retain(|line| next.uncovered.contains(line));
                 continue;
             }
             let is_over =
@@ -502,6 +513,19 @@ impl Request {
         let mut one = one.expect("there is one setting, at least");
         one.interface.splice(0..0, host);
         one
+    }
+
+    /// The private variables by which a function gets something of others on either side, or leaves them something; and whether
+    /// nothing else shows what it does on some side.
+    fn state_of(&self, name: &str) -> (State, bool) {
+        let (mut all, mut needs_it) = (State::new(), false);
+        for side in [&self.before, &self.after] {
+            let Ok(program) = Program::of_function(side, name) else { continue };
+            let own = program.state_of(name);
+            needs_it |= !own.is_empty() && program.function(name).is_err();
+            all.extend(own);
+        }
+        (all, needs_it)
     }
 
     /// Values of overrides that a host may give, of those that nobody has set: in the first setting one for each override that has
@@ -535,6 +559,7 @@ impl Request {
         name: &str,
         stage: Option<Stage>,
         attributes: &[Vec<(String, String)>; 2],
+        state: &State,
     ) -> Compared {
         let compared = |change| Compared::of(name, change);
         let unjudged = |error: &dyn std::fmt::Display| {
@@ -547,17 +572,9 @@ impl Request {
             Ok(ranges) => ranges,
             Err(reason) => return unjudged(&reason),
         };
-        // What functions leave each other in private variables is given and taken, too.
-        let state = |package: &Package| {
-            let program = Program::of_function(package, name).ok();
-            program.map(|program| program.state_of(name)).unwrap_or_default()
-        };
-        let mut all = state(&self.before);
-        all.extend(state(&self.after));
-        let state = all;
         let probed = |package: &Package| {
             let overrides = ranges.overrides_of(package, name);
-            Probed::in_state(package, name, &overrides, &state).and_then(made_up::fitted)
+            Probed::in_state(package, name, &overrides, state).and_then(made_up::fitted)
         };
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
             (Ok(before), Ok(after)) => (before, after),
@@ -1564,6 +1581,21 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
+        // What nothing writes is what it is at first, and so is what a first call finds.
+        let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
+            fn at(i: u32) -> f32 { return table[i % 3u]; }";
+        let one = compared(table, &table.replace("4.0", "5.0"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        assert!(paths[0].arguments.iter().all(|(name, _)| name == "i"), "{paths:?}");
+        let seed = "var<private> s: u32 = 7u;\nfn next() -> u32 { s = s * 5u + 1u; return s; }";
+        let one = compared(seed, &seed.replace("7u", "8u"));
+        let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
+        assert_eq!((&*paths[0].before, &*paths[0].after), ("36", "41"));
+        // An override decides which branch is taken, a private variable the other one: neither leaves a line out.
+        let both =
+            "var<private> on: bool;\nfn f(x: f32) -> f32 { if on { return x; } return x + 1.0; }";
+        let one = compared(both, &both.replace("return x; }", "return 1.0 * x; }"));
+        assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
 
         let text = "var<private> state: vec2u;
             fn next() -> f32 { return f32(state.x % 1000u) * sin(f32(state.y)); }";

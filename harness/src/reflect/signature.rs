@@ -160,7 +160,8 @@ impl Program {
         self.function_in_state(path, &State::new())
     }
 
-    /// The private variables by which a function gets something of others, and leaves them something.
+    /// The private variables by which a function gets something of others, or leaves them something: those that it writes, and
+    /// those without an initial value. Of others the initial value is what it finds.
     pub fn state_of(&self, path: &str) -> State {
         // An entry point begins anew.
         let declared = self.declared(self.called_name(self.name_of(path)));
@@ -171,7 +172,11 @@ impl Program {
         let all = self.checked.module.global_variables.iter();
         let used = all.filter(|(handle, one)| {
             let is_private = one.space == naga::AddressSpace::Private;
-            is_private && !info[*handle].is_empty() && self.shape(one.ty).is_ok()
+            let (used, writes) = (info[*handle], info[*handle].contains(GlobalUse::WRITE));
+            is_private
+                && !used.is_empty()
+                && (writes || one.init.is_none())
+                && self.shape(one.ty).is_ok()
         });
         let of = |one: &naga::GlobalVariable| {
             let name = one.name.clone().expect(NAMED);
