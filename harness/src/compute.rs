@@ -161,7 +161,7 @@ pub enum ComputeError {
         expected: usize,
     },
     /// Elements don't fill the rows and columns that a test gives them.
-    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns have {}", grid[0], grid[1], grid[0] * grid[1])]
+    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns have {}", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
         /// The variable.
         variable: String,

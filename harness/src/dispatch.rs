@@ -388,7 +388,7 @@ impl Passes {
     /// A resource that is written, by the name of its variable or of its fixture, or a member of it (`particles.position`);
     /// and the type of what it holds.
     pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
-        let (name, member) = name.split_once('.').unwrap_or((name, ""));
+        let (name, member) = part::split(name);
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
@@ -442,7 +442,7 @@ impl Passes {
 
     /// The content of a buffer before all passes: its name, its type and its lanes.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
-        let (name, member) = name.split_once('.').unwrap_or((name, ""));
+        let (name, member) = part::split(name);
         let is_it = |number: &usize| {
             let named = |b: &Binding| b.name() == name || b.path == name;
             self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))

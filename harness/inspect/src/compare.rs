@@ -25,7 +25,7 @@ mod values;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
@@ -40,7 +40,9 @@ use karat_core::panics;
 use karat_core::value::Scalar;
 use serde::Serialize;
 
-use crate::limits::{OPEN_OVERRIDE, OTHER_OVERRIDE, PAIRED_FEATURES, WHOLE_FEATURES};
+use crate::limits::{
+    MOST_STATE, OPEN_OVERRIDE, OTHER_OVERRIDE, OTHER_VALUES, PAIRED_FEATURES, WHOLE_FEATURES,
+};
 use crate::made_up::{self, Drawn, Ranges};
 use calls::Ran;
 use lanes::Shared;
@@ -259,28 +261,36 @@ impl Request {
     ) -> Result<Vec<Compared>, PackageError> {
         // A feature that conditions compare with a number has one on both sides, or nothing can be read.
         let values = [&self.before, &self.after].map(values_of);
+        let mut both = values[0].clone();
+        for (name, own) in &values[1] {
+            let known = both.entry(name.clone()).or_default();
+            known
+                .extend(own.iter().filter(|one| !known.contains(one)).copied().collect::<Vec<_>>());
+        }
         let first = |side: usize| -> Vec<String> {
-            values[side].iter().map(|(name, all)| format!("{name}={}", all[0])).collect()
+            let known = both.iter().filter(|(name, _)| values[side].contains_key(*name));
+            known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
         let valued = Self { before, after, ..self.clone() };
-        let all = valued.pairs(&values)?;
+        let others = other_values(&both);
+        let all = valued.pairs(&values, &others)?;
         let of = all.len();
         let done = Mutex::new((0, BTreeMap::new()));
         let all: Vec<_> = all.into_iter().enumerate().collect();
         let compared = all.into_par_iter().map(|(at, (name, pair))| {
-            let one = panics::caught(|| valued.verdict(&name, pair));
+            let one = panics::caught(|| valued.verdict_under(&name, pair, (&others, &values)));
             let mut one = one.unwrap_or_else(|panicked| {
                 let reason = format!("Karat panics at it: {panicked}");
                 Compared::of(&name, Change::Unjudged { reason })
             });
             if one.change != Change::Untouched {
-                let named =
-                    |feature: &String| feature.split('=').next().unwrap_or_default().to_owned();
-                let own: BTreeSet<String> = one.under.iter().map(named).collect();
-                let open = shown.iter().filter(|feature| !own.contains(&named(feature)));
-                one.under.extend(open.cloned());
+                let own: BTreeSet<&str> =
+                    one.under.iter().map(|feature| name_of(feature)).collect();
+                let open = shown.iter().filter(|feature| !own.contains(name_of(feature)));
+                let open: Vec<String> = open.cloned().collect();
+                one.under.extend(open);
             }
             // In the order of names, so that the same verdicts are the same text.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
@@ -296,7 +306,11 @@ impl Request {
     }
 
     /// All functions of both sides, by their names. A module that can't be read on a side stands for its functions.
-    fn pairs(&self, values: &[Values; 2]) -> Result<BTreeMap<String, Pair>, PackageError> {
+    fn pairs(
+        &self,
+        values: &[Values; 2],
+        others: &[String],
+    ) -> Result<BTreeMap<String, Pair>, PackageError> {
         let sides = [&self.before, &self.after];
         let [before, after] = [self.before.modules()?, self.after.modules()?];
         let modules: BTreeSet<&String> = before.iter().chain(&after).collect();
@@ -343,9 +357,9 @@ impl Request {
                 all.insert(name_of(module), Pair::Overrides(overrides));
             }
             let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
-            let open: Vec<String> = open.into_iter().cloned().collect();
+            let open: Vec<String> = open.into_iter().chain(others).cloned().collect();
             let mut edited = BTreeSet::new();
-            for features in subsets(&open).into_iter().chain(other_values(values)) {
+            for features in subsets(&open) {
                 // A side is asked about those that it knows.
                 let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
@@ -410,6 +424,41 @@ impl Request {
             used.iter().all(|name| !sentence.contains(&format!("override `{name}`")))
         };
         all.into_iter().filter(is_open).collect()
+    }
+
+    /// A verdict; of a function whose results are the same the one under another value of a feature, if they differ there.
+    fn verdict_under(
+        &self,
+        name: &str,
+        pair: Pair,
+        (others, values): (&[String], &[Values; 2]),
+    ) -> Compared {
+        let there = match pair {
+            Pair::There(was, is) => Some((was, is)),
+            _ => None,
+        };
+        let mut one = self.verdict(name, pair);
+        let Some((was, is)) = there else { return one };
+        for other in others.iter().take(OTHER_VALUES) {
+            if !matches!(one.change, Change::Same { .. }) {
+                break;
+            }
+            let side = |package: &Package, own: &Values| {
+                let known: &[String] = match own.contains_key(name_of(other)) {
+                    true => std::slice::from_ref(other),
+                    false => &[],
+                };
+                featured(package, known)
+            };
+            let (before, after) = (side(&self.before, &values[0]), side(&self.after, &values[1]));
+            let own = Self { before, after, ..self.clone() };
+            let next = own.verdict(name, Pair::There(was, is));
+            match next.change {
+                Change::Changed { .. } => one = Compared { under: vec![other.clone()], ..next },
+                _ => one.uncovered.retain(|line| next.uncovered.contains(line)),
+            }
+        }
+        one
     }
 
     fn verdict(&self, name: &str, pair: Pair) -> Compared {
@@ -482,14 +531,13 @@ impl Request {
             }
             _ => {}
         }
-        let (state, needs_it) = self.state_of(name);
+        let stateful = self.state_of(name);
         let usual = settings[0].clone();
-        let mut runs: Vec<_> = settings.into_iter().map(|given| (given, State::new())).collect();
-        if needs_it {
-            runs.clear();
-        }
-        if !state.is_empty() {
-            runs.push((usual, state));
+        let none = || [State::new(), State::new()];
+        let mut runs: Vec<_> = settings.into_iter().map(|given| (given, none())).collect();
+        if !stateful.sides[0].is_empty() {
+            runs.retain(|_| !stateful.is_needed);
+            runs.push((usual, stateful.sides));
         }
         let mut one: Option<Compared> = None;
         for (given, state) in &runs {
@@ -511,21 +559,58 @@ impl Request {
             }
         }
         let mut one = one.expect("there is one setting, at least");
+        if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
+            let reason =
+                format!("the same but for `{path}`: {lanes} numbers are too many to be compared");
+            one.change = Change::Unjudged { reason };
+        }
         one.interface.splice(0..0, host);
         one
     }
 
-    /// The private variables by which a function gets something of others on either side, or leaves them something; and whether
-    /// nothing else shows what it does on some side.
-    fn state_of(&self, name: &str) -> (State, bool) {
-        let (mut all, mut needs_it) = (State::new(), false);
-        for side in [&self.before, &self.after] {
-            let Ok(program) = Program::of_function(side, name) else { continue };
-            let own = program.state_of(name);
-            needs_it |= !own.is_empty() && program.function(name).is_err();
-            all.extend(own);
+    /// The private variables by which a function gets something of others, or leaves them something, of each side: those that
+    /// both sides declare, and those that have another name after the edit. What one side alone declares nobody else sees. Beside
+    /// them whether nothing else shows what the function does, and those that are too large to be compared.
+    fn state_of(&self, name: &str) -> Stateful {
+        let sides = [&self.before, &self.after];
+        let programs = sides.map(|side| Program::of_function(side, name).ok());
+        let [old, new] = [0, 1].map(|side| {
+            programs[side].as_ref().map(|program| program.state_of(name)).unwrap_or_default()
+        });
+        let mut all = Stateful::default();
+        all.is_needed = programs.iter().zip([&old, &new]).any(|(program, own)| {
+            let shows = |program: &Arc<Program>| program.function(name).is_ok();
+            !own.is_empty() && !program.as_ref().is_some_and(shows)
+        });
+        let declared = |side: usize, path: &str| {
+            let (module, own) = path.rsplit_once("::").unwrap_or(("", path));
+            let program = Program::of_items(sides[side], module, &[own]).ok()?;
+            program.private_type(path)
+        };
+        for (path, variable) in old.iter().chain(&new) {
+            let types = [0, 1].map(|side| declared(side, path));
+            if types.iter().any(|ty| ty.as_ref() != Some(&variable.ty)) {
+                continue;
+            }
+            match variable.lanes > MOST_STATE {
+                true => all.large = Some((path.clone(), variable.lanes)),
+                false => all.sides.iter_mut().for_each(|side| {
+                    side.insert(path.clone(), variable.clone());
+                }),
+            }
         }
-        (all, needs_it)
+        // Renamed ones stand at one place among all.
+        let gone: Vec<_> = old.iter().filter(|(path, _)| declared(1, path).is_none()).collect();
+        let came: Vec<_> = new.iter().filter(|(path, _)| declared(0, path).is_none()).collect();
+        if let ([(was, variable)], [(is, other)]) = (&*gone, &*came)
+            && variable.ty == other.ty
+            && variable.lanes <= MOST_STATE
+            && old.keys().position(|path| path == *was) == new.keys().position(|path| path == *is)
+        {
+            all.sides[0].insert((*was).clone(), (*variable).clone());
+            all.sides[1].insert((*is).clone(), (*other).clone());
+        }
+        all
     }
 
     /// Values of overrides that a host may give, of those that nobody has set: in the first setting one for each override that has
@@ -559,7 +644,7 @@ impl Request {
         name: &str,
         stage: Option<Stage>,
         attributes: &[Vec<(String, String)>; 2],
-        state: &State,
+        state: &[State; 2],
     ) -> Compared {
         let compared = |change| Compared::of(name, change);
         let unjudged = |error: &dyn std::fmt::Display| {
@@ -572,11 +657,12 @@ impl Request {
             Ok(ranges) => ranges,
             Err(reason) => return unjudged(&reason),
         };
-        let probed = |package: &Package| {
+        let probed = |package: &Package, state: &State| {
             let overrides = ranges.overrides_of(package, name);
             Probed::in_state(package, name, &overrides, state).and_then(made_up::fitted)
         };
-        let (before, after) = match (probed(&self.before), probed(&self.after)) {
+        let [was, is] = state;
+        let (before, after) = match (probed(&self.before, was), probed(&self.after, is)) {
             (Ok(before), Ok(after)) => (before, after),
             (Err(error), Err(_)) => return unjudged(&format!("it was edited, and {error}")),
             (Err(error), _) => return unjudged(&format!("before: {error}")),
@@ -625,6 +711,16 @@ impl Request {
     }
 }
 
+/// What a function gets and leaves in private variables.
+#[derive(Default)]
+struct Stateful {
+    sides: [State; 2],
+    /// True if nothing else shows what it does on some side.
+    is_needed: bool,
+    /// One that is too large to be compared, with its numbers.
+    large: Option<(String, usize)>,
+}
+
 /// The two sides of a name.
 #[derive(Debug)]
 enum Pair {
@@ -652,12 +748,17 @@ struct Under {
 /// Values of the features that conditions compare with one.
 type Values = BTreeMap<String, Vec<Feature>>;
 
-/// Each value of each such feature but its first, by itself.
-fn other_values(values: &[Values; 2]) -> BTreeSet<Vec<String>> {
-    let others = |(name, all): (&String, &Vec<Feature>)| {
-        all[1..].iter().map(|value| vec![format!("{name}={value}")]).collect::<Vec<_>>()
+/// Each value of each such feature but its first.
+fn other_values(values: &Values) -> Vec<String> {
+    let of = |(name, all): (&String, &Vec<Feature>)| {
+        all[1..].iter().map(|value| format!("{name}={value}")).collect::<Vec<_>>()
     };
-    values.iter().flatten().flat_map(others).collect()
+    values.iter().flat_map(of).collect()
+}
+
+/// The name of a feature, in front of its value.
+fn name_of(feature: &str) -> &str {
+    feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
 /// Those of some features that a side asks about, as values or as conditions.
@@ -680,29 +781,33 @@ fn featured(package: &Package, features: &[String]) -> Package {
     })
 }
 
-/// Sets of features, the smaller ones first: each set of few; of more none, each, two of them, and all. Of many the pairs are
-/// left out.
+/// Sets of features, the smaller ones first, in none of which one has two values: each set of few; of more none, each, two of them, and
+/// all with the first other value of each, then with the second. Of many the pairs are left out.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
-    if all.len() <= WHOLE_FEATURES {
+    let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
+    let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
+    let mut sets: Vec<Vec<String>> = if all.len() <= WHOLE_FEATURES {
         let mut masks: Vec<usize> = (0..1 << all.len()).collect();
         masks.sort_by_key(|mask| mask.count_ones());
-        let of = |mask: usize| (0..all.len()).filter(move |at| mask >> at & 1 == 1);
-        return masks
-            .into_iter()
-            .map(|mask| of(mask).map(|at| all[at].clone()).collect())
-            .collect();
-    }
-    let each = all.iter().map(|one| vec![one.clone()]);
-    let mut sets: Vec<Vec<String>> = std::iter::once(Vec::new()).chain(each).collect();
-    if all.len() <= PAIRED_FEATURES {
-        let of = |(at, one): (usize, &String)| {
-            all[at + 1..].iter().map(|other| vec![one.clone(), other.clone()]).collect::<Vec<_>>()
-        };
-        sets.extend(all.iter().enumerate().flat_map(of));
-    }
-    if all.len() > 2 {
-        sets.push(all.to_vec());
-    }
+        masks.into_iter().map(of_mask).collect()
+    } else {
+        let each = (0..all.len()).map(|at| vec![at]);
+        let pairs =
+            (0..all.len()).flat_map(|at| (at + 1..all.len()).map(move |other| vec![at, other]));
+        let pairs = pairs.filter(|_| all.len() <= PAIRED_FEATURES);
+        // Of one name its other values stand one behind the other.
+        let number =
+            |at: usize| (0..at).filter(|one| name_of(&all[*one]) == name_of(&all[at])).count();
+        let most = (0..all.len()).map(number).max().unwrap_or_default();
+        let whole = (0..=most).map(|own| {
+            let is_own = |at: &usize| number(*at) == own || !all[*at].contains('=');
+            (0..all.len()).filter(is_own).collect()
+        });
+        std::iter::once(Vec::new()).chain(each).chain(pairs).chain(whole).map(chosen).collect()
+    };
+    sets.retain(|set| {
+        set.iter().map(|one| name_of(one)).collect::<BTreeSet<_>>().len() == set.len()
+    });
     sets
 }
 
@@ -711,11 +816,8 @@ fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
     let line = first_line(error);
-    let hint = if line.ends_with("has no value") {
-        ": --feature NAME=OPEN_OVERRIDE gives it one"
-    } else {
-        ""
-    };
+    let hint =
+        if line.ends_with("has no value") { ": --feature NAME=VALUE gives it one" } else { "" };
     format!("{line}{place}{hint}")
 }
 
@@ -1639,6 +1741,68 @@ mod tests {
         }
         let same = changes(text, &text.replace("x + 1.0", "1.0 + x"));
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
+    }
+
+    /// Edits under several conditions, each of which wants another number, are found; one name has one value on both sides.
+    #[test]
+    fn conditions_with_several_numbers_are_met_together() {
+        let package =
+            |text: &str| Package::from_source("p", format!("#define_import_path p\n{text}"));
+        let body = "fn f(x: f32) -> f32 {\nOPEN\nreturn x + 1.0;\nCLOSE\nreturn x;\n}\n";
+        for conditions in [
+            vec!["#if A > 1", "#if B > 2"],
+            vec!["#ifdef A", "#if B > 2"],
+            vec!["#if A < 2", "#if B < 3"],
+            vec!["#if A != 2", "#if B != 3"],
+            vec!["#if A > 1", "#if B > 2", "#if C > 3"],
+        ] {
+            let close = vec!["#endif"; conditions.len()].join("\n");
+            let text = body.replace("OPEN", &conditions.join("\n")).replace("CLOSE", &close);
+            let all = Request::new(package(&text), package(&text.replace("+ 1.0", "+ 2.0")));
+            let all = all.run().expect("it reads");
+            assert!(matches!(all[0].change, Change::Changed { .. }), "{conditions:?}: {all:?}");
+        }
+        let chain =
+            "fn f(x: f32) -> f32 {\n#if N > 2\nreturn x + 1.0;\n#else\nreturn x;\n#endif\n}\n";
+        let longer = chain.replace("#if N > 2", "#if N == 200\nreturn x;\n#else if N > 2");
+        let all = Request::new(package(chain), package(&longer)).run().expect("it reads");
+        assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+        assert_eq!(all[0].under, ["N=200"]);
+        let divided = "fn f(i: u32) -> u32 { return i / #{N}u; }";
+        let all = Request::new(package(divided), package(&divided.replace("/ #{N}u", ">> 2u")));
+        let all = all.run().expect("it reads");
+        assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
+    }
+
+    /// A private variable that one side alone declares, one that has another name, and one that is too large.
+    #[test]
+    fn private_variables_come_go_and_are_large() {
+        let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";
+        let without = "fn f(x: f32) -> f32 { let t = x * 2.0; return t + 1.0; }";
+        for [before, after] in [[scratch, without], [without, scratch]] {
+            let one = compared(before, after);
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+        }
+        let renamed = scratch.replace("t;", "scratch;").replace("t:", "scratch:");
+        let renamed = renamed.replace("t =", "scratch =").replace("return t", "return scratch");
+        let renamed = renamed.replace("returscratch", "return").replace("> t", "> scratch");
+        let one = compared(scratch, &renamed);
+        assert!(matches!(one.change, Change::Same { .. }), "{renamed}: {one:?}");
+        let one = compared(
+            scratch,
+            &renamed.replace(
+                "x * 2.0; return scratch",
+                "x * 3.0 - x; scratch += 1.0; return scratch - 1.0",
+            ),
+        );
+        assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
+        let large = "var<private> a: array<f32, 5000>;\nfn put(i: u32, x: f32) -> f32 { a[i % 5000u] = x; return x; }";
+        let one = compared(large, &large.replace("i %", "(i + 9u) %"));
+        let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
+        assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
+        let pointer = "fn f(p: ptr<private, u32>) { *p = 1u; }";
+        let one = compared(pointer, &pointer.replace("private", "function"));
+        assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");
     }
 
     /// Where the engine runs nothing it isn't known which lines inputs come to, and no silence says that all of them do.

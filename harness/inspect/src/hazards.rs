@@ -34,7 +34,8 @@ use karat::package::{Package, PackageError};
 use karat::unstable::dispatch::{Violation, ViolationAccess};
 use karat::unstable::interpret::hazards::{Found, Missing};
 use karat::unstable::package::{
-    AcceptedHazard, FunctionItem, Stage, declared_hazards, is_crate, place_of_input, scope,
+    AcceptedHazard, FunctionItem, Stage, declared_hazards, is_crate, place_of_input,
+    place_of_override, scope,
 };
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Program, ReflectError};
@@ -44,7 +45,7 @@ use karat_core::panics;
 use karat_core::value::format_f32;
 use serde::Serialize;
 
-use crate::limits::{CASES, MET};
+use crate::limits::{CASES, MET, MOST_STATE};
 use crate::made_up::{Drawn, Ranges};
 use callers::Callers;
 use function::Trial;
@@ -318,8 +319,9 @@ impl Request {
             inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
         }
         self.overrides.iter().for_each(|(name, value)| inputs.set_override(name, *value));
-        if let Some(wrong) = Program::unfit(&self.package, inputs.overrides()) {
-            return Err(HazardError::Declaration(wrong));
+        if let Some((name, wrong)) = Program::unfit(&self.package, inputs.overrides()) {
+            let place = place_of_override(&self.package, &name);
+            return Err(HazardError::Declaration(format!("{wrong}{place}")));
         }
         let wanted = |name: &str| {
             self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
@@ -362,6 +364,7 @@ impl Request {
         let mut drawn = Drawn::default();
         let mut unseen = Unseen::default();
         let mut looked: BTreeMap<String, Seen> = BTreeMap::new();
+        let mut names_of = BTreeMap::new();
         for (name, seen) in each {
             match seen {
                 Err(why) => {
@@ -373,6 +376,8 @@ impl Request {
                     unseen.inputs += seen.cut;
                     unseen.functions += usize::from(seen.cut > 0);
                     unseen.in_part += usize::from(seen.in_part);
+                    let own = seen.drawn.names().into_iter().map(str::to_owned);
+                    names_of.insert(name.clone(), own.collect::<BTreeSet<String>>());
                     drawn.merge(std::mem::take(&mut seen.drawn));
                     looked.insert(name, seen);
                 }
@@ -383,7 +388,7 @@ impl Request {
             return Err(HazardError::Nothing { package, skipped });
         }
         if self.only.is_empty() {
-            self.expect_names(&inputs, &drawn, &looked, (&names, &skipped))?;
+            self.expect_names(&inputs, &drawn, &names_of, (&names, &skipped))?;
         }
         let names: BTreeSet<&str> = looked.keys().map(String::as_str).collect();
         let roots: BTreeMap<String, BTreeSet<String>> = names
@@ -451,12 +456,14 @@ impl Request {
         &self,
         inputs: &Ranges,
         drawn: &Drawn,
-        looked: &BTreeMap<String, Seen>,
+        looked: &BTreeMap<String, BTreeSet<String>>,
         (names, skipped): (&[FunctionItem], &[(String, String)]),
     ) -> Result<(), HazardError> {
         let used = drawn.names();
         let is_met = |name: &&String| match scope(name) {
-            (Some(function), own) => looked.contains_key(function) && used.contains(own),
+            (Some(function), own) => {
+                looked.get(function).is_some_and(|own_names| own_names.contains(own))
+            }
             (None, own) => used.contains(own),
         };
         let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
@@ -507,7 +514,9 @@ impl Request {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let overrides = ranges.overrides_of(&self.package, name);
         let program = Program::of_function(&self.package, name).map_err(|error| text(&error))?;
-        let state = program.state_of(name);
+        let mut state = program.state_of(name);
+        // Larger ones hold what they hold at first.
+        state.retain(|_, variable| variable.lanes <= MOST_STATE);
         let probed = Probed::in_state(&self.package, name, &overrides, &state);
         let probed = probed.map_err(|error| text(&error))?;
         let probed = probed.with_varying();

@@ -73,6 +73,12 @@ pub(crate) const WHOLE_FEATURES: usize = 5;
 /// Features of which each pair is tried.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
+/// Other values of features under which a function runs whose results are the same: each costs as much as the first.
+pub(crate) const OTHER_VALUES: usize = 4;
+
+/// Numbers of a private variable that is an input and a result: a kernel of more takes seconds to compile.
+pub(crate) const MOST_STATE: usize = 256;
+
 /// The value of an override that has none: a side of a small texture, a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 

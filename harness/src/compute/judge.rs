@@ -303,7 +303,9 @@ impl After<'_> {
                 let reason = format!("`{}` holds no element", self.variable);
                 return Err(ComputeError::Nothing(reason));
             }
-            if let Some(grid) = self.grid.filter(|[rows, columns]| rows * columns != elements) {
+            if let Some(grid) =
+                self.grid.filter(|[rows, columns]| rows.checked_mul(*columns) != Some(elements))
+            {
                 let variable = self.variable.clone();
                 return Err(ComputeError::Grid { variable, elements, grid });
             }

@@ -56,6 +56,14 @@ fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     }
 }
 
+/// The resource and the member of a name. A point behind which nothing stands names no member.
+pub(crate) fn split(name: &str) -> (&str, &str) {
+    match name.split_once('.') {
+        Some((resource, "")) => (resource, "."),
+        other => other.unwrap_or((name, "")),
+    }
+}
+
 /// The members that a path may begin with.
 pub(crate) fn members(shape: &Shape) -> Vec<String> {
     match shape {

@@ -79,9 +79,15 @@ pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)
 }
 
+/// The same of an override's value.
+#[must_use]
+pub fn place_of_override(package: &Package, name: &str) -> String {
+    manifest::place_of("overrides", package, name)
+}
+
 /// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty if
 /// nothing declares it.
 #[must_use]
 pub fn place_of_input(package: &Package, name: &str) -> String {
-    manifest::place_of_input(package, name)
+    manifest::place_of("inputs", package, name)
 }

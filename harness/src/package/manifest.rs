@@ -267,11 +267,11 @@ fn text_of(package: &Package, file: &Path) -> String {
     unsaved.or_else(|| std::fs::read_to_string(file).ok()).unwrap_or_default()
 }
 
-/// The place of an input's declaration, behind a message; empty if none declares it.
-pub(super) fn place_of_input(package: &Package, name: &str) -> String {
+/// The place of a name in a section, behind a message; empty if it isn't there.
+pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     let read = Manifest::of(package).ok().and_then(|manifest| manifest.read);
     read.map_or_else(String::new, |FileRead { file, .. }| {
-        placed(&shown(&file), &text_of(package, &file), &["inputs", name])
+        placed(&shown(&file), &text_of(package, &file), &[section, name])
     })
 }
 

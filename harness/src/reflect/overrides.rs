@@ -113,21 +113,30 @@ impl Program {
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// Why a package can't be given some overrides: nothing has one, or a value isn't of its type.
-    pub fn unfit(package: &Package, given: &Overrides) -> Option<String> {
-        let unknown = given.keys().find(|name| !Self::some_has_override(package, name));
-        if let Some(name) = unknown {
-            return Some(format!("no function and no entry point uses an override `{name}`"));
-        }
-        let misfit = |module: String| {
-            let program = Self::of_module(&package.for_validating(&module), &module).ok()?;
-            let own = given.iter().filter(|(name, _)| program.has_override(name));
-            program.misfit(&own.map(|(name, value)| (name.clone(), *value)).collect())
-        };
+    /// An override that a package can't be given, and why: nothing has one, or its value isn't of its type.
+    pub fn unfit(package: &Package, given: &Overrides) -> Option<(String, String)> {
         // A package without an override needn't be linked.
         let modules =
             if given.is_empty() { Vec::new() } else { package.modules().unwrap_or_default() };
-        modules.into_iter().find_map(misfit)
+        let of = |module: &String| Self::of_module(&package.for_validating(module), module).ok();
+        let programs: Vec<_> = modules.iter().filter_map(of).collect();
+        given.iter().find_map(|(name, value)| {
+            let mut own = programs.iter().filter(|program| program.has_override(name)).peekable();
+            let why = match own.peek() {
+                None => {
+                    let all = programs.iter().flat_map(|program| program.declared_overrides());
+                    let all: Vec<String> = all.map(|(name, _)| name).collect();
+                    let near = nearest(name, all.iter().map(String::as_str));
+                    let near =
+                        near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                    format!("no function and no entry point uses an override `{name}`{near}")
+                }
+                Some(_) => own.find_map(|program| {
+                    program.misfit(&Overrides::from([(name.clone(), *value)]))
+                })?,
+            };
+            Some((name.clone(), why))
+        })
     }
 
     /// True if something in a package has an override of this name or number.

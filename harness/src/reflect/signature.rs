@@ -58,8 +58,19 @@ pub struct Form {
     pub builtins: Vec<(String, String)>,
 }
 
-/// Private variables by their paths: the name in the linked text, and the type.
-pub type State = BTreeMap<String, (String, String)>;
+/// Private variables by their paths.
+pub type State = BTreeMap<String, Variable>;
+
+/// A private variable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variable {
+    /// Its name in the linked text.
+    name: String,
+    /// Its type, as that has it.
+    pub ty: String,
+    /// The numbers in it.
+    pub lanes: usize,
+}
 
 /// How a parameter is passed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -92,6 +103,12 @@ impl Function {
         let pointers = self.parameters.iter().zip(&self.form.passed);
         let pointers = pointers.filter(|(_, passed)| **passed != Passed::Value);
         returned.chain(pointers.map(|(parameter, _)| parameter.clone())).collect()
+    }
+
+    /// The address space of each parameter that is a pointer.
+    #[must_use]
+    pub fn spaces(&self) -> Vec<&'static str> {
+        self.form.passed.iter().filter_map(Passed::space).collect()
     }
 
     /// The stage of an entry point, which is called like any function.
@@ -181,10 +198,17 @@ impl Program {
         let of = |one: &naga::GlobalVariable| {
             let name = one.name.clone().expect(NAMED);
             let path = self.author_path(&name).unwrap_or(&name).to_owned();
-            let declared = self.checked.module.to_ctx().type_to_string(one.ty);
-            (path, (name, declared))
+            let ty = self.checked.module.to_ctx().type_to_string(one.ty);
+            let lanes = self.shape(one.ty).map_or(0, |shape| shape.lanes().len());
+            (path, Variable { name, ty, lanes })
         };
         used.map(|(_, one)| of(one)).collect()
+    }
+
+    /// The type of a private variable, by its path.
+    pub fn private_type(&self, path: &str) -> Option<String> {
+        let one = self.private(self.name_of(path))?;
+        Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
     /// The same program, which declares each of these variables.
@@ -193,7 +217,7 @@ impl Program {
         let text = state
             .iter()
             .filter(lacks)
-            .map(|(_, (name, ty))| format!("var<private> {name}: {ty};\n"));
+            .map(|(_, Variable { name, ty, .. })| format!("var<private> {name}: {ty};\n"));
         match text.collect::<String>() {
             none if none.is_empty() => Ok(self),
             text => Ok(Arc::new(self.followed_by(&format!("\n{text}"))?)),
@@ -202,7 +226,10 @@ impl Program {
 
     fn private(&self, name: &str) -> Option<&naga::GlobalVariable> {
         let mut all = self.checked.module.global_variables.iter().map(|(_, one)| one);
-        all.find(|one| one.name.as_deref() == Some(name))
+        let is_it = |one: &&naga::GlobalVariable| {
+            one.space == naga::AddressSpace::Private && one.name.as_deref() == Some(name)
+        };
+        all.find(is_it)
     }
 
     /// The same with private variables that it takes and gives, behind its parameters and results.
@@ -288,7 +315,7 @@ impl Program {
                 refuse(format!("its result is {reason}"), "pass values, return values")
             })?),
         };
-        for (variable, (name, _)) in state {
+        for (variable, Variable { name, .. }) in state {
             let linked = self.name_of(variable);
             let of = |linked: &str| {
                 Some((linked.to_owned(), self.shape(self.private(linked)?.ty).ok()?))

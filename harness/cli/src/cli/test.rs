@@ -205,9 +205,9 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// Refuses a folder's name that is a part of a test's name elsewhere, too: it may mean either.
-    fn expect_no_filter(&self, word: &str) -> anyhow::Result<()> {
-        let folder = Path::new(word).canonicalize()?;
+    /// A test outside of a folder in whose name the folder's is a word, with the root of its package.
+    fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
+        let folder = Path::new(word).canonicalize().ok()?;
         // Where there is no project, or none that can be read, the word is the folder.
         let packages = Project::find().and_then(|project| project.packages(&self.package));
         let others = packages.unwrap_or_default().into_iter();
@@ -225,14 +225,7 @@ impl Args {
             let test = tests.find(|test| search::has_word(test, word) && !is_inside(&test.name))?;
             Some((root, test.name))
         });
-        match others.next() {
-            None => Ok(()),
-            Some((root, test)) => anyhow::bail!(
-                "`{word}` is a folder, and a word in the name of the test `{test}`: write `karat test ./{word}` for the \
-                 folder's tests, or `karat test {} --exact '{test}'` for that one",
-                shown(&root)
-            ),
-        }
+        others.next()
     }
 
     /// By the option, or by the variable that it sets.
@@ -267,8 +260,26 @@ impl<'a> Asked<'a> {
                 )
             }
             (_, Some(folder)) => {
-                if let (Some(word), None) = (what.filter(|what| !is_path(what)), filter) {
-                    args.expect_no_filter(word)?;
+                let word = what.filter(|what| !is_path(what) && filter.is_none());
+                if let Some((word, (root, test))) =
+                    word.and_then(|word| Some((word, args.other_test(word)?)))
+                {
+                    let modules = Package::open(folder).and_then(|package| package.modules());
+                    // Without shaders it is none of these folders.
+                    if matches!(modules, Err(karat::package::PackageError::Empty(_))) {
+                        return Ok(Self {
+                            args,
+                            folder: None,
+                            filter: what,
+                            about: Vec::new(),
+                            names: None,
+                        });
+                    }
+                    anyhow::bail!(
+                        "`{word}` is a folder, and a word in the name of the test `{test}`: write `karat test ./{word}` for the \
+                         folder's tests, or `karat test {} --exact '{test}'` for that one",
+                        shown(&root)
+                    );
                 }
                 search::expect_filter(folder, filter.filter(|_| !args.exact))?;
                 let (folder, about, names) = (Some(folder.to_owned()), Vec::new(), None);

@@ -283,6 +283,10 @@ fn a_second_folder_is_refused() {
         assert!(error.contains(part), "{error}");
     }
     assert_eq!(run(path, &["test", "./s", "--paths", "cpu"]).code, Some(0));
+    // A folder without shaders is none of these.
+    write(path, "told/readme.txt", "no shader");
+    let told = run(path, &["test", "told", "--paths", "cpu"]).good();
+    assert!(told.contains("a_test::s_is_told"), "{told}");
 }
 
 /// Links that lead in circles are followed once, and what never ends isn't read.

@@ -36,7 +36,7 @@ impl Shared {
             let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
             (parameters.collect::<Vec<_>>(), function.result.clone())
         };
-        if was.form.taken != is.form.taken {
+        if was.form.taken != is.form.taken || was.spaces() != is.spaces() {
             return None;
         }
         if shapes(was) == shapes(is) {

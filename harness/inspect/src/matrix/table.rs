@@ -147,7 +147,7 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
-    if let Some(wrong) = Program::unfit(&request.package, &request.overrides) {
+    if let Some((_, wrong)) = Program::unfit(&request.package, &request.overrides) {
         return Err(MatrixError::Override(wrong));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {

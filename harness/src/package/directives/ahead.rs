@@ -83,13 +83,15 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
 /// The values that a text compares features with, each between its neighbours, of which something else holds; of a feature
 /// whose value stands in the text, one that any number of things may have.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
-    const USUAL: Feature = Feature::Number(4);
+    // One is no power of two, so that a shift and a division differ.
+    const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];
+    let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
     let mut all = BTreeMap::<String, Vec<Feature>>::new();
     for (word, rest) in lines(text) {
         let condition = if word == "else" { rest.strip_prefix("if ") } else { Some(rest) };
         let (name, compared) = match (word, condition) {
             ("", _) => match rest.strip_prefix('{').and_then(|rest| rest.split_once('}')) {
-                Some((name, _)) => (name, vec![USUAL]),
+                Some((name, _)) => (name, USUAL.to_vec()),
                 None => continue,
             },
             ("if" | "else", Some(condition)) => {
@@ -106,6 +108,7 @@ pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
                     _ => continue,
                 }
             }
+            (name, _) if is_composed && is_named(name) => (name, USUAL.to_vec()),
             _ => continue,
         };
         let known = all.entry(name.trim().to_owned()).or_default();
