@@ -577,11 +577,11 @@ impl Request {
         let [old, new] = [0, 1].map(|side| {
             programs[side].as_ref().map(|program| program.state_of(name)).unwrap_or_default()
         });
-        let mut all = Stateful::default();
-        all.is_needed = programs.iter().zip([&old, &new]).any(|(program, own)| {
+        let is_needed = programs.iter().zip([&old, &new]).any(|(program, own)| {
             let shows = |program: &Arc<Program>| program.function(name).is_ok();
             !own.is_empty() && !program.as_ref().is_some_and(shows)
         });
+        let mut all = Stateful { is_needed, ..Stateful::default() };
         let declared = |side: usize, path: &str| {
             let (module, own) = path.rsplit_once("::").unwrap_or(("", path));
             let program = Program::of_items(sides[side], module, &[own]).ok()?;
