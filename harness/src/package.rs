@@ -58,7 +58,7 @@ pub(crate) use library::LinkedModule;
 pub(crate) use limits::{Limit, Limits};
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
-pub(crate) use linked::{Linked, Unmet, as_naga_takes, unknown_to_naga};
+pub(crate) use linked::{KERNEL_PREFIX, Linked, Unmet, as_naga_takes, unknown_to_naga};
 pub(crate) use manifest::Declared;
 pub(crate) use plain::plain;
 pub(crate) use portable::Portable;

@@ -1800,6 +1800,17 @@ mod tests {
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
         assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
+        // Of two with one name each has its path.
+        let modules = |a: &str| {
+            let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";
+            Package::from_modules("p", [("a", a), ("b", b)])
+        };
+        let a = "import package::b::g;\nvar<private> s: u32;\nfn f() -> u32 { s = s + 2u; return s + g(); }";
+        let all =
+            Request::new(modules(a), modules(&a.replace("2u", "3u"))).run().expect("it reads");
+        let Change::Changed { paths } = &all[0].change else { panic!("{all:?}") };
+        let named: Vec<&str> = paths[0].arguments.iter().map(|(name, _)| &**name).collect();
+        assert!(named.iter().all(|name| name.starts_with("private ")), "{named:?}");
         let pointer = "fn f(p: ptr<private, u32>) { *p = 1u; }";
         let one = compared(pointer, &pointer.replace("private", "function"));
         assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");

@@ -10,6 +10,7 @@ use naga::valid::{GlobalUse, ShaderStages};
 use super::binding::Binding;
 use super::{BindingKind, NAMED, Program, ReflectError, Stage, Texels};
 use crate::diagnostic::{Diagnostic, Span};
+use crate::package::KERNEL_PREFIX;
 use crate::value::{Scalar, Shape};
 
 /// A function as a probe sees it.
@@ -58,6 +59,9 @@ pub struct Form {
     pub builtins: Vec<(String, String)>,
 }
 
+/// The name of what a function returns, among all that a call gives.
+const RESULT: &str = "result";
+
 /// Private variables by their paths.
 pub type State = BTreeMap<String, Variable>;
 
@@ -99,7 +103,7 @@ impl Passed {
 impl Function {
     /// The shapes that one invocation's call gives: the result, and what pointers point to.
     pub fn outputs(&self) -> Vec<(String, Shape)> {
-        let returned = self.form.returns.iter().map(|shape| ("result".to_owned(), shape.clone()));
+        let returned = self.form.returns.iter().map(|shape| (RESULT.to_owned(), shape.clone()));
         let pointers = self.parameters.iter().zip(&self.form.passed);
         let pointers = pointers.filter(|(_, passed)| **passed != Passed::Value);
         returned.chain(pointers.map(|(parameter, _)| parameter.clone())).collect()
@@ -190,7 +194,9 @@ impl Program {
         let used = all.filter(|(handle, one)| {
             let is_private = one.space == naga::AddressSpace::Private;
             let (used, writes) = (info[*handle], info[*handle].contains(GlobalUse::WRITE));
+            let is_ours = one.name.as_deref().is_some_and(|name| name.starts_with(KERNEL_PREFIX));
             is_private
+                && !is_ours
                 && !used.is_empty()
                 && (writes || one.init.is_none())
                 && self.shape(one.ty).is_ok()
@@ -321,8 +327,14 @@ impl Program {
                 Some((linked.to_owned(), self.shape(self.private(linked)?.ty).ok()?))
             };
             let Some((linked, shape)) = of(linked).or_else(|| of(name)) else { continue };
+            // Its own name, where it stands for nothing else.
             let own = variable.rsplit("::").next().unwrap_or(variable);
-            parameters.push((own.to_owned(), shape));
+            let is_own = |path: &String| path.rsplit("::").next() == Some(own);
+            let is_taken = own == RESULT
+                || parameters.iter().any(|(name, _)| name == own)
+                || state.keys().filter(|path| is_own(path)).count() > 1;
+            let shown = if is_taken { format!("private {variable}") } else { own.to_owned() };
+            parameters.push((shown, shape));
             form.passed.push(Passed::State(linked));
         }
         let bindings = self.bindings(info);

@@ -2,7 +2,7 @@
 
 use karat_engine::{F32, Options, Program, Resources, Settings};
 
-use crate::common::{floats, words};
+use crate::common::{call, floats, program, words};
 
 #[test]
 fn branches_differ_by_lane() {
@@ -183,6 +183,51 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     let expected: Vec<u32> =
         (0..9u32).map(|n| (0..n).map(|i| if i > 3 { 100 } else { (0..i).sum() }).sum()).collect();
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
+}
+
+/// A case that spends its fuel is left out, in whatever it stands, and the others go on as they do by themselves.
+#[test]
+fn cases_with_long_loops_are_left_out() {
+    let source = "
+        fn inner(n: u32) -> u32 {
+            var sum = 0u;
+            for (var j = 0u; j < n % 5u; j++) { if j == 3u { return sum; } sum += j + 1u; }
+            return sum;
+        }
+        fn f(n: u32) -> u32 {
+            var sum = n;
+            if n % 7u == 0u { sum += 100u; } else {
+                switch n % 3u {
+                    case 0u: { for (var i = 0u; i < n; i++) { sum += inner(i); } }
+                    case 1u: { loop { if sum > 2u * n { break; } sum += 3u; } }
+                    default: { sum = 5u; }
+                }
+                sum += 1000u;
+            }
+            for (var i = 0u; i < n % 11u; i++) { sum ^= i; }
+            return sum;
+        }";
+    let program = program(source, "f");
+    let rows: Vec<u32> = (0..900).collect();
+    let plain = call::<F32>(&program, rows.len(), &rows).words();
+    let options = |leaves| Options { fuel: 250, leaves, ..Options::default() };
+    let alone =
+        |n: &u32| program.call::<F32>(1, &[*n], &Resources::new(), &options(false), &()).is_err();
+    let long: Vec<usize> = rows.iter().filter(|n| alone(n)).map(|n| *n as usize).collect();
+    assert!(long.len() > 100 && long.len() < 800, "{} are long", long.len());
+    let left = program.call::<F32>(rows.len(), &rows, &Resources::new(), &options(true), &());
+    let left = left.expect("it leaves them out");
+    let mut told: Vec<usize> = left.long().iter().map(|(case, _)| *case).collect();
+    told.sort_unstable();
+    assert_eq!(told, long);
+    let words = left.words();
+    for n in rows.iter().filter(|n| !alone(n)) {
+        assert_eq!(words[*n as usize], plain[*n as usize], "{n}");
+    }
+    // Intervals stop, as before.
+    let stopped =
+        program.call::<karat_engine::Intervals>(1, &[840], &Resources::new(), &options(true), &());
+    assert!(stopped.is_err() || !alone(&840));
 }
 
 #[test]
