@@ -138,7 +138,7 @@ fn strangers() -> Command {
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
-    test.args(["--test", "spec"]);
+    test.args(["--test", "spec", "--test", "published"]);
     test.args(["--test", "review"]);
     // The review's pictures, and its long tests.
     test.args(["--", "--include-ignored"]);
