@@ -144,7 +144,7 @@ impl After<'_> {
     ///             @compute @workgroup_size(1) fn spoil() { data[5] = 9u; }";
     /// let package = Package::from_source("m", text);
     /// let passes = package.compute().with("data", Storage::new([0_u32; 6])).dispatch("spoil", [1, 1, 1]);
-    /// let failure = passes.after("data").grid(2, 3).try_agrees_with([0_u32; 6], Abs(0.0)).unwrap_err();
+    /// let failure = passes.after("data").unrecorded().grid(2, 3).try_agrees_with([0_u32; 6], Abs(0.0)).unwrap_err();
     /// assert!(failure.to_string().contains("[5: row 1, column 2]"), "{failure}");
     /// ```
     #[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
