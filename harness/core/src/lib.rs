@@ -3,7 +3,7 @@
 //! Authors of tests know all of it by the names that `karat` has for it. It is a crate of its own so that it is compiled
 //! beside the shader compilers, and not after them. What its documentation hides is Karat's own.
 
-/// For macros.
+/// The glam of this crate, for its macros.
 pub use glam;
 
 pub mod diagnostic;

@@ -440,7 +440,7 @@ impl Request {
         let mut one = self.verdict(name, pair);
         let Some((was, is)) = there else { return one };
         for other in others.iter().take(OTHER_VALUES) {
-            if !matches!(one.change, Change::Same { .. }) {
+            if !one.is_open() {
                 break;
             }
             let side = |package: &Package, own: &Values| {
@@ -453,10 +453,7 @@ impl Request {
             let (before, after) = (side(&self.before, &values[0]), side(&self.after, &values[1]));
             let own = Self { before, after, ..self.clone() };
             let next = own.verdict(name, Pair::There(was, is));
-            match next.change {
-                Change::Changed { .. } => one = Compared { under: vec![other.clone()], ..next },
-                _ => one.uncovered.retain(|line| next.uncovered.contains(line)),
-            }
+            one.take(Compared { under: vec![other.clone()], ..next });
         }
         one
     }
@@ -546,15 +543,18 @@ impl Request {
             if let Change::Changed { paths } = &mut next.change {
                 let shown = given.iter().map(|(name, x)| (name.clone(), x.to_string()));
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
-            } else if let Some(one) = &mut one {
-                // What one setting doesn't come to another one may.
-                one.uncovered.retain(|line| next.uncovered.contains(line));
-                continue;
             }
-            let is_over =
-                !matches!(next.change, Change::Same { .. }) || !next.violations.is_empty();
-            one = Some(next);
-            if is_over {
+            match &mut one {
+                // Private variables that can't be given leave the verdict open; other overrides may have been wrong ones.
+                Some(one)
+                    if matches!(next.change, Change::Unjudged { .. }) && !state[0].is_empty() =>
+                {
+                    *one = next;
+                }
+                Some(one) => one.take(next),
+                None => one = Some(next),
+            }
+            if !one.as_ref().is_some_and(Compared::is_open) {
                 break;
             }
         }
@@ -569,8 +569,7 @@ impl Request {
     }
 
     /// The private variables by which a function gets something of others, or leaves them something, of each side: those that
-    /// both sides declare, and those that have another name after the edit. What one side alone declares nobody else sees. Beside
-    /// them whether nothing else shows what the function does, and those that are too large to be compared.
+    /// both sides declare, and those that have another name after the edit. No other function sees those of one side alone.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -613,7 +612,7 @@ impl Request {
         all
     }
 
-    /// Values of overrides that a host may give, of those that nobody has set: in the first setting one for each override that has
+    /// Values of the overrides that the request leaves open, as a host may give them: in the first setting one for each override that has
     /// none, and in each other one another value of an override that both sides have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
@@ -711,7 +710,26 @@ impl Request {
     }
 }
 
-/// What a function gets and leaves in private variables.
+impl Compared {
+    /// True of results that are the same so far: another setting may show more.
+    fn is_open(&self) -> bool {
+        matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
+    }
+
+    /// Takes the verdict of another setting if it shows more; if both are the same, inputs of either cover a line.
+    fn take(&mut self, next: Self) {
+        match next.change {
+            Change::Same { .. } if next.violations.is_empty() => {
+                self.uncovered.retain(|line| next.uncovered.contains(line));
+            }
+            Change::Same { .. } | Change::Changed { .. } => *self = next,
+            // A value that a text doesn't take says nothing.
+            _ => {}
+        }
+    }
+}
+
+/// Private variables of a function: its inputs and its results.
 #[derive(Default)]
 struct Stateful {
     sides: [State; 2],
@@ -833,7 +851,7 @@ struct Both {
     sides: [Coverage; 2],
     /// True if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
-    /// Whether the engine ran some of it, or why not; other paths may have values.
+    /// The first run of the engine, or why there was none; other paths may have values.
     measured: Option<Result<(), String>>,
 }
 
@@ -1683,7 +1701,7 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // What nothing writes is what it is at first, and so is what a first call finds.
+        // A variable that nothing writes keeps its first value, and a first call finds that, too.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";
         let one = compared(table, &table.replace("4.0", "5.0"));
@@ -1741,6 +1759,28 @@ mod tests {
         }
         let same = changes(text, &text.replace("x + 1.0", "1.0 + x"));
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
+    }
+
+    /// A setting that can't be judged covers no line, and one that finds a violation is the verdict.
+    #[test]
+    fn other_settings_hide_no_line() {
+        let line = || Uncovered {
+            place: "f.wgsl:1:1".to_owned(),
+            text: "return 1.0;".to_owned(),
+            missed: Missed::Line,
+        };
+        let of = |change| Compared { uncovered: vec![line()], ..Compared::of("f", change) };
+        let mut one = of(Change::Same { cases: 9 });
+        one.take(Compared::of("f", Change::Unjudged { reason: "no".to_owned() }));
+        one.take(of(Change::Same { cases: 9 }));
+        assert_eq!(one.uncovered, [line()]);
+        let access = Violation::new("f", Kind::OutOfRange, ("outside".to_owned(), 1), Vec::new());
+        let mut worse = one.clone();
+        let same = Compared::of("f", Change::Same { cases: 9 });
+        worse.take(Compared { violations: vec![access], ..same.clone() });
+        assert!(!worse.is_open() && worse.violations.len() == 1);
+        one.take(same);
+        assert!(one.is_open() && one.uncovered.is_empty());
     }
 
     /// Edits under several conditions, each of which wants another number, are found; one name has one value on both sides.

@@ -58,19 +58,19 @@ pub(crate) const LAST_VERTEX: f64 = 35.0;
 /// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
-/// Inputs, of more, whose equal results are a verdict.
+/// Inputs, of more, whose equal results are a verdict: as many as draws that make a fault.
 pub(crate) const LEAST_EQUAL: usize = 64;
 
-/// Rounds in which a changed input is made simpler.
+/// Rounds in which a changed input is made simpler: more than one for each bit of a number.
 pub(crate) const SIMPLER: usize = 64;
 
 /// Rows from which a word is taken, evenly spread: edges and draws.
 pub(crate) const OTHER_WORDS: usize = 16;
 
-/// Features of which each set is tried.
+/// Features of which each set is tried: 32 sets, and each links the module twice.
 pub(crate) const WHOLE_FEATURES: usize = 5;
 
-/// Features of which each pair is tried.
+/// Features of which each pair is tried: 28 pairs.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
 /// Other values of features under which a function runs whose results are the same: each costs as much as the first.
@@ -88,7 +88,7 @@ pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 /// Workgroups of a pass that is dispatched as one, where it may take more.
 pub(crate) const SEVERAL_WORKGROUPS: u32 = 3;
 
-/// Orders that are drawn for passes over made-up resources.
+/// Orders that are drawn for passes over made-up resources: each costs as much as a plain run, over each content.
 pub(crate) const ORDERS: u64 = 6;
 
 /// The least difference that two pictures beside each other show, of the larger number: a quarter of an 8-bit step.
@@ -100,7 +100,7 @@ pub(crate) const VISIBLE: f32 = 1e-3;
 /// 8 bits: of 2^10 times 16 texels a float has 10 bits behind the point.
 pub(crate) const REPEATED: f64 = 1024.0;
 
-/// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
+/// The least that a component counts as, as a share of the largest one: with the tolerance of 1e-3 that
 /// is usual, 1e-6 of it, some 8 steps of `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 

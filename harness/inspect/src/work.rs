@@ -107,6 +107,6 @@ pub(crate) fn rows(
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-/// What is said of a function that can't be tried.
+/// The reason of a function that can't be tried.
 pub(crate) const ENDS_FOR_NONE: &str =
     "for each of its inputs a loop goes round more than 4096 times";

@@ -21,7 +21,7 @@ impl Part {
         Some((Self { number, lanes: Some(lanes) }, shape))
     }
 
-    /// What belongs to it, of something for each lane of the resource.
+    /// Its own values, of one for each lane of the resource.
     pub(crate) fn pick<T: Copy>(&self, all: Vec<T>) -> Vec<T> {
         match &self.lanes {
             Some(lanes) => lanes.iter().map(|lane| all[*lane]).collect(),

@@ -737,7 +737,7 @@ impl From<&str> for Stop {
 }
 
 /// A resource by the name of its variable, with or without its module.
-/// What passes leave in a resource, or in a member of it.
+/// The content of a resource, or of a member of it, among all that passes leave.
 fn of_variable(left: Vec<Content>, variable: &str) -> Option<Content> {
     let (name, member) = variable.split_once('.').unwrap_or((variable, ""));
     left.into_iter().find(|one| is_called(&one.name, name))?.member(member)

@@ -213,7 +213,7 @@ impl Args {
         let others = packages.unwrap_or_default().into_iter();
         let mut others = others.filter_map(|package| {
             let root = package.root().canonicalize().ok()?;
-            // What lies in the folder is what either means.
+            // Either meaning runs the tests that lie in the folder.
             let inside = folder.strip_prefix(&root).ok().map(|own| {
                 own.iter().map(|part| format!("{}::", part.to_string_lossy())).collect::<String>()
             });

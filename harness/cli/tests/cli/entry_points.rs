@@ -322,7 +322,7 @@ fn appended_elements_are_compared_up_to_their_order() {
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = 2"), "{wrong:?}");
 }
 
-/// A member of each element is asserted of by itself, and elements that lie in a grid are told by row and column.
+/// A test asserts of one member of each element, and a failure names the row and the column of an element in a grid.
 #[test]
 fn members_and_grids_of_buffers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -366,7 +366,7 @@ fn members_and_grids_of_buffers() {
     assert!(wrong.code == Some(1) && wrong.out.contains("first: [2]\n"), "{wrong:?}");
     let wrong = members("[[1, 0], [1, 1], [4, 2]]", "[0, 1, 2]");
     assert!(wrong.out.contains("first: [2].x\n"), "{wrong:?}");
-    // What is written, and what isn't, is asked of the member alone.
+    // `written` asks about the member alone.
     let wrong = tested("step", "[compute.after.\"particles.mass\"]\nwritten = true\n");
     assert!(wrong.code == Some(1) && wrong.out.contains("expected = written"), "{wrong:?}");
     let wrong = tested("step", "[compute.after.\"particles.positon\"]\nfinite = true\n");

@@ -79,7 +79,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let fixtures = made_up::fixtures(probed, &ranges, made_up::beyond(probed)[0]);
-        // What can't be made up is told where it is used.
+        // A resource that can't be made up fails where it is used.
         let rows = work::rows(probed, &ranges, &fixtures.unwrap_or_default(), request.cases)?;
         Ok((rows, ranges))
     });
