@@ -94,7 +94,10 @@ impl Kind {
                 "the low edge is above the high one, or of `smoothstep` the same: implementations differ in what comes of that"
             }
             Self::LostDigits => "more than half of its digits are rounding errors",
-            Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
+            Self::Unbounded => {
+                "WGSL bounds no error here, so drivers may return anything (15.7.4: a divisor outside of 2^-126 to \
+                 2^126, an angle beyond pi)"
+            }
             Self::Endless => "the loop was stopped after thousands of rounds",
             Self::Unwritten => {
                 "workgroup memory is zero where nothing wrote it, but hosts may turn that off"

@@ -33,7 +33,9 @@ use karat::package::{Feature, Package, PackageError};
 use karat::path::Path;
 use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
-use karat::unstable::package::{Stage, values_of, words_of};
+use karat::unstable::package::{
+    Stage, declared_hazards, place_of_override, values_of, words_of,
+};
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Overrides, Program, State};
 use karat_core::panics;
@@ -237,16 +239,10 @@ impl Request {
         self
     }
 
-    /// True if something on either side has an override of this name or `@id`.
-    #[must_use]
-    pub fn has_override(&self, name: &str) -> bool {
-        [&self.before, &self.after].iter().any(|side| Program::some_has_override(side, name))
-    }
-
     /// Compares, in the order of names.
     ///
     /// # Errors
-    /// If a package can't be read.
+    /// If a package can't be read, or an override is declared that neither side has.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
         self.run_with(&|_, _, _| {})
     }
@@ -259,6 +255,11 @@ impl Request {
         &self,
         told: &(dyn Fn(&Compared, usize, usize) + Sync),
     ) -> Result<Vec<Compared>, PackageError> {
+        let declared = declared_hazards(&self.after)?.overrides;
+        if let Some((name, wrong)) = Program::unfit(&[&self.before, &self.after], &declared) {
+            let reason = format!("{wrong}{}", place_of_override(&self.after, &name));
+            return Err(PackageError::Manifest { file: "karat.toml".to_owned(), reason });
+        }
         // A feature that conditions compare with a number has one on both sides, or nothing can be read.
         let values = [&self.before, &self.after].map(values_of);
         let mut both = values[0].clone();
@@ -1648,9 +1649,6 @@ mod tests {
         let request = Request::new(before, after);
         let all = request.clone().run().expect("they read");
         assert!(!matches!(all[0].change, Change::Changed { .. }), "{all:?}");
-        assert!(
-            request.has_override("A") && request.has_override("3") && !request.has_override("B")
-        );
         let all = request.set_override("A", 7.0).run().expect("they read");
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }

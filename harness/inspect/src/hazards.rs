@@ -200,6 +200,8 @@ pub struct Unseen {
     pub functions: usize,
     /// Functions with more operations than are kept: 4,096 of 256 inputs together.
     pub in_part: usize,
+    /// Functions that read private variables of more than 256 numbers, which keep their first values.
+    pub of_state: usize,
 }
 
 /// Why nothing could be looked for.
@@ -319,7 +321,7 @@ impl Request {
             inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
         }
         self.overrides.iter().for_each(|(name, value)| inputs.set_override(name, *value));
-        if let Some((name, wrong)) = Program::unfit(&self.package, inputs.overrides()) {
+        if let Some((name, wrong)) = Program::unfit(&[&self.package], inputs.overrides()) {
             let place = place_of_override(&self.package, &name);
             return Err(HazardError::Declaration(format!("{wrong}{place}")));
         }
@@ -376,6 +378,7 @@ impl Request {
                     unseen.inputs += seen.cut;
                     unseen.functions += usize::from(seen.cut > 0);
                     unseen.in_part += usize::from(seen.in_part);
+                    unseen.of_state += usize::from(seen.of_state);
                     let own = seen.drawn.names().into_iter().map(str::to_owned);
                     names_of.insert(name.clone(), own.collect::<BTreeSet<String>>());
                     drawn.merge(std::mem::take(&mut seen.drawn));
@@ -515,8 +518,7 @@ impl Request {
         let overrides = ranges.overrides_of(&self.package, name);
         let program = Program::of_function(&self.package, name).map_err(|error| text(&error))?;
         let mut state = program.state_of(name);
-        // Larger ones hold what they hold at first.
-        state.retain(|_, variable| variable.lanes <= MOST_STATE);
+        let large = state.extract_if(.., |_, variable| variable.lanes > MOST_STATE).count();
         let probed = Probed::in_state(&self.package, name, &overrides, &state);
         let probed = probed.map_err(|error| text(&error))?;
         let probed = probed.with_varying();
@@ -529,7 +531,8 @@ impl Request {
                         that only return"
                 .to_owned());
         }
-        Ok(Trial::of(name, probed, ranges.clone(), self.cases)?.seen())
+        let seen = Trial::of(name, probed, ranges.clone(), self.cases)?.seen();
+        Ok(Seen { of_state: large > 0, ..seen })
     }
 }
 
@@ -544,6 +547,8 @@ struct Seen {
     cut: usize,
     /// True if it has more operations than are kept.
     in_part: bool,
+    /// True if it has private variables that keep their first values.
+    of_state: bool,
     /// The trial of a function, with the key of each finding.
     trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }

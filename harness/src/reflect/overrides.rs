@@ -113,13 +113,18 @@ impl Program {
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// An override that a package can't be given, and why: nothing has one, or its value isn't of its type.
-    pub fn unfit(package: &Package, given: &Overrides) -> Option<(String, String)> {
-        // A package without an override needn't be linked.
-        let modules =
-            if given.is_empty() { Vec::new() } else { package.modules().unwrap_or_default() };
-        let of = |module: &String| Self::of_module(&package.for_validating(module), module).ok();
-        let programs: Vec<_> = modules.iter().filter_map(of).collect();
+    /// An override that no package of several can be given, and why: nothing has one, or its value isn't of its type.
+    pub fn unfit(packages: &[&Package], given: &Overrides) -> Option<(String, String)> {
+        if given.is_empty() {
+            return None;
+        }
+        let of = |package: &Package| {
+            let modules = package.modules().unwrap_or_default().into_iter();
+            let linked =
+                |module: String| Self::of_module(&package.for_validating(&module), &module).ok();
+            modules.filter_map(linked).collect::<Vec<_>>()
+        };
+        let programs: Vec<_> = packages.iter().flat_map(|package| of(package)).collect();
         given.iter().find_map(|(name, value)| {
             let mut own = programs.iter().filter(|program| program.has_override(name)).peekable();
             let why = match own.peek() {
@@ -136,15 +141,6 @@ impl Program {
                 })?,
             };
             Some((name.clone(), why))
-        })
-    }
-
-    /// True if something in a package has an override of this name or number.
-    pub fn some_has_override(package: &Package, name: &str) -> bool {
-        let modules = package.modules().unwrap_or_default();
-        modules.iter().any(|module| {
-            let program = Self::of_module(&package.for_validating(module), module);
-            program.is_ok_and(|program| program.has_override(name))
         })
     }
 

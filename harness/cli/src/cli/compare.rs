@@ -52,13 +52,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let packages = project.packages(&args.place.package())?;
     let paths = karat::path::named("--paths", &args.paths)?;
     ensure!(!paths.is_empty(), "--paths names no path");
-    let overrides = call::bind::overrides(&args.overrides)?;
-    for name in overrides.keys() {
-        // Before anything runs: it may be a slip.
-        let has =
-            |package: &Package| Request::new(package.clone(), package.clone()).has_override(name);
-        ensure!(packages.iter().any(has), "nothing that is compared has an override `{name}`");
-    }
+    let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
         // Lives as long as its package is read.

@@ -83,6 +83,7 @@ fn input(text: &str) -> Result<Input, String> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
+    let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
     // Of several packages each has inputs of its own; one that none has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
@@ -90,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         tell_beside(package);
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
-            match look(args, package, &inputs)? {
+            match look(args, package, (&inputs, &overrides))? {
                 // One that a package's own `karat.toml` declares is an error of that one.
                 Err(HazardError::UnknownInput { name, nearest, place })
                     if packages.len() > 1 && place.is_empty() =>
@@ -158,16 +159,15 @@ fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
 fn look(
     args: &Args,
     package: &Package,
-    inputs: &[&Input],
+    (inputs, overrides): (&[&Input], &BTreeMap<String, f64>),
 ) -> anyhow::Result<Result<Hazards, HazardError>> {
     // Drawn on a terminal alone.
     let bar = ProgressBar::new(0).with_message(package.name());
     bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
     let request = karat_inspect::hazards(package).only(args.only.iter().map(String::as_str));
     let request = if args.accepted { request.with_accepted() } else { request };
-    let overrides = call::bind::overrides(&args.overrides)?;
-    let request =
-        overrides.iter().fold(request, |all, (name, value)| all.with_override(name, *value));
+    let own = call::bind::overrides_of(package, overrides);
+    let request = own.iter().fold(request, |all, (name, x)| all.with_override(name, *x));
     let declare = |request: karat_inspect::hazards::Request, (name, range): &&Input| {
         request.input(name, range.clone())
     };
@@ -234,7 +234,7 @@ fn write_text(
     if *unread > 0 {
         write!(out, ", {} not read: `karat check` says why", counted(*unread, "module"))?;
     }
-    let Unseen { inputs, functions, in_part } = *unseen;
+    let Unseen { inputs, functions, in_part, of_state } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
         write!(
@@ -245,6 +245,10 @@ fn write_text(
     }
     if !hazards.unreached.is_empty() {
         write!(out, ", no input came to {}", counted(hazards.unreached.len(), "line"))?;
+    }
+    if of_state > 0 {
+        let of = counted(of_state, "function");
+        write!(out, ", large private variables of {of} with their first values alone")?;
     }
     if in_part > 0 {
         write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;

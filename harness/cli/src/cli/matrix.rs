@@ -119,14 +119,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             columns.push(column);
         }
     }
-    let overrides = call::bind::overrides(&args.overrides)?;
-    for name in overrides.keys() {
-        let has = |package: &karat::Package| karat_inspect::matrix(package).has_override(name);
-        ensure!(
-            packages.iter().any(has),
-            "--override {name}: no function and no entry point uses an override `{name}`"
-        );
-    }
+    let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
         // Drawn on a terminal alone.
@@ -138,10 +131,8 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             .within(Rel(args.within).or(Abs(args.within)))
             .only(args.only.iter().map(String::as_str))
             .journal(journal);
-        // One package of several has it.
-        let request = overrides.iter().fold(request, |request, (name, value)| {
-            if request.has_override(name) { request.with_override(name, *value) } else { request }
-        });
+        let own = call::bind::overrides_of(package, &overrides);
+        let request = own.iter().fold(request, |all, (name, x)| all.with_override(name, *x));
         let matrix = request.run_with(&|done, of| {
             bar.set_length(of as u64);
             bar.set_position(done as u64);

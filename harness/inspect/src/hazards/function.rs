@@ -460,7 +460,7 @@ impl Trial {
         let (cut, in_part) = (self.main.cut, self.main.in_part);
         let (keys, hazards) = found.into_iter().unzip();
         let trial = Some((Box::new(self), keys));
-        Seen { hazards, reached, drawn, cut, in_part, trial }
+        Seen { hazards, reached, drawn, cut, in_part, trial, ..Seen::default() }
     }
 
     /// The inputs whose change alone averts a finding, from its simplest case.

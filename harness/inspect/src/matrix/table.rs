@@ -147,7 +147,7 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
-    if let Some((_, wrong)) = Program::unfit(&request.package, &request.overrides) {
+    if let Some((_, wrong)) = Program::unfit(&[&request.package], &request.overrides) {
         return Err(MatrixError::Override(wrong));
     }
     let journal = Journal::read(request.journal.as_deref(), &package).map_err(|error| {
@@ -215,14 +215,6 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
         }
     }
     Ok((items, unread))
-}
-
-impl Request {
-    /// True if something in the package has an override of this name or number.
-    #[must_use]
-    pub fn has_override(&self, name: &str) -> bool {
-        Program::some_has_override(&self.package, name)
-    }
 }
 
 /// What is declared in the test and in `karat.toml`.

@@ -376,14 +376,27 @@ const PAIRS: [(&str, &str, &str); 32] = [
 ];
 
 fn pairs() -> Vec<Kernel> {
-    let text = |body: &str, mark: &str| {
-        let body = body.replace("; ", &format!("; {mark}\n    "));
-        format!(
-            "@group(0) @binding(0) var<storage, read_write> a: array<i32>;
+    let of = |(name, racy, right): (&str, &str, &str)| {
+        [
+            Kernel::new(format!("{name}: racy"), body_of(racy, MARK), Planted::Race),
+            Kernel::new(format!("{name}: right"), body_of(right, ""), Planted::Nothing),
+        ]
+    };
+    PAIRS.into_iter().flat_map(of).collect()
+}
+
+/// A kernel of 128 invocations with that body, and a mark behind each of its statements.
+fn body_of(body: &str, mark: &str) -> String {
+    let body = body.replace("; ", &format!("; {mark}\n    "));
+    format!(
+        "@group(0) @binding(0) var<storage, read_write> a: array<i32>;
 @group(0) @binding(1) var<storage, read> b: array<i32>;
 @group(0) @binding(2) var<storage, read_write> c: array<i32>;
 @group(0) @binding(3) var<storage, read_write> t: array<atomic<i32>>;
 @group(0) @binding(4) var<storage, read> idx: array<u32>;
+@group(0) @binding(5) var<uniform> u: array<vec4i, 4>;
+@group(0) @binding(6) var<uniform> m: mat2x2f;
+@group(0) @binding(7) var image: texture_2d<i32>;
 var<workgroup> tile: array<i32, 64>;
 @compute @workgroup_size(64) fn kernel(@builtin(global_invocation_id) g: vec3u, @builtin(local_invocation_index) l: u32) {{
     let i = g.x;
@@ -391,15 +404,89 @@ var<workgroup> tile: array<i32, 64>;
     {body} {mark}
 }}
 "
-        )
-    };
-    let of = |(name, racy, right): (&str, &str, &str)| {
-        [
-            Kernel::new(format!("{name}: racy"), text(racy, MARK), Planted::Race),
-            Kernel::new(format!("{name}: right"), text(right, ""), Planted::Nothing),
-        ]
-    };
-    PAIRS.into_iter().flat_map(of).collect()
+    )
+}
+
+/// Bodies with an index outside, and the same with its guard, of the kinds that Vulkan's GPU-assisted validation looks for.
+const OUTSIDE: [(&str, &str, &str); 16] = [
+    ("read of a buffer", "c[i] = b[i + 1u];", "c[i] = b[min(i + 1u, n - 1u)];"),
+    ("write to a buffer", "c[i + 1u] = b[i];", "if i + 1u < n { c[i + 1u] = b[i]; }"),
+    ("atomic", "atomicAdd(&t[i + 1u], 1);", "atomicAdd(&t[(i + 1u) % n], 1);"),
+    ("index of a buffer", "c[i] = b[idx[i] + 1u];", "c[i] = b[min(idx[i] + 1u, n - 1u)];"),
+    ("below 0", "c[i] = b[i32(i) - 1];", "c[i] = b[max(i32(i) - 1, 0)];"),
+    ("unsigned below 0", "c[i] = b[i - 1u];", "c[i] = b[max(i, 1u) - 1u];"),
+    (
+        "one round too many",
+        "for (var k = 0u; k <= n; k++) { c[i] += b[k]; }",
+        "for (var k = 0u; k < n; k++) { c[i] += b[k]; }",
+    ),
+    ("workgroup memory", "tile[l] = 1; c[i] = tile[l + 1u];", "tile[l] = 1; c[i] = tile[l];"),
+    ("stride", "c[i] = b[2u * i];", "c[i] = b[2u * (i / 2u)];"),
+    ("uniform buffer", "c[i] = u[i].x;", "c[i] = u[i % 4u].x;"),
+    ("column of a matrix", "c[i] = i32(m[l][0]);", "c[i] = i32(m[l % 2u][0]);"),
+    ("component of a vector", "c[i] = u[0][l];", "c[i] = u[0][l % 4u];"),
+    (
+        "array of a function",
+        "var own = array(1, 2, 3, 4); c[i] = own[l];",
+        "var own = array(1, 2, 3, 4); c[i] = own[l % 4u];",
+    ),
+    (
+        "array of a function, written",
+        "var own = array(1, 2, 3, 4); own[l] = 5; c[i] = own[0];",
+        "var own = array(1, 2, 3, 4); own[l % 4u] = 5; c[i] = own[0];",
+    ),
+    (
+        "texel",
+        "c[i] = textureLoad(image, vec2u(i, 0u), 0).x;",
+        "c[i] = textureLoad(image, vec2u(i, 0u) % textureDimensions(image), 0).x;",
+    ),
+    (
+        "level of a texture",
+        "c[i] = textureLoad(image, vec2u(0u), i32(l)).x;",
+        "c[i] = textureLoad(image, vec2u(0u), i32(l % textureNumLevels(image))).x;",
+    ),
+];
+
+/// Each index outside is found with data and without, and no guarded one is told.
+#[test]
+fn indices_outside_are_found() {
+    for (name, outside, guarded) in OUTSIDE {
+        for (body, is_planted) in [(outside, true), (guarded, false)] {
+            let text = body_of(body, "");
+            let package = Package::from_source("k", &*text);
+            let mut passes = package.compute();
+            for name in ["a", "b", "c", "t"].into_iter().filter(|name| uses(&text, name)) {
+                passes = passes.with(name, Storage::new(vec![3_i32; 128]));
+            }
+            if uses(&text, "idx") {
+                passes = passes.with("idx", Storage::new((0..128_u32).collect::<Vec<_>>()));
+            }
+            if uses(&text, "u") {
+                passes = passes.with("u", Uniform::new([glam::IVec4::ONE; 4]));
+            }
+            if uses(&text, "m") {
+                passes = passes.with("m", Uniform::new(glam::Mat2::IDENTITY));
+            }
+            if uses(&text, "image") {
+                passes = passes.with("image", Texture::constant(glam::IVec4::ONE));
+            }
+            let (found, _) =
+                karat::unstable::compute::violations(&passes.dispatch("kernel", [2, 1, 1]))
+                    .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
+            let is_told = found.iter().any(|(one, _)| one.kind == HazardKind::OutOfRange);
+            assert_eq!(is_told, is_planted, "{name}: {found:?}");
+            // Without data the lengths are any, and no invocation has more than the elements of all.
+            let guard = "let all = vec4u(arrayLength(&a), arrayLength(&b), arrayLength(&c), arrayLength(&t));
+    let least = min(min(all.x, all.y), min(all.z, all.w));
+    let n = min(least, arrayLength(&idx));
+    if i >= n { return; }";
+            let text = text.replace("let n = 128u;", guard);
+            let hazards = karat_inspect::hazards(&Package::from_source("k", &*text)).run();
+            let hazards = hazards.unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
+            let is_told = hazards.found.iter().any(|one| one.kind == Kind::OutOfRange);
+            assert_eq!(is_told, is_planted, "{name}: {hazards}");
+        }
+    }
 }
 
 /// True where `SUITES=whole` asks for all.

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
+use karat::Package;
 use karat::fixture::Fixtures;
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::probe::Probed;
-use karat::unstable::reflect::BindingKind;
+use karat::unstable::reflect::{BindingKind, Program};
 use karat::value::Scalar;
 use karat_inspect::made_up::MadeUp;
 use toml::Value;
@@ -34,6 +35,30 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
         }
     }
     Ok(all)
+}
+
+/// The values of overrides, once some package takes each: another one may be a slip.
+pub(in crate::cli) fn overrides_in(
+    packages: &[Package],
+    given: &[String],
+) -> anyhow::Result<BTreeMap<String, f64>> {
+    let given = overrides(given)?;
+    match Program::unfit(&packages.iter().collect::<Vec<_>>(), &given) {
+        Some((name, wrong)) => bail!("--override {name}: {wrong}"),
+        None => Ok(given),
+    }
+}
+
+/// Those of them that a package has.
+pub(in crate::cli) fn overrides_of(
+    package: &Package,
+    given: &BTreeMap<String, f64>,
+) -> BTreeMap<String, f64> {
+    let mut own = given.clone();
+    while let Some((name, _)) = Program::unfit(&[package], &own) {
+        own.remove(&name);
+    }
+    own
 }
 
 /// Refuses `true` and `false` for what is a number.
