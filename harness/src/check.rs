@@ -35,7 +35,7 @@ mod limit;
 mod mismatch;
 mod monotone;
 mod ordinary;
-mod parallel;
+
 mod parameter;
 mod path_tally;
 mod plan;
@@ -49,7 +49,7 @@ mod search;
 mod session;
 mod shrink;
 mod statement;
-mod tally;
+
 mod tolerances;
 mod trial;
 mod vacuous;
@@ -74,7 +74,7 @@ pub use quadrature::Directions;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Sampling,
 };
-pub use tally::Census;
+pub use crate::judge::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 

@@ -778,7 +778,7 @@ fn a_tail_that_no_invocation_writes() {
     written(&[("count", 2)], "counts").expect("an atomic writes");
     let missed = written(&[("exchange", 2)], "counts");
     let Err(ComputeError::Differs(found)) = &missed else { panic!("{missed:?}") };
-    assert_eq!(found.paths[0].failures, 7, "a comparison that fails writes nothing");
+    assert_eq!(found.paths[0].census.failures, 7, "a comparison that fails writes nothing");
     for (entries, variable, first, elements) in [
         (&[("fill", 1)][..], "items", "[4].weight", 3),
         (&[("places", 2)], "items", "[0].id", 7),
@@ -787,7 +787,7 @@ fn a_tail_that_no_invocation_writes() {
     ] {
         let wrong = written(entries, variable);
         let Err(ComputeError::Differs(found)) = &wrong else { panic!("{entries:?}: {wrong:?}") };
-        assert_eq!(found.paths[0].failures, elements, "{entries:?}");
+        assert_eq!(found.paths[0].census.failures, elements, "{entries:?}");
         assert_eq!(found.paths[0].shown[0].place.to_string(), first);
     }
 }
@@ -818,7 +818,7 @@ fn texels_that_no_invocation_writes() {
     ] {
         let wrong = written(groups, variable);
         let Err(ComputeError::Differs(found)) = &wrong else { panic!("{groups:?}: {wrong:?}") };
-        assert_eq!(found.paths[0].failures, elements, "{groups:?}");
+        assert_eq!(found.paths[0].census.failures, elements, "{groups:?}");
         assert_eq!(found.paths[0].shown[0].place.to_string(), first);
     }
 }

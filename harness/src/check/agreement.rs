@@ -10,7 +10,7 @@ use super::flush::allowing_flushes;
 use super::path_tally::PathTally;
 use super::plan::Plan;
 use super::session::{Asserted, Expect, Explained, Session};
-use super::tally::{Judge, Judged, compare, is_within};
+use crate::judge::{Judge, Judged, compare, is_within};
 use super::tolerances::Tolerances;
 use super::{Agreement, Calls, Check, Failure, Reference, Vacuous};
 use crate::domain::Stream;

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::tally::{Class, Judged};
+use crate::judge::{Class, Judged};
 use crate::interpret::Bound;
 use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;

@@ -5,7 +5,7 @@
 //! failing cases and the fewest of the others.
 
 use super::batch::Batch;
-use super::tally::Tally;
+use crate::judge::Tally;
 use crate::reflect::Function;
 use crate::tolerance::significant;
 use crate::value::{Scalar, Shape};

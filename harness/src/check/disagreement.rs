@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::batch::SEARCHED;
-use super::tally::{Census, Judged};
+use crate::judge::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 use crate::probe::Inputs;
@@ -563,10 +563,7 @@ impl fmt::Display for Disagreement {
         }
         let expectation = &self.expectation.to_string();
         for path in &self.paths {
-            let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high, .. } =
-                path.census;
-            let Census { shader, driver, ill_conditioned, unbounded, .. } = path.census;
-            let Census { idle, remembered, .. } = path.census;
+            let Census { cases, failures, idle, remembered, .. } = path.census;
             writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
             let share = 100.0 * failures as f64 / cases as f64;
             let fail = if cases == 1 { "case fails" } else { "cases fail" };
@@ -577,22 +574,7 @@ impl fmt::Display for Disagreement {
             if idle > 0 {
                 write!(f, ", {idle} call no expectation")?;
             }
-            for (count, name) in [
-                (nan, "NaN"),
-                (infinite, "infinite"),
-                (wrong_sign, "with the wrong sign"),
-                (too_low, "too low"),
-                (too_high, "too high"),
-                (shader, "with a reference that isn't allowed"),
-                (driver, "with a result that isn't allowed"),
-                (ill_conditioned, "ill-conditioned"),
-                (unbounded, "unbounded"),
-            ] {
-                if count > 0 {
-                    write!(f, ", {count} {name}")?;
-                }
-            }
-            writeln!(f)?;
+            writeln!(f, "{}", path.census.ways())?;
             if let Some(cause) = &path.cause {
                 writeln!(f, "  it fails {cause}")?;
             }

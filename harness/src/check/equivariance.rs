@@ -9,7 +9,7 @@ use super::demand::Demand;
 use super::plan::Plan;
 use super::property::Exhibit;
 use super::session::Asserted;
-use super::tally::compare;
+use crate::judge::compare;
 use super::{Agreement, Calls, Check, Failure, Vacuous};
 use crate::domain::{Source, Stream};
 use crate::run::or_panic;

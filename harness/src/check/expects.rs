@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::demand::Demand;
 use super::plan::Plan;
 use super::session::{Asserted, Session};
-use super::tally::{Class, Described, Judge, Judged};
+use crate::judge::{Class, Described, Judge, Judged};
 use super::trial::{Body, Last};
 use super::{Agreement, Failure, Probe, Together, Vacuous};
 use crate::diagnostic::one_line;

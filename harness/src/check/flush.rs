@@ -4,7 +4,7 @@
 //! (section 15.7.2). So a result may be that of the arguments as given, or that of arguments of
 //! which any subnormals are zeros. Nothing is said here of subnormals on the way.
 
-use super::tally::Judged;
+use crate::judge::Judged;
 use crate::value::Scalar;
 
 /// Subnormals of a case that are flushed one by one: 3^4 rows. Where there are more, all of them
@@ -83,7 +83,7 @@ impl Iterator for Flushed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::tally::Class;
+    use crate::judge::Class;
     use crate::tolerance::LaneError;
 
     fn rows(scalars: &[Scalar], values: &[f32]) -> Vec<Vec<f32>> {

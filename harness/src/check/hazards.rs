@@ -7,7 +7,7 @@ use super::demand::Demand;
 use super::kinds::{Accepted, Kinds};
 use super::plan::Plan;
 use super::session::{Asserted, Explained, Session};
-use super::tally::{Class, Judged};
+use crate::judge::{Class, Judged};
 use super::{Agreement, Calls, Check, Failure, Mismatch, tolerances};
 use crate::domain::Stream;
 use crate::interpret::hazards::{Found, Kind, Missing};

@@ -6,7 +6,7 @@ use super::demand::Demand;
 use super::plan::Plan;
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Session};
-use super::tally::compare;
+use crate::judge::compare;
 use super::{Agreement, Calls, Check, Failure, Vacuous};
 use crate::domain::Stream;
 use crate::run::or_panic;

@@ -11,7 +11,7 @@ use super::parameter::Parameter;
 use super::plan::Plan;
 use super::property::Exhibit;
 use super::session::Asserted;
-use super::tally::{Judged, compare};
+use crate::judge::{Judged, compare};
 use super::{Agreement, Calls, Check, Failure, Mismatch, Reference, Vacuous};
 use crate::domain::Stream;
 use crate::run::or_panic;

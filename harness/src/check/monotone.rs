@@ -9,7 +9,7 @@ use super::parameter::{Parameter, ScalarParameter};
 use super::plan::Plan;
 use super::property::{Exhibit, PRIMED};
 use super::session::Asserted;
-use super::tally::{Class, Judged, classify};
+use crate::judge::{Class, Judged, classify};
 use super::{Agreement, Calls, Check, Failure, Vacuous};
 use crate::domain::{Origin, Source, Stream, complexity};
 use crate::probe::Probed;

@@ -2,7 +2,7 @@
 
 use super::called::Called;
 use super::sample::Sample;
-use super::tally::{Shown, Tally};
+use crate::judge::{Shown, Tally};
 use super::{CaseFailure, Simplest};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};

@@ -7,7 +7,7 @@ use super::disagreement::CaseFailure;
 use super::path_tally::PathTally;
 use super::sample::Sample;
 use super::session::Session;
-use super::tally::{Judged, Shown, tally};
+use crate::judge::{Judged, Shown, tally};
 use crate::executor::Results;
 
 /// What `returned` is of where arguments are primed.

@@ -1,7 +1,7 @@
 //! Cases whose errors are kept for reports: some of the first batch, and the worst of it.
 
 use super::batch::Batch;
-use super::tally::{Picked, Tally};
+use crate::judge::{Picked, Tally};
 use crate::record::{self, Errors, Plot};
 use crate::value::{Scalar, Shape};
 

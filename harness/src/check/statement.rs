@@ -8,7 +8,7 @@ use super::flush::allowing_flushes;
 use super::goal::{Distance, Goal};
 use super::plan::Plan;
 use super::session::Asserted;
-use super::tally::{Judged, finite};
+use crate::judge::{Judged, finite};
 use super::{Agreement, Calls, Check, Failure, tolerances};
 use crate::domain::Stream;
 use crate::executor::Running;

@@ -129,7 +129,7 @@ impl Plan<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::tally::finite;
+    use crate::judge::finite;
     use crate::check::{Calls, Check};
     use crate::domain::Integers;
     use crate::package::Package;

@@ -119,7 +119,7 @@ impl After<'_> {
                 let differing =
                     |executor: &&&dyn Executor| executor::adapter(**executor) == path.adapter;
                 let now = executors.iter().find(differing).map_or_else(first, |own| made(*own))?;
-                let (elements, failures) = (path.elements, path.failures);
+                let (elements, failures) = (path.elements, path.census.failures);
                 let how = format!("{failures} of {elements} elements on {}", path.adapter.path);
                 let cause = Box::new(left(now, Some((&golden, &how))));
                 Ok::<_, ComputeError>(ComputeError::Golden { difference: Some(difference), cause })

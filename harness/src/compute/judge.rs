@@ -5,8 +5,9 @@ use std::panic::Location;
 
 use super::{After, ComputeAgreement, ComputeError, words};
 use crate::dispatch::Passes;
-use crate::executor::Executor;
+use crate::executor::{Executor, View};
 use crate::interpret::hazards::first_not_finite;
+use crate::judge::{self, Census, Class, Picked, Shown, Tally, compare};
 use crate::path::Adapter;
 use crate::record::{CaseDetails, Details, PathDetails, PathRecord, Replay, Subject};
 use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
@@ -16,7 +17,17 @@ use crate::value::{Scalar, Shape, hexfloat};
 /// What is asserted of the elements.
 pub(super) enum Assertion<'a> {
     Agrees(Expected, Tolerance),
+    Each(Each<'a>),
     Holds(Statement<'a>),
+}
+
+/// A statement of each number.
+pub(super) struct Each<'a> {
+    pub(super) text: &'a str,
+    pub(super) shape: Shape,
+    /// What a number that breaks it should be.
+    pub(super) expected: &'a str,
+    pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
 
 /// A reference's elements.
@@ -95,7 +106,7 @@ pub struct Difference {
 /// let wrong = passes.after("data").unrecorded().try_agrees_with([8_u32], Abs(0.0));
 /// if let Err(ComputeError::Differs(difference)) = wrong {
 ///     for path in &difference.paths {
-///         println!("{} of {} on {}", path.failures, path.elements, path.adapter);
+///         println!("{} of {} on {}", path.census.failures, path.elements, path.adapter);
 ///     }
 /// }
 /// ```
@@ -105,8 +116,8 @@ pub struct PathDifference {
     pub adapter: Adapter,
     /// Elements that were compared.
     pub elements: usize,
-    /// How many of them fail.
-    pub failures: usize,
+    /// How many of them fail, and how.
+    pub census: Census,
     /// The first that fails, and the worst.
     pub shown: Vec<Element>,
     /// The command that dispatches it again on this path.
@@ -183,8 +194,20 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
+    /// The first element that fails and the worst, if that is another one.
+    fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
+        let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
+        let first = tally.first;
+        let other = tally.worst.filter(|worst| first.is_some_and(|first| first.case != worst.case));
+        let is_worse = |one: &Shown| {
+            first.is_none_or(|first| one.judged.measure.ratio > first.judged.measure.ratio)
+        };
+        let shown = first.into_iter().chain(other.filter(is_worse)).map(element).collect();
+        Self { census: tally.census, worst, shown }
+    }
+
     /// The same, with names of texels if the resource is a texture.
-    pub(super) fn of(mut self, passes: &Passes, resource: usize, grid: Option<[usize; 2]>) -> Self {
+    pub(super) fn named(mut self, passes: &Passes, resource: usize, grid: Option<[usize; 2]>) -> Self {
         let in_grid = |index: usize| {
             let [_, columns] = grid?;
             Some(format!("[{index}: row {}, column {}]", index / columns, index % columns))
@@ -197,9 +220,11 @@ impl Sum {
         self
     }
 
-    /// So many failures, none of which is one element's.
-    pub(super) fn of_failures(failures: usize) -> Self {
-        Self { failures, worst: LaneError::statement(failures == 0), shown: Vec::new() }
+    /// So many failures of a statement, with the element that is shown.
+    pub(super) fn of_failures(failures: usize, shown: Option<Element>) -> Self {
+        let census = Census { failures: failures as u64, ..Census::default() };
+        let worst = LaneError::statement(failures == 0);
+        Self { census, worst, shown: shown.into_iter().collect() }
     }
 
     /// Passes that a loop didn't leave.
@@ -210,7 +235,7 @@ impl Sum {
             expected: "an end in each order".to_owned(),
             error: String::new(),
         };
-        Self { failures: 1, worst: LaneError::statement(false), shown: vec![element] }
+        Self::of_failures(1, Some(element))
     }
 }
 
@@ -224,7 +249,7 @@ struct Outcome {
 
 /// What the elements of one path add up to.
 pub(super) struct Sum {
-    pub(super) failures: usize,
+    pub(super) census: Census,
     worst: LaneError,
     pub(super) shown: Vec<Element>,
 }
@@ -310,10 +335,10 @@ impl After<'_> {
                 return Err(ComputeError::Grid { variable, elements, grid });
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
-            let sum = sum.of(&passes, part.number, self.grid);
+            let sum = sum.named(&passes, part.number, self.grid);
             // What fails has shown something.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
-            if sum.failures == 0
+            if sum.census.failures == 0
                 && !may_stay
                 && passes.before(part.number).is_some_and(|before| part.pick(before) == found)
             {
@@ -321,7 +346,7 @@ impl After<'_> {
             }
             let record = PathRecord {
                 cases: elements as u64,
-                failures: sum.failures as u64,
+                failures: sum.census.failures,
                 worst: sum.worst.to_string(),
                 ratio: sum.worst.ratio.is_finite().then_some(sum.worst.ratio),
                 asserted: match own {
@@ -350,8 +375,8 @@ impl After<'_> {
             let first = inside.and_then(|all| first_not_finite(all.iter().map(|one| &one.found)));
             let not_finite = first.map(|(name, text)| format!("{name}: {text}"));
             let paths = differing.into_iter().map(|(adapter, one)| {
-                let Outcome { elements, sum: Sum { failures, shown, .. }, replay } = one;
-                PathDifference { adapter, elements, failures, shown, replay }
+                let Outcome { elements, sum: Sum { census, shown, .. }, replay } = one;
+                PathDifference { adapter, elements, census, shown, replay }
             });
             vec![ComputeError::Differs(Box::new(Difference {
                 entry_points: entry_points.join(", "),
@@ -399,8 +424,9 @@ impl After<'_> {
                 }
                 Ok(element)
             }
-            Assertion::Holds(statement) => {
-                self.element(passes, shape, &statement.shape, "the statement takes", false)
+            Assertion::Each(Each { shape: own, .. })
+            | Assertion::Holds(Statement { shape: own, .. }) => {
+                self.element(passes, shape, own, "the statement takes", false)
             }
         }
     }
@@ -409,20 +435,37 @@ impl After<'_> {
         &self,
         assertion: &Assertion<'_>,
         own: Option<&Tolerance>,
-        element: &Shape,
+        shape: &Shape,
         found: &[u32],
         entry_point: &str,
     ) -> Result<Sum, ComputeError> {
-        let (scalars, names) = (element.lanes(), element.lane_names());
+        let (scalars, names) = (shape.lanes(), shape.lane_names());
         let width = scalars.len().max(1);
+        let view = |words| View { words, stride: width, width };
+        let element = |(at, word, lane): (usize, u32, usize), expected: String, error: String| {
+            let scalar = scalars[lane];
+            let bits = match scalar.is_float() {
+                true => format!(" ({})", hexfloat(f32::from_bits(word))),
+                false => String::new(),
+            };
+            let actual = format!("{}{bits}", crate::value::format_lane(scalar, word));
+            let place = Place::of_element(at / width, &names[at % width]);
+            Element { place, actual, expected, error }
+        };
         let (expected, tolerance) = match assertion {
             Assertion::Agrees(expected, tolerance) => (expected, own.unwrap_or(tolerance)),
+            Assertion::Each(Each { expected, holds, .. }) => {
+                let judge = |_: usize, actual: &[u32]| each(&scalars, actual, holds);
+                let sum = judge::tally(0, view(found), &judge, &mut Picked::default());
+                return Ok(Sum::of(sum, &|shown| {
+                    let (lane, at) = (shown.judged.lane, shown.at(width));
+                    element((at, found[at], lane), (*expected).to_owned(), String::new())
+                }));
+            }
             Assertion::Holds(statement) => {
                 let broken = (statement.breaks)(found);
-                let worst = LaneError::statement(broken.is_none());
                 let failures = broken.as_ref().map_or(0, |broken| broken.failures.max(1));
-                let shown = broken.and_then(|broken| broken.first).into_iter().collect();
-                return Ok(Sum { failures, worst, shown });
+                return Ok(Sum::of_failures(failures, broken.and_then(|broken| broken.first)));
             }
         };
         if expected.lanes.len() != found.len() {
@@ -433,11 +476,10 @@ impl After<'_> {
                 expected: expected.lanes.len() / width,
             });
         }
-        let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
         // The lane of each of the words that are compared, one after the other.
         let (places, wanted) = match self.up_to_order {
             true => {
-                let (before, scalars) = listed(element);
+                let (before, scalars) = listed(shape);
                 let (head, items) = found.split_at(before.min(found.len()));
                 let (wanted_head, wanted) = expected.lanes.split_at(head.len());
                 let (order, wanted) = matched((items, &scalars), wanted, tolerance);
@@ -447,37 +489,24 @@ impl After<'_> {
             false => ((0..found.len()).collect::<Vec<_>>(), expected.lanes.clone()),
         };
         let found: Vec<u32> = places.iter().map(|lane| found[*lane]).collect();
-        let pairs = found.chunks_exact(width).zip(wanted.chunks_exact(width));
-        for (index, (found, expected)) in pairs.enumerate() {
-            let (lane, measure) = tolerance.measure_words(&scalars, found, expected);
-            let worse = !(measure.ratio <= sum.worst.ratio);
-            if worse {
-                sum.worst = measure;
-            }
-            if measure.passes() {
-                continue;
-            }
-            sum.failures += 1;
-            // The first one stays, and behind it the worst.
-            if sum.failures == 1 || worse {
-                sum.shown.truncate(1);
-                let scalar = scalars[lane];
-                let bits = match scalar.is_float() {
-                    true => format!(" ({})", hexfloat(f32::from_bits(found[lane]))),
-                    false => String::new(),
-                };
-                let actual = crate::value::format_lane(scalar, found[lane]);
-                let at = places[index * width + lane];
-                sum.shown.push(Element {
-                    place: Place::of_element(at / width, &names[at % width]),
-                    actual: format!("{actual}{bits}"),
-                    expected: expected[lane].to_string(),
-                    error: measure.to_string(),
-                });
-            }
-        }
-        Ok(sum)
+        let judge = |case: usize, actual: &[u32]| {
+            compare(&scalars, actual, &wanted[case * width..][..width], tolerance)
+        };
+        let sum = judge::tally(0, view(&found), &judge, &mut Picked::default());
+        Ok(Sum::of(sum, &|shown| {
+            let at = shown.at(width);
+            let (expected, error) = (wanted[at].to_string(), shown.judged.measure.to_string());
+            element((places[at], found[at], shown.judged.lane), expected, error)
+        }))
     }
+}
+
+/// The first number of an element that breaks a statement.
+fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool) -> judge::Judged {
+    let value = |lane: usize| scalars[lane].decode(actual[lane]);
+    let broken = (0..actual.len()).find(|lane| !holds(scalars[*lane], value(*lane)));
+    let measure = LaneError::statement(broken.is_none());
+    judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
 /// The part of a value that is compared up to its order: the lanes before it, and the lanes of an element. Of a structure it
@@ -539,7 +568,7 @@ impl Assertion<'_> {
     fn verb(&self) -> &'static str {
         match self {
             Self::Agrees(..) => "agrees_with",
-            Self::Holds(_) => "satisfies",
+            Self::Each(_) | Self::Holds(_) => "satisfies",
         }
     }
 
@@ -552,6 +581,7 @@ impl Assertion<'_> {
     pub(super) fn holds(&self) -> String {
         match self {
             Self::Agrees(_, tolerance) => format!("elements agree within {tolerance}"),
+            Self::Each(one) => one.text.to_owned(),
             Self::Holds(statement) => statement.text.clone(),
         }
     }
@@ -559,6 +589,7 @@ impl Assertion<'_> {
     fn text(&self) -> String {
         match self {
             Self::Agrees(_, tolerance) => tolerance.to_string(),
+            Self::Each(one) => one.text.to_owned(),
             Self::Holds(statement) => statement.text.clone(),
         }
     }
@@ -604,18 +635,16 @@ impl fmt::Display for Difference {
         }
         for path in &self.paths {
             writeln!(f, "on {}", path.adapter)?;
+            let failures = path.census.failures;
             let compares = path.shown.iter().all(|one| !one.error.is_empty());
             if path.shown.is_empty() {
                 writeln!(f, "  it doesn't hold of its {} elements", path.elements)?;
             } else if !compares {
-                writeln!(f, "  {} of {} elements break it", path.failures, path.elements)?;
+                writeln!(f, "  {failures} of {} elements break it", path.elements)?;
             } else {
-                let share = 100.0 * path.failures as f64 / path.elements as f64;
-                writeln!(
-                    f,
-                    "  {} of {} elements differ ({share:.3}%)",
-                    path.failures, path.elements
-                )?;
+                let share = 100.0 * failures as f64 / path.elements as f64;
+                let (elements, ways) = (path.elements, path.census.ways());
+                writeln!(f, "  {failures} of {elements} elements differ ({share:.3}%){ways}")?;
             }
             for (element, what) in path.shown.iter().zip(["first", "worst"]) {
                 writeln!(f, "  {what}: {}", element.place)?;

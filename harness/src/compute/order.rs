@@ -188,7 +188,7 @@ impl After<'_> {
                 runner.found();
             }
             let (Some(order), Some(judged)) = (order, &judged) else { continue };
-            if judged.sum(passes, left, endless)?.failures > 0 {
+            if judged.sum(passes, left, endless)?.census.failures > 0 {
                 dependent = Some(order);
                 break;
             }
@@ -238,7 +238,7 @@ impl After<'_> {
         };
         'simpler: loop {
             for other in order.simpler().collect::<Vec<_>>() {
-                if run(&other)?.failures > 0 {
+                if run(&other)?.census.failures > 0 {
                     order = other;
                     continue 'simpler;
                 }
@@ -296,7 +296,7 @@ impl<'a> InOrders<'a> {
         usual: Vec<u32>,
     ) -> Result<Self, ComputeError> {
         let function = after.last_entry_point();
-        let holds = after.sum(assertion, None, element, &usual, function)?.failures == 0;
+        let holds = after.sum(assertion, None, element, &usual, function)?.census.failures == 0;
         // Drivers round otherwise than the engine, so what it leaves may be beyond the tolerance. Each order has to leave the
         // same nevertheless; and a statement that holds in one of them depends on the order.
         let own = match assertion {
@@ -325,18 +325,18 @@ impl<'a> InOrders<'a> {
         endless: bool,
     ) -> Result<Sum, ComputeError> {
         let Some(left) = left else {
-            return Ok(if endless { Sum::endless() } else { Sum::of_failures(0) });
+            return Ok(if endless { Sum::endless() } else { Sum::of_failures(0, None) });
         };
         let lanes = lanes_of(passes, self.part, left);
         if lanes == self.usual {
-            return Ok(Sum::of_failures(0));
+            return Ok(Sum::of_failures(0, None));
         }
         let assertion = self.own.as_ref().unwrap_or(self.assertion);
         let function = self.after.last_entry_point();
         let sum = self.after.sum(assertion, None, self.element, &lanes, function)?;
         if self.is_undecided() {
-            return Ok(Sum::of_failures(usize::from(sum.failures == 0)));
+            return Ok(Sum::of_failures(usize::from(sum.census.failures == 0), None));
         }
-        Ok(sum.of(passes, self.part.number, self.after.grid))
+        Ok(sum.named(passes, self.part.number, self.after.grid))
     }
 }

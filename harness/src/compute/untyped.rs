@@ -3,13 +3,13 @@
 
 use std::panic::Location;
 
-use super::judge::{Assertion, Expected, Statement};
+use super::judge::{Assertion, Each, Expected, Statement};
 use super::{After, Compute, ComputeAgreement, ComputeError};
 use crate::dispatch::{DispatchError, Part, Violation, Watched};
 use crate::executor;
 use crate::path::Path;
 use crate::tolerance::Tolerance;
-use crate::value::Shape;
+use crate::value::{Scalar, Shape};
 
 pub use super::judge::{Broken, Element, Place};
 
@@ -286,4 +286,29 @@ pub fn satisfies(
     let text = text.to_owned();
     let statement = Statement { text, shape, may_stay, settled: false, breaks };
     after.judge(Assertion::Holds(statement), Location::caller())
+}
+
+/// Checks a statement of each number of a resource, and says what a number should be that breaks it.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([1_u32, 2])).dispatch("count", [1, 1, 1]);
+/// let texts = ("each number is below 8", "less than 8");
+/// karat::unstable::compute::each(&passes.after("data"), texts, &|_, value| value < 8.0)?;
+/// # Ok::<(), karat::compute::ComputeError>(())
+/// ```
+///
+/// # Errors
+/// If it doesn't hold of each number, or nothing could be compared.
+#[track_caller]
+pub fn each(
+    after: &After<'_>,
+    (text, expected): (&str, &str),
+    holds: &(dyn Fn(Scalar, f64) -> bool + Sync),
+) -> Result<ComputeAgreement, ComputeError> {
+    let each = Each { text, shape: element_of(after)?, expected, holds };
+    after.judge(Assertion::Each(each), Location::caller())
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use karat::check::HazardKind;
-use karat::compute::{After, Compute, ComputeAgreement, ComputeError};
+use karat::compute::{Compute, ComputeAgreement, ComputeError};
 use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place};
 use karat::unstable::diagnostic::{read_file, shown};
 use karat::unstable::dispatch::DispatchError;
@@ -14,6 +14,7 @@ use karat::{Goldens, Package, Path as Route, Tolerance};
 use serde::Deserialize;
 use toml::Value;
 
+use crate::assertions::{Shared, What, idle_key, switched};
 use crate::declared::{GOLDEN, Keys, NoHazards, OverrideValue};
 use crate::domains::no_such;
 use crate::fixtures::fixture;
@@ -111,23 +112,6 @@ struct Expected {
     tolerance_on: BTreeMap<String, String>,
 }
 
-/// The assertion of one test.
-#[derive(Clone, Debug)]
-pub(crate) enum What {
-    Equals(Value),
-    Table(PathBuf),
-    Golden(String),
-    AgreesWith(String),
-    Sorted { descending: bool },
-    SumOf(String),
-    PermutationOf(String),
-    Unchanged,
-    Written,
-    InRange(Range),
-    Finite,
-    NoHazards(Option<Vec<HazardKind>>),
-}
-
 /// An assertion of a `[[compute]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
@@ -146,52 +130,6 @@ pub(crate) struct Assertion {
     /// Tables and images are relative to it.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
-}
-
-impl What {
-    fn key(&self) -> &'static str {
-        match self {
-            Self::Equals(_) => "equals",
-            Self::Table(_) => "table",
-            Self::Golden(_) => "golden",
-            Self::AgreesWith(_) => "agrees_with",
-            Self::Sorted { .. } => "sorted",
-            Self::SumOf(_) => "sum_of",
-            Self::PermutationOf(_) => "permutation_of",
-            Self::Unchanged => "unchanged",
-            Self::Written => "written",
-            Self::InRange(_) => "in_range",
-            Self::Finite => "finite",
-            Self::NoHazards(_) => "no_hazards",
-        }
-    }
-
-    /// True if it compares a list of elements, which may come in any order.
-    fn is_listed(&self) -> bool {
-        matches!(self, Self::Equals(_) | Self::Table(_) | Self::AgreesWith(_))
-    }
-
-    /// True if it compares numbers with others, to within a tolerance.
-    fn compares(&self) -> bool {
-        matches!(
-            self,
-            Self::Equals(_)
-                | Self::Table(_)
-                | Self::Golden(_)
-                | Self::AgreesWith(_)
-                | Self::SumOf(_)
-        )
-    }
-}
-
-/// `true`; `false` asserts nothing.
-fn switched(key: &'static str, value: Option<bool>) -> Result<bool, Misdeclared> {
-    match value {
-        Some(false) => {
-            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
-        }
-        on => Ok(on.is_some()),
-    }
 }
 
 /// Refuses a kind of hazard that passes aren't looked through for: nothing would ever fail.
@@ -213,11 +151,15 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
 
 impl Expected {
     fn whats(&self, variable: &str) -> Result<Vec<What>, Misdeclared> {
-        let mut all = Vec::new();
-        all.extend(self.equals.clone().map(What::Equals));
-        all.extend(self.table.clone().map(What::Table));
-        all.extend(self.golden.clone().map(What::Golden));
-        all.extend(self.agrees_with.clone().map(What::AgreesWith));
+        let shared = Shared {
+            agrees_with: &self.agrees_with,
+            table: &self.table,
+            golden: &self.golden,
+            equals: &self.equals,
+            finite: self.finite,
+            in_range: self.in_range,
+        };
+        let mut all = shared.whats()?;
         all.extend(match &self.sorted {
             None => None,
             Some(Value::Boolean(true)) => Some(What::Sorted { descending: false }),
@@ -232,41 +174,28 @@ impl Expected {
         });
         all.extend(self.sum_of.clone().map(What::SumOf));
         all.extend(self.permutation_of.clone().map(What::PermutationOf));
-        if switched("unchanged", self.unchanged)? {
-            all.push(What::Unchanged);
-        }
-        if switched("written", self.written)? {
-            all.push(What::Written);
-        }
-        all.extend(self.in_range.map(What::InRange));
-        if switched("finite", self.finite)? {
-            all.push(What::Finite);
-        }
+        all.extend(switched("unchanged", self.unchanged, What::Unchanged)?);
+        all.extend(switched("written", self.written, What::Written)?);
         if all.is_empty() {
             return Err(Misdeclared::from(format!(
                 "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
                  permutation_of, unchanged, written, in_range or finite"
             )));
         }
-        if switched("up_to_order", self.up_to_order)? && !all.iter().any(What::is_listed) {
-            return Err(Misdeclared::of("up_to_order")(format!(
-                "`up_to_order` does nothing here: of `{variable}` neither equals, table nor agrees_with is asserted"
-            )));
+        if self.up_to_order == Some(false) {
+            let off = "`up_to_order = false` asserts nothing: leave it out".to_owned();
+            return Err(Misdeclared::of("up_to_order")(off));
         }
-        let own = |what: &What| what.compares() && !matches!(what, What::SumOf(_));
-        if !self.tolerance_on.is_empty() && !all.iter().any(own) {
-            return Err(Misdeclared::of("tolerance_on")(
-                "`tolerance_on` does nothing here: a sum has one tolerance on each path".to_owned(),
-            ));
+        let written = |key: &str| match key {
+            "tolerance" => self.tolerance.is_some(),
+            "tolerance_on" => !self.tolerance_on.is_empty(),
+            "up_to_order" => self.up_to_order.is_some(),
+            _ => false,
+        };
+        match idle_key(&all, &written) {
+            Some((key, idle)) => Err(Misdeclared::of(key)(idle)),
+            None => Ok(all),
         }
-        let compares = all.iter().any(What::compares);
-        if !compares && (self.tolerance.is_some() || !self.tolerance_on.is_empty()) {
-            let key = if self.tolerance.is_some() { "tolerance" } else { "tolerance_on" };
-            return Err(Misdeclared::of(key)(format!(
-                "a tolerance does nothing here: nothing compares `{variable}`"
-            )));
-        }
-        Ok(all)
     }
 }
 
@@ -317,13 +246,13 @@ impl Declared {
                 variable: variable.to_owned(),
                 tolerance: expected
                     .and_then(|one| one.tolerance.clone())
-                    .filter(|_| what.compares()),
+                    .filter(|_| what.takes("tolerance")),
                 tolerance_on: expected
-                    .filter(|_| what.compares() && !matches!(what, What::SumOf(_)))
+                    .filter(|_| what.takes("tolerance_on"))
                     .map(|one| one.tolerance_on.clone())
                     .unwrap_or_default(),
                 up_to_order: expected.is_some_and(|one| one.up_to_order.is_some())
-                    && what.is_listed(),
+                    && what.takes("up_to_order"),
                 shape: expected.and_then(|one| one.shape),
                 what,
                 folder: folder.to_owned(),
@@ -631,7 +560,7 @@ impl Assertion {
                 }
                 let text = format!("each number lies in {range}");
                 let lies = |_: Scalar, value: f64| range.contains(value);
-                self.each((&after, &content), (&text, &range.to_string()), &lies)
+                concluded(untyped::each(&after, (&text, &range.to_string()), &lies))
             }
             What::Finite => {
                 let content = self.content(compute)?;
@@ -645,9 +574,16 @@ impl Assertion {
                 let is_finite =
                     |scalar: Scalar, value: f64| !scalar.is_float() || value.is_finite();
                 let texts = ("no number is NaN or infinite", "a finite number");
-                self.each((&after, &content), texts, &is_finite)
+                concluded(untyped::each(&after, texts, &is_finite))
             }
-            What::NoHazards(_) => unreachable!("it is no resource's"),
+            What::NoHazards(_)
+            | What::Unit
+            | What::PerpendicularTo(_)
+            | What::RightHandedFrame
+            | What::SymmetricIn(_)
+            | What::Monotone(..)
+            | What::Limit { .. }
+            | What::Integral(_) => unreachable!("no resource has it: `Expected` has no such key"),
         }
     }
 
@@ -672,30 +608,6 @@ impl Assertion {
                 Ok(own.ok_or_else(unknown)?)
             }
         }
-    }
-
-    /// A statement of each number.
-    fn each(
-        &self,
-        (after, content): (&After<'_>, &Content),
-        (text, expected): (&str, &str),
-        holds: &dyn Fn(Scalar, f64) -> bool,
-    ) -> Result<ComputeAgreement, Stop> {
-        let element = content.element().clone();
-        let (scalars, names) = (element.lanes(), element.lane_names());
-        let width = scalars.len().max(1);
-        let breaks = |lanes: &[u32]| {
-            let value = |at: usize| scalars[at % width].decode(lanes[at]);
-            let wrong: Vec<usize> =
-                (0..lanes.len()).filter(|at| !holds(scalars[at % width], value(*at))).collect();
-            let first = *wrong.first()?;
-            let shown = value(first).to_string();
-            let mut elements: Vec<usize> = wrong.iter().map(|at| at / width).collect();
-            elements.dedup();
-            let element = named(first / width, &names[first % width], shown, expected.to_owned());
-            Some(Broken { failures: elements.len(), first: Some(element) })
-        };
-        concluded(untyped::satisfies(after, text, false, &breaks))
     }
 }
 

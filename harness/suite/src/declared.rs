@@ -92,9 +92,11 @@ use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
+use crate::assertions::{Shared, What, idle_key, switched};
 use crate::compute;
 use crate::draws;
 use crate::find::of_whole;
+use crate::misdeclared::Misdeclared;
 use crate::range::Range;
 use crate::{Kind, Test};
 
@@ -333,31 +335,6 @@ impl Keys {
     }
 }
 
-/// What one test asserts of a function.
-#[derive(Clone, Debug)]
-pub(crate) enum What {
-    AgreesWith(String),
-    Table(PathBuf),
-    Golden(String),
-    Equals(Value),
-    Finite,
-    Unit,
-    PerpendicularTo(String),
-    RightHandedFrame,
-    InRange(Range),
-    SymmetricIn([String; 2]),
-    Monotone(String, Direction),
-    Limit {
-        argument: String,
-        toward: f64,
-        through: Vec<f64>,
-        is: Value,
-    },
-    Integral(Integral),
-    /// Of these kinds; of any without.
-    NoHazards(Option<Vec<HazardKind>>),
-}
-
 /// An assertion of a `[[test]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
@@ -465,50 +442,6 @@ impl Assertion {
     }
 }
 
-impl What {
-    /// As it is written.
-    pub(crate) fn key(&self) -> &'static str {
-        match self {
-            Self::AgreesWith(_) => "agrees_with",
-            Self::Table(_) => "table",
-            Self::Golden(_) => "golden",
-            Self::Equals(_) => "equals",
-            Self::Finite => "finite",
-            Self::Unit => "unit",
-            Self::PerpendicularTo(_) => "perpendicular_to",
-            Self::RightHandedFrame => "right_handed_frame",
-            Self::InRange(_) => "in_range",
-            Self::SymmetricIn(_) => "symmetric_in",
-            Self::Monotone(..) => "monotone",
-            Self::Limit { .. } => "limit",
-            Self::Integral(_) => "integral",
-            Self::NoHazards(_) => "no_hazards",
-        }
-    }
-
-    /// As the table of keys has it.
-    fn form(&self) -> &'static str {
-        match self {
-            Self::Integral(Integral { equals: None, .. }) => "integral at_most",
-            other => other.key(),
-        }
-    }
-
-    /// True if it takes a key that others don't.
-    pub(crate) fn takes(&self, key: &str) -> bool {
-        let takers = TAKEN.iter().find(|(known, _)| *known == key);
-        takers.is_none_or(|(_, takers)| takers.contains(&self.form()))
-    }
-
-    fn name(&self) -> String {
-        match self {
-            Self::Monotone(argument, _) => format!("monotone in {argument}"),
-            Self::Limit { argument, .. } => format!("limit of {argument}"),
-            other => other.key().to_owned(),
-        }
-    }
-}
-
 /// The parser's message of an unknown name, and the known one that it may have been meant to be.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
@@ -576,7 +509,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnosti
         let what = match whats(&declared) {
             Ok(what) => what,
             Err(error) => {
-                wrong.push(Diagnostic::new(error).at(span, ""));
+                wrong.push(error.unread(&keys, &span));
                 continue;
             }
         };
@@ -667,53 +600,6 @@ fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)
     })
 }
 
-/// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
-/// has a `slack` in place of a tolerance.
-const TAKEN: [(&str, &[&str]); 7] = [
-    ("over", &DRAWN),
-    ("where", &DRAWN),
-    ("cases", &DRAWN),
-    ("seed", &DRAWN),
-    ("tolerance", &WITHIN),
-    ("tolerance_on", &WITHIN),
-    ("accept_hazard", &["no_hazards"]),
-];
-
-/// The assertions whose arguments are drawn: a table has its own.
-const DRAWN: [&str; 14] = [
-    "agrees_with",
-    "golden",
-    "equals",
-    "finite",
-    "unit",
-    "perpendicular_to",
-    "right_handed_frame",
-    "in_range",
-    "symmetric_in",
-    "monotone",
-    "limit",
-    "integral",
-    "integral at_most",
-    "no_hazards",
-];
-
-/// The assertions that take a tolerance.
-const WITHIN: [&str; 8] =
-    ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
-
-/// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
-fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static str, String)> {
-    let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
-    let (key, takers) = TAKEN.iter().find(idle)?;
-    let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
-    let error = format!(
-        "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
-        own.join(", "),
-        takers.join(", ")
-    );
-    Some((*key, error))
-}
-
 /// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
 fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(text) else { return Vec::new() };
@@ -764,49 +650,47 @@ fn module_of(file: &Path, root: &Path) -> String {
 }
 
 /// The assertions of a test: at least one.
-fn whats(test: &Declared) -> Result<Vec<What>, String> {
-    let mut all = Vec::new();
-    all.extend(test.agrees_with.clone().map(What::AgreesWith));
-    all.extend(test.table.clone().map(What::Table));
-    all.extend(test.golden.clone().map(What::Golden));
-    all.extend(test.equals.clone().map(What::Equals));
-    for (key, said, what) in [
-        ("finite", test.finite, What::Finite),
-        ("unit", test.unit, What::Unit),
-        ("right_handed_frame", test.right_handed_frame, What::RightHandedFrame),
-    ] {
-        match said {
-            Some(true) => all.push(what),
-            Some(false) => return Err(format!("`{key} = false` asserts nothing: leave it out")),
-            None => {}
-        }
-    }
+fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
+    let shared = Shared {
+        agrees_with: &test.agrees_with,
+        table: &test.table,
+        golden: &test.golden,
+        equals: &test.equals,
+        finite: test.finite,
+        in_range: test.in_range,
+    };
+    let mut all = shared.whats()?;
+    all.extend(switched("unit", test.unit, What::Unit)?);
+    all.extend(switched("right_handed_frame", test.right_handed_frame, What::RightHandedFrame)?);
     all.extend(test.perpendicular_to.clone().map(What::PerpendicularTo));
     all.extend(test.no_hazards.clone().map(|NoHazards(kinds)| What::NoHazards(kinds)));
-    all.extend(test.in_range.map(What::InRange));
     all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
     let monotone = test.monotone.iter().flatten();
     all.extend(monotone.map(|(name, direction)| What::Monotone(name.clone(), *direction)));
-    let limit = test.limit.as_ref().map(limit).transpose()?;
+    let limit = test.limit.as_ref().map(limit).transpose();
+    let limit = limit.map_err(Misdeclared::of("limit"))?;
     if let (Some(What::Limit { argument, .. }), true) = (&limit, all.is_empty())
         && test.over.contains_key(argument)
         && test.integral.is_none()
     {
-        return Err(format!(
+        return Err(Misdeclared::of("over")(format!(
             "`{argument}` in `over` does nothing: the limit says what it is. Leave it out"
-        ));
+        )));
     }
     all.extend(limit);
     if let Some(integral) = &test.integral {
         match (&integral.equals, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
-                return Err(
+                return Err(Misdeclared::of("integral.slack")(
                     "`slack` does nothing beside `equals`, which has a `tolerance`: leave it out"
                         .to_owned(),
-                );
+                ));
             }
             (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
-            _ => return Err("an integral has either `equals` or `at_most`".to_owned()),
+            _ => {
+                let either = "an integral has either `equals` or `at_most`".to_owned();
+                return Err(Misdeclared::of("integral")(either));
+            }
         }
     }
     if all.is_empty() {
@@ -814,7 +698,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
             "this test asserts nothing: agrees_with, table, golden, equals, finite, unit, \
                     perpendicular_to, right_handed_frame, in_range, symmetric_in, monotone, limit, \
                     integral or no_hazards"
-                .to_owned(),
+                .into(),
         );
     }
     Ok(all)

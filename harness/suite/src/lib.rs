@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+mod assertions;
 mod compute;
 pub mod declared;
 mod domains;

@@ -7,7 +7,7 @@ use karat::unstable::diagnostic::read_file;
 use karat::unstable::reflect::Program;
 use toml::Value;
 
-use crate::declared::What;
+use crate::assertions::What;
 use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 

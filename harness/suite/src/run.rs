@@ -21,8 +21,9 @@ use karat_inspect::made_up::Ranges;
 use toml::Value;
 
 use crate::compute::Stop;
+use crate::assertions::What;
 use crate::declared::{
-    Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, Relative, What,
+    Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, Relative,
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
@@ -558,6 +559,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
                 Some(kinds) => check.try_has_none_of(kinds.iter().copied()),
             })
         }
+        What::Sorted { .. }
+        | What::SumOf(_)
+        | What::PermutationOf(_)
+        | What::Unchanged
+        | What::Written => unreachable!("no function has it: `Declared` has no such key"),
     }
 }
 

@@ -4,7 +4,7 @@ use super::sum::Sum;
 use crate::check::called::Called;
 use crate::check::disagreement::Expectation;
 use crate::check::session::Session;
-use crate::check::tally::{Class, Judged, classify};
+use crate::judge::{Class, Judged, classify};
 use crate::check::tolerances::{self, Tolerances};
 use crate::check::{Failure, Mismatch};
 use crate::path::Selected;

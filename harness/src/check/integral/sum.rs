@@ -1,6 +1,6 @@
 //! Sums of weighted results, of any length, without a rounding that grows with it.
 
-use crate::check::tally::{Judged, finite};
+use crate::judge::{Judged, finite};
 use crate::value::Scalar;
 
 /// The integral of one case on one path, so far.

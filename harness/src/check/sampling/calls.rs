@@ -2,7 +2,7 @@
 
 use crate::check::arguments::arguments;
 use crate::check::called::Called;
-use crate::check::parallel;
+use crate::parallel;
 use crate::check::{Failure, Mismatch};
 use crate::domain::Source;
 use crate::value::{Arguments, Scalar, Shape, Shareable};

@@ -8,7 +8,7 @@ use std::sync::{Mutex, OnceLock};
 const TASK: usize = 2048;
 
 /// The results of tasks, in their order.
-pub(super) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let slots: Vec<OnceLock<T>> = (0..tasks).map(|_| OnceLock::new()).collect();
     run(tasks, &|index| {
         slots[index].get_or_init(|| task(index));
@@ -34,7 +34,7 @@ fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
 
 /// Rows of equal width, one after the other. A task appends some of them; `None` if one says that it
 /// couldn't.
-pub(super) fn rows<T: Copy + Default + Send>(
+pub(crate) fn rows<T: Copy + Default + Send>(
     count: usize,
     width: usize,
     append: &(dyn Fn(Range<usize>, &mut Vec<T>) -> bool + Sync),

@@ -1,8 +1,8 @@
-//! What the cases of one path add up to.
+//! The judge of cases and elements: rows of words beside what is asserted of them, and what they add up to.
 
 use std::ops::Range;
 
-use super::parallel;
+use crate::parallel;
 use crate::executor::View;
 use crate::record::ExpectationDetails;
 use crate::tolerance::{LaneError, Tolerance, Unit};
@@ -83,6 +83,23 @@ impl Census {
     pub(crate) fn judged(&self) -> u64 {
         self.cases - self.idle
     }
+
+    /// How many fail in each way, as the end of a sentence: `, 3 NaN, 9 too low`.
+    pub(crate) fn ways(&self) -> String {
+        let ways = [
+            (self.nan, "NaN"),
+            (self.infinite, "infinite"),
+            (self.wrong_sign, "with the wrong sign"),
+            (self.too_low, "too low"),
+            (self.too_high, "too high"),
+            (self.shader, "with a reference that isn't allowed"),
+            (self.driver, "with a result that isn't allowed"),
+            (self.ill_conditioned, "ill-conditioned"),
+            (self.unbounded, "unbounded"),
+        ];
+        let ways = ways.into_iter().filter(|(count, _)| *count > 0);
+        ways.map(|(count, way)| format!(", {count} {way}")).collect()
+    }
 }
 
 /// A case worth showing.
@@ -90,6 +107,13 @@ impl Census {
 pub(crate) struct Shown {
     pub(crate) case: u64,
     pub(crate) judged: Judged,
+}
+
+impl Shown {
+    /// The place of its worst lane among the words of cases that stand one after the other.
+    pub(crate) fn at(&self, width: usize) -> usize {
+        usize::try_from(self.case).expect("they are in memory") * width + self.judged.lane
+    }
 }
 
 /// The sum over a path's cases. Merging is independent of order.
@@ -174,14 +198,14 @@ fn either(
 const TASK: usize = 2048;
 
 /// The text of a failing case, in place of its result.
-pub(super) struct Described {
-    pub(super) expectations: Vec<ExpectationDetails>,
-    pub(super) notes: Vec<(&'static str, String)>,
+pub(crate) struct Described {
+    pub(crate) expectations: Vec<ExpectationDetails>,
+    pub(crate) notes: Vec<(&'static str, String)>,
 }
 
 /// How the cases of a batch are judged. A case is given by its index in the batch and the words of
 /// its result.
-pub(super) trait Judge: Sync {
+pub(crate) trait Judge: Sync {
     fn judge(&self, case: usize, actual: &[u32]) -> Judged;
 
     /// Whether the case passes and its ratio is at most `ratio`, where that is known at less cost
@@ -236,25 +260,25 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
 
 /// Cases of a batch whose errors are kept, evenly spaced, and those that fail.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Picked {
+pub(crate) struct Picked {
     /// Whether failing cases are wanted.
     wants_failing: bool,
     /// Their indices in the batch.
-    pub(super) failing: Vec<usize>,
+    pub(crate) failing: Vec<usize>,
     /// Each so many; 0: none.
     every: usize,
     /// The cases' indices in the batch, and their errors divided by their bounds.
-    pub(super) ratios: Vec<(usize, f64)>,
+    pub(crate) ratios: Vec<(usize, f64)>,
 }
 
 impl Picked {
     /// About `count` of so many cases.
-    pub(super) fn some(count: usize, of: usize) -> Self {
+    pub(crate) fn some(count: usize, of: usize) -> Self {
         Self { every: of.div_ceil(count).max(1), ..Self::default() }
     }
 
     /// With the cases that fail.
-    pub(super) fn and_failing(self) -> Self {
+    pub(crate) fn and_failing(self) -> Self {
         Self { wants_failing: true, ..self }
     }
 
@@ -275,7 +299,7 @@ impl Picked {
 }
 
 /// Judges each case of a batch, of which the first has the index `first_case`; `picked` gets errors.
-pub(super) fn tally(
+pub(crate) fn tally(
     first_case: u64,
     results: View<'_>,
     judge: &dyn Judge,

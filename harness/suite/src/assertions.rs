@@ -1,0 +1,191 @@
+//! The assertions of files: of functions' results, and of what passes leave in a resource.
+
+use std::path::PathBuf;
+
+use karat::check::HazardKind;
+use toml::Value;
+
+use crate::declared::{Direction, Integral};
+use crate::misdeclared::Misdeclared;
+use crate::range::Range;
+
+/// An assertion.
+#[derive(Clone, Debug)]
+pub(crate) enum What {
+    // Of functions and of resources.
+    AgreesWith(String),
+    Table(PathBuf),
+    Golden(String),
+    Equals(Value),
+    Finite,
+    InRange(Range),
+    /// Of these kinds; of any without.
+    NoHazards(Option<Vec<HazardKind>>),
+    // Of functions.
+    Unit,
+    PerpendicularTo(String),
+    RightHandedFrame,
+    SymmetricIn([String; 2]),
+    Monotone(String, Direction),
+    Limit {
+        argument: String,
+        toward: f64,
+        through: Vec<f64>,
+        is: Value,
+    },
+    Integral(Integral),
+    // Of resources.
+    Sorted {
+        descending: bool,
+    },
+    SumOf(String),
+    PermutationOf(String),
+    Unchanged,
+    Written,
+}
+
+/// The keys of the assertions that functions and resources share.
+pub(crate) struct Shared<'k> {
+    pub(crate) agrees_with: &'k Option<String>,
+    pub(crate) table: &'k Option<PathBuf>,
+    pub(crate) golden: &'k Option<String>,
+    pub(crate) equals: &'k Option<Value>,
+    pub(crate) finite: Option<bool>,
+    pub(crate) in_range: Option<Range>,
+}
+
+impl Shared<'_> {
+    pub(crate) fn whats(&self) -> Result<Vec<What>, Misdeclared> {
+        let mut all = Vec::new();
+        all.extend(self.agrees_with.clone().map(What::AgreesWith));
+        all.extend(self.table.clone().map(What::Table));
+        all.extend(self.golden.clone().map(What::Golden));
+        all.extend(self.equals.clone().map(What::Equals));
+        all.extend(switched("finite", self.finite, What::Finite)?);
+        all.extend(self.in_range.map(What::InRange));
+        Ok(all)
+    }
+}
+
+/// The assertion of a key that is `true`; `false` asserts nothing.
+pub(crate) fn switched(
+    key: &'static str,
+    value: Option<bool>,
+    what: What,
+) -> Result<Option<What>, Misdeclared> {
+    match value {
+        Some(false) => {
+            Err(Misdeclared::of(key)(format!("`{key} = false` asserts nothing: leave it out")))
+        }
+        on => Ok(on.map(|_| what)),
+    }
+}
+
+impl What {
+    /// As it is written.
+    pub(crate) fn key(&self) -> &'static str {
+        match self {
+            Self::AgreesWith(_) => "agrees_with",
+            Self::Table(_) => "table",
+            Self::Golden(_) => "golden",
+            Self::Equals(_) => "equals",
+            Self::Finite => "finite",
+            Self::InRange(_) => "in_range",
+            Self::NoHazards(_) => "no_hazards",
+            Self::Unit => "unit",
+            Self::PerpendicularTo(_) => "perpendicular_to",
+            Self::RightHandedFrame => "right_handed_frame",
+            Self::SymmetricIn(_) => "symmetric_in",
+            Self::Monotone(..) => "monotone",
+            Self::Limit { .. } => "limit",
+            Self::Integral(_) => "integral",
+            Self::Sorted { .. } => "sorted",
+            Self::SumOf(_) => "sum_of",
+            Self::PermutationOf(_) => "permutation_of",
+            Self::Unchanged => "unchanged",
+            Self::Written => "written",
+        }
+    }
+
+    /// Its part of the test's name.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::Monotone(argument, _) => format!("monotone in {argument}"),
+            Self::Limit { argument, .. } => format!("limit of {argument}"),
+            other => other.key().to_owned(),
+        }
+    }
+
+    /// As the table of keys has it.
+    fn form(&self) -> &'static str {
+        match self {
+            Self::Integral(Integral { equals: None, .. }) => "integral at_most",
+            other => other.key(),
+        }
+    }
+
+    /// True if it takes a key that others don't.
+    pub(crate) fn takes(&self, key: &str) -> bool {
+        let takers = TAKEN.iter().find(|(known, _)| *known == key);
+        takers.is_none_or(|(_, takers)| takers.contains(&self.form()))
+    }
+}
+
+/// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
+/// has a `slack` in place of a tolerance.
+const TAKEN: [(&str, &[&str]); 8] = [
+    ("over", &DRAWN),
+    ("where", &DRAWN),
+    ("cases", &DRAWN),
+    ("seed", &DRAWN),
+    ("tolerance", &WITHIN_OR_SUM),
+    ("tolerance_on", &WITHIN),
+    ("accept_hazard", &["no_hazards"]),
+    ("up_to_order", &["equals", "table", "agrees_with"]),
+];
+
+/// The assertions whose arguments are drawn: a table has its own.
+const DRAWN: [&str; 14] = [
+    "agrees_with",
+    "golden",
+    "equals",
+    "finite",
+    "unit",
+    "perpendicular_to",
+    "right_handed_frame",
+    "in_range",
+    "symmetric_in",
+    "monotone",
+    "limit",
+    "integral",
+    "integral at_most",
+    "no_hazards",
+];
+
+/// The assertions that take a tolerance; a sum has one on all paths.
+const WITHIN: [&str; 8] =
+    ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
+const WITHIN_OR_SUM: [&str; 9] = [
+    "agrees_with",
+    "table",
+    "golden",
+    "equals",
+    "symmetric_in",
+    "monotone",
+    "limit",
+    "integral",
+    "sum_of",
+];
+
+/// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
+pub(crate) fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static str, String)> {
+    let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
+    let (key, takers) = TAKEN.iter().find(idle)?;
+    let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
+    let error = format!(
+        "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
+        own.join(", "),
+        takers.join(", ")
+    );
+    Some((*key, error))
+}
