@@ -917,12 +917,16 @@ impl Both {
 }
 
 impl PathChange {
+    /// How well it shows the edit: of several the greatest is shown.
+    fn shows(&self) -> (Clarity, u64) {
+        (self.clarity, self.ulp.unwrap_or(u64::MAX))
+    }
+
     /// Adds what the same edit did over other contents of buffers. What shows it better is the one that is shown.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
-        let shows = |one: &Self| (one.clarity, one.ulp.unwrap_or(u64::MAX));
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
-        let less = match shows(&other) > shows(self) {
+        let less = match other.shows() > self.shows() {
             true => std::mem::replace(self, other),
             false => other,
         };

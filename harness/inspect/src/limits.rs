@@ -58,6 +58,9 @@ pub(crate) const LAST_VERTEX: f64 = 35.0;
 /// Operations that the inputs of a function may come to over one content of its resources: a second or two of one core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
+/// The same once a change is known: the other contents show how far it goes, in a tenth of a second each.
+pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
+
 /// Inputs, of more, whose equal results are a verdict: as many as draws that make a fault.
 pub(crate) const LEAST_EQUAL: usize = 64;
 

@@ -13,7 +13,7 @@ use super::lanes::Shared;
 use super::sides::hold_the_same;
 use super::values::{Clarity, Distance, Largest, clarity, distance, told};
 use super::{Both, Change, PathChange, Request};
-use crate::limits::{COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER_WORDS, SIMPLER};
+use crate::limits::{CHANGED_WORK, COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER_WORDS, SIMPLER};
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
@@ -125,7 +125,8 @@ impl Request {
             let sides = [(before, Some(&of_before as _)), (after, None)];
             let side = |(at, (probed, own))| Side { probed, fixtures: &held[at], own };
             let sides: Vec<Side<'_>> = sides.into_iter().enumerate().map(side).collect();
-            let chosen = Chosen::of(&sides, &arguments, (all, &rows), COMPARED_WORK);
+            let work = if paths.is_empty() { COMPARED_WORK } else { CHANGED_WORK };
+            let chosen = Chosen::of(&sides, &arguments, (all, &rows), work);
             let Chosen { count, rows, allowed, .. } = chosen;
             ran.cut += chosen.cut;
             left_out += chosen.cut;
@@ -148,8 +149,11 @@ impl Request {
                     continue;
                 };
                 let of = (content, &*made.members);
-                change.arguments.extend(matter([before, after], ranges, of, (&pair, &row)));
-                match paths.iter_mut().find(|known| known.path == change.path) {
+                let known = paths.iter_mut().find(|known| known.path == change.path);
+                if known.as_ref().is_none_or(|known| change.shows() > known.shows()) {
+                    change.arguments.extend(matter([before, after], ranges, of, (&pair, &row)));
+                }
+                match known {
                     Some(known) => known.add(change),
                     None => paths.push(change),
                 }
@@ -292,7 +296,7 @@ fn changed(
     let (old, new): (Vec<usize>, Vec<usize>) =
         pair.shared.results.iter().filter(differs).copied().unzip();
     let is_whole = pair.shared.is_same();
-    let matter = lanes_that_matter(pair, (rows, count), &row, &result)?;
+    let matter = lanes_that_matter(pair, (rows, count, simpler), &row, &result)?;
     let mut given = arguments(function, &row);
     let mut at = 0;
     given.retain(|(name, _)| {
@@ -315,16 +319,17 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Of each lane of a row whether it matters to the results: with the word of another row they are others.
+/// Of each lane of a row whether it matters to the results: with the word of another row they are others. Where the work
+/// allows no other row, each may.
 fn lanes_that_matter(
     pair: &Pair<'_>,
-    (rows, count): (&[u32], usize),
+    (rows, count, allowed): (&[u32], usize, usize),
     row: &[u32],
     result: &Results,
 ) -> Result<Vec<bool>, ProbeError> {
     let width = row.len();
     let mut all = Vec::new();
-    let others = count.min(OTHER_WORDS);
+    let others = count.min(OTHER_WORDS).min(allowed / width.max(1));
     for lane in 0..width {
         for other in 0..others {
             let mut own = row.to_vec();
