@@ -177,15 +177,27 @@ const WITHIN_OR_SUM: [&str; 9] = [
     "sum_of",
 ];
 
+/// The assertions that resources have, too, and that they alone have.
+const OF_BOTH: [&str; 7] =
+    ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
+const OF_RESOURCES: [&str; 5] = ["sorted", "sum_of", "permutation_of", "unchanged", "written"];
+
 /// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
-pub(crate) fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static str, String)> {
+pub(crate) fn idle_key(
+    whats: &[What],
+    of_resource: bool,
+    written: &dyn Fn(&str) -> bool,
+) -> Option<(&'static str, String)> {
     let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
     let (key, takers) = TAKEN.iter().find(idle)?;
+    let is_there =
+        |taker: &&&str| OF_BOTH.contains(taker) || OF_RESOURCES.contains(taker) == of_resource;
+    let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(
         "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
         own.join(", "),
-        takers.join(", ")
+        there.join(", ")
     );
     Some((*key, error))
 }

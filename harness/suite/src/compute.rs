@@ -192,7 +192,7 @@ impl Expected {
             "up_to_order" => self.up_to_order.is_some(),
             _ => false,
         };
-        match idle_key(&all, &written) {
+        match idle_key(&all, true, &written) {
             Some((key, idle)) => Err(Misdeclared::of(key)(idle)),
             None => Ok(all),
         }

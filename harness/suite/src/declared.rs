@@ -513,7 +513,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnosti
                 continue;
             }
         };
-        if let Some((key, error)) = idle_key(&what, &|key| keys.0.contains_key(key)) {
+        if let Some((key, error)) = idle_key(&what, false, &|key| keys.0.contains_key(key)) {
             let place = keys.0.get(key).unwrap_or(&span).clone();
             wrong.push(Diagnostic::new(error).at(place, ""));
             continue;

@@ -560,7 +560,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\nsorted = true\ntolerance = \"4 ulp\"",
-            ["a tolerance does nothing", "m.test.toml:7:1"],
+            ["`tolerance` does nothing here", "m.test.toml:7:1"],
         ),
         (
             "reverse",

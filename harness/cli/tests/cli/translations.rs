@@ -373,7 +373,7 @@ fn overrides_have_values_in_the_matrix() {
     let error = matrix(&["--override", "SIEZ=4"]).error();
     assert!(error.contains("no function and no entry point uses an override `SIEZ`"), "{error}");
     let error = matrix(&["--override", "SIZE=1.5"]).error();
-    assert!(error.contains("an override: "), "{error}");
+    assert!(error.contains("the override `SIZE` is a u32"), "{error}");
     // Of several packages one has it.
     write(
         folder.path(),
