@@ -58,6 +58,7 @@ mod verdict;
 pub(crate) mod wgsl_test;
 
 pub use crate::hazard::Kind as HazardKind;
+pub use crate::judge::Census;
 #[doc(inline)]
 pub use crate::value::Reference;
 use demand::Demand;
@@ -74,7 +75,6 @@ pub use quadrature::Directions;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Sampling,
 };
-pub use crate::judge::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::parallel;
 use crate::executor::View;
+use crate::parallel;
 use crate::record::ExpectationDetails;
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;

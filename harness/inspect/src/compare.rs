@@ -33,9 +33,7 @@ use karat::package::{Feature, Package, PackageError};
 use karat::path::Path;
 use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
-use karat::unstable::package::{
-    Stage, declared_hazards, place_of_override, values_of, words_of,
-};
+use karat::unstable::package::{Stage, declared_hazards, place_of_override, values_of, words_of};
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{Overrides, Program, State};
 use karat_core::panics;

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::judge::{Class, Judged};
 use crate::interpret::Bound;
+use crate::judge::{Class, Judged};
 use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;
 

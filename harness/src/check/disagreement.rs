@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::batch::SEARCHED;
-use crate::judge::{Census, Judged};
 use crate::diagnostic::Diagnostic;
+use crate::judge::{Census, Judged};
 use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::record::{CaseDetails, Details, ExpectationDetails, PathDetails, Replay};

@@ -7,10 +7,10 @@ use super::demand::Demand;
 use super::kinds::{Accepted, Kinds};
 use super::plan::Plan;
 use super::session::{Asserted, Explained, Session};
-use crate::judge::{Class, Judged};
 use super::{Agreement, Calls, Check, Failure, Mismatch, tolerances};
 use crate::domain::Stream;
 use crate::interpret::hazards::{Found, Kind, Missing};
+use crate::judge::{Class, Judged};
 use crate::run::or_panic;
 use crate::tolerance::LaneError;
 

@@ -2,8 +2,8 @@
 
 use super::called::Called;
 use super::sample::Sample;
-use crate::judge::{Shown, Tally};
 use super::{CaseFailure, Simplest};
+use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 

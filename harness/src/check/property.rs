@@ -7,8 +7,8 @@ use super::disagreement::CaseFailure;
 use super::path_tally::PathTally;
 use super::sample::Sample;
 use super::session::Session;
-use crate::judge::{Judged, Shown, tally};
 use crate::executor::Results;
+use crate::judge::{Judged, Shown, tally};
 
 /// What `returned` is of where arguments are primed.
 pub(super) const PRIMED: &str =

@@ -129,9 +129,9 @@ impl Plan<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::judge::finite;
     use crate::check::{Calls, Check};
     use crate::domain::Integers;
+    use crate::judge::finite;
     use crate::package::Package;
     use crate::tolerance::LaneError;
 

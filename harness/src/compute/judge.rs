@@ -207,7 +207,12 @@ impl Sum {
     }
 
     /// The same, with names of texels if the resource is a texture.
-    pub(super) fn named(mut self, passes: &Passes, resource: usize, grid: Option<[usize; 2]>) -> Self {
+    pub(super) fn named(
+        mut self,
+        passes: &Passes,
+        resource: usize,
+        grid: Option<[usize; 2]>,
+    ) -> Self {
         let in_grid = |index: usize| {
             let [_, columns] = grid?;
             Some(format!("[{index}: row {}, column {}]", index / columns, index % columns))

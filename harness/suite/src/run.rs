@@ -20,8 +20,8 @@ use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use karat_inspect::made_up::Ranges;
 use toml::Value;
 
-use crate::compute::Stop;
 use crate::assertions::What;
+use crate::compute::Stop;
 use crate::declared::{
     Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, Relative,
 };

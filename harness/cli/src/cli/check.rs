@@ -10,7 +10,7 @@ use karat::unstable::output::{counted, name};
 use karat::unstable::record::Recorded;
 use karat::unstable::reflect::{Dependence, Invalid, Opinion};
 
-use super::project::Project;
+use super::project::{self, Project};
 use super::search::{self, Found};
 use super::table::{BAD, GOOD, HEAD};
 use super::{Ending, Outcome, PlaceArgs};
@@ -84,10 +84,11 @@ fn validate_found(
 ) -> anyhow::Result<(bool, Opinion)> {
     let (mut valid, mut opinion) = (true, Opinion::default());
     for Found { package, stated } in found {
+        let title = project::title(package, found.iter().map(|found| &found.package));
         match package.try_is_valid() {
             Ok(found) => {
                 if all {
-                    writeln!(out, "{GOOD}{}: valid{GOOD:#} ({found})", package.name())?;
+                    writeln!(out, "{GOOD}{title}: valid{GOOD:#} ({found})")?;
                     write_remarks(&found.opinion, out)?;
                 }
                 opinion.add(&found.opinion);
@@ -101,10 +102,10 @@ fn validate_found(
                     Some(invalid) => {
                         valid = false;
                         remarks = own.remarks_beside(&invalid);
-                        write(&[(package.name(), invalid)], out)?;
+                        write(&[(title, invalid)], out)?;
                     }
                     None if all => {
-                        writeln!(out, "{GOOD}{}: valid{GOOD:#} as tests use it", package.name())?;
+                        writeln!(out, "{GOOD}{title}: valid{GOOD:#} as tests use it")?;
                     }
                     None => {}
                 }

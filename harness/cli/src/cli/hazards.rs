@@ -103,6 +103,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 found => break found?,
             }
         };
+        found.package = project::title(package, &packages);
         let others = keep_kinds(&mut found, &args.kinds);
         all.push((found, others));
     }

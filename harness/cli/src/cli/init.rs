@@ -46,6 +46,20 @@ const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.p
 const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 
+/// The steps that install Karat and run it, and what they are where `package.json` has it.
+const BY_NPM: [(&str, &str); 4] = [
+    ("      # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
+    ("    # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
+    (
+        "      - run: cargo install --locked --git https://example.org/karat karat-cli\n      - run: karat",
+        "      - uses: actions/setup-node@v4\n        with:\n          node-version: 22\n      - run: npm ci\n      - run: npx karat",
+    ),
+    (
+        "    - cargo install --locked --git https://example.org/karat karat-cli\n    - karat",
+        "    - npm ci\n    - npx karat",
+    ),
+];
+
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     args.ci.check("write a first test")?;
     let folder = match &args.folder {
@@ -431,6 +445,14 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
 }
 
 fn with_folder(template: &str, folder: &Path) -> String {
+    let by_npm = npm::brings_karat(Path::new(".")).then(|| {
+        let mut text = template.replace("image: rust:1.95", "image: node:22");
+        for (cargo, npm) in BY_NPM {
+            text = text.replace(cargo, npm);
+        }
+        text
+    });
+    let template = by_npm.as_deref().unwrap_or(template);
     // A Cargo project has Rust tests, too, and their records are with what it builds.
     if Path::new("Cargo.toml").is_file() {
         return template.replace(" SHADERS", "").replace("**/.karat/run", "target/karat");

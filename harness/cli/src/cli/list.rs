@@ -6,7 +6,7 @@ use std::io::Write;
 use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::package::FunctionItem;
-use karat::unstable::record::{self, Subject};
+use karat::unstable::record::{self, Run, Subject};
 use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Broken, Suite, Test, Wrong};
 use serde::Serialize;
@@ -82,17 +82,23 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_json(&entries, out)?;
         return Ok(verdict);
     }
+    // What such a run left out may have tests all the same.
+    let selected = last_selection(&project)?;
+    let untested = if selected.is_some() { "not by the last run" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {
             (_, Some(_)) => (BAD, "can't be probed"),
             (true, None) => (GOOD, "yes"),
-            (false, None) => (DIM, "no"),
+            (false, None) => (DIM, untested),
         };
         let name = entry.signature.as_ref().unwrap_or(&entry.function).clone();
         table.row(style, vec![name, state.to_owned(), entry.location.clone()]);
     }
     table.write(out)?;
+    if let Some(selected) = selected {
+        writeln!(out, "{DIM}the last run was of `{selected}` alone: `karat test` runs all{DIM:#}")?;
+    }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;
     }
@@ -207,6 +213,13 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let dispatched = tests().filter(of_ran).flat_map(Test::dispatches);
     let dispatched = dispatched.map(str::to_owned);
     called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
+}
+
+/// What the last run was of, if it wasn't of all tests.
+fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
+    let folder = project.output().join("record");
+    let run = if folder.is_dir() { Run::read(&folder)? } else { None };
+    Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
 /// The functions that the last run checked, and the tests that drew frames; none if there was no run.

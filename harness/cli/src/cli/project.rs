@@ -6,6 +6,7 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
+use karat::unstable::diagnostic::shown;
 use karat::unstable::package::is_of_tools;
 use karat::unstable::record::{Recorded, Subject};
 use serde::Deserialize;
@@ -131,6 +132,16 @@ pub(super) struct Project {
     settings: Vec<(PathBuf, Settings)>,
     /// Whether it is a package or workspace of Cargo's.
     cargo: bool,
+}
+
+/// The name of a package among others: its folder's place where another one has the same name, as each crate may have a
+/// folder `shaders`.
+pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
+    let name = package.name();
+    match all.into_iter().filter(|other| other.name() == name).count() {
+        0 | 1 => name,
+        _ => shown(&package.root()),
+    }
 }
 
 impl Project {

@@ -288,3 +288,28 @@ fn nearly_equal_arguments_are_tried() {
     let about = ran.out.lines().find(|line| line.contains("are rounding errors (0."));
     assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
 }
+
+/// Each crate of a workspace has a folder of one name.
+#[test]
+fn packages_of_one_name_are_told_by_their_folders() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let manifest =
+        "[workspace]\n[workspace.metadata.karat]\npackages = [\"a/shaders\", \"b/shaders\"]\n";
+    write(folder.path(), "Cargo.toml", manifest);
+    let (over, plain) = (
+        "override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * A; }\n",
+        "fn g(x: f32) -> f32 { return x; }\n",
+    );
+    write(&folder.path().join("a/shaders"), "m.wgsl", over);
+    write(&folder.path().join("b/shaders"), "m.wgsl", plain);
+    // The override of one of them is no error of the other.
+    let ran = karat(folder.path(), &["hazards", "--override", "A=2"]).good();
+    assert!(ran.contains("a/shaders: 0 faults") && ran.contains("b/shaders: 0 faults"), "{ran}");
+    let checked = karat(folder.path(), &["check"]).good();
+    assert!(
+        checked.contains("a/shaders: valid") && checked.contains("b/shaders: valid"),
+        "{checked}"
+    );
+    let error = karat(folder.path(), &["hazards", "--override", "B=2"]).error();
+    assert!(error.contains("uses an override `B`; did you mean `A`?"), "{error}");
+}

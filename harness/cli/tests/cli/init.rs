@@ -38,6 +38,32 @@ fn a_project_gets_the_profiles_that_tests_need() {
     assert_eq!(read(), written, "once");
 }
 
+/// Where `package.json` has Karat, jobs install it by npm.
+#[test]
+fn jobs_of_an_npm_project_use_npm() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(&folder.path().join("shaders"), "m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * x; }\n");
+    for (manifest, by_npm) in
+        [("{ \"devDependencies\": { \"karat\": \"0.1.0\" } }", true), ("{}", false)]
+    {
+        write(folder.path(), "package.json", manifest);
+        for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
+            drop(std::fs::remove_file(folder.path().join(file)));
+        }
+        karat(folder.path(), &["init", "shaders", "--github", "--gitlab"]).good();
+        let [github, gitlab] = [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"]
+            .map(|file| std::fs::read_to_string(folder.path().join(file)).expect("it is written"));
+        for text in [&github, &gitlab] {
+            assert_eq!(text.contains("npm ci\n"), by_npm, "{text}");
+            assert_eq!(text.contains("npx karat test shaders --paths vulkan"), by_npm, "{text}");
+            assert_eq!(text.contains("cargo install"), !by_npm, "{text}");
+            assert_eq!(text.contains("crates.io"), !by_npm, "{text}");
+        }
+        assert_eq!(github.contains("actions/setup-node@v4"), by_npm, "{github}");
+        assert_eq!(gitlab.contains("image: node:22"), by_npm, "{gitlab}");
+    }
+}
+
 #[test]
 fn a_first_test_is_written_and_passes() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -41,6 +41,19 @@ fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
     karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
 }
 
+/// Of a run that left tests out nothing is known of the functions that it didn't check.
+#[test]
+fn a_list_after_a_part_of_the_tests_says_so() {
+    let folder = folder();
+    cpu(folder.path(), &[]).good();
+    let all = karat(folder.path(), &["list"]).good();
+    assert!(all.contains("  no ") && !all.contains("the last run was of"), "{all}");
+    cpu(folder.path(), &["lambert"]).good();
+    let part = karat(folder.path(), &["list"]).good();
+    assert!(part.contains("not by the last run"), "{part}");
+    assert!(part.contains("the last run was of `lambert` alone"), "{part}");
+}
+
 /// A declaration that no check can begin with is in each report, with the place of its key.
 #[test]
 fn a_test_that_cannot_begin_is_in_each_report() {

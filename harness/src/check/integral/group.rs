@@ -6,11 +6,11 @@ use super::{Integrals, Nodes};
 use crate::check::Failure;
 use crate::check::arguments::arguments;
 use crate::check::disagreement::{CaseFailure, NodeFailure};
-use crate::parallel;
 use crate::check::path_tally::PathTally;
 use crate::check::session::Session;
-use crate::judge::{Class, Judged, Shown, Tally};
 use crate::domain::Held;
+use crate::judge::{Class, Judged, Shown, Tally};
+use crate::parallel;
 use crate::reflect::Function;
 use crate::tolerance::LaneError;
 

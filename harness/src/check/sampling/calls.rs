@@ -2,9 +2,9 @@
 
 use crate::check::arguments::arguments;
 use crate::check::called::Called;
-use crate::parallel;
 use crate::check::{Failure, Mismatch};
 use crate::domain::Source;
+use crate::parallel;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
 /// Samples of one stream of random numbers.

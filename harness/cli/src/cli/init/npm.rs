@@ -31,6 +31,19 @@ pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     ask_for_tint(folder, (&whole, &root.join(FILE)), out)
 }
 
+/// True if the `package.json` of a folder has Karat, so that `npm ci` installs it.
+pub(super) fn brings_karat(folder: &Path) -> bool {
+    let text = std::fs::read_to_string(folder.join(FILE)).unwrap_or_default();
+    let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
+    has(&manifest, "karat")
+}
+
+/// True if a `package.json` depends on a package.
+fn has(manifest: &Value, package: &str) -> bool {
+    let kinds = ["dependencies", "devDependencies", "optionalDependencies"];
+    kinds.iter().any(|kind| manifest[kind].get(package).is_some())
+}
+
 /// Adds the script, where the file has none of its name.
 fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let name = shown(file);
@@ -105,8 +118,7 @@ fn ask_for_tint(
     // What this machine has besides, a colleague's may lack.
     let text = std::fs::read_to_string(manifest).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
-    let has = |key: &str| manifest[key].get(TINT).is_some();
-    if !["dependencies", "devDependencies", "optionalDependencies"].iter().any(|key| has(key)) {
+    if !has(&manifest, TINT) {
         writeln!(
             out,
             "{DIM}Chrome's compiler isn't required, as {FILE} hasn't got it: `npm install --save-dev {TINT}`, and run this \
