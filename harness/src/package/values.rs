@@ -111,12 +111,28 @@ const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let"
 /// The names that a text declares anywhere, or imports: they mean that.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> BTreeSet<&'t str> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
+    // What is behind the last token begins one.
+    let begins_line = |at: usize| {
+        let start = tokens.get(at).map_or(text.len(), |token| token.range().start);
+        at > 0 && (at == tokens.len() || text[tokens[at - 1].range().end..start].contains('\n'))
+    };
     let mut found = BTreeSet::new();
-    let mut imports = false;
+    // `#import` ends with its line, or behind its braces; `import` with its semicolon.
+    let (mut imports, mut by_line, mut depth) = (false, false, 0_usize);
     for at in 0..tokens.len() {
         let (before, behind) = (at.checked_sub(1).map_or("", of), of(at + 1));
-        imports = (imports || of(at) == "import") && of(at) != ";";
-        let is_imported = imports && matches!(behind, "," | "}" | ";");
+        if by_line && depth == 0 && before != "," && begins_line(at) {
+            imports = false;
+        }
+        match of(at) {
+            "import" => (imports, by_line, depth) = (true, before == "#", 0),
+            ";" => imports = false,
+            "{" if imports => depth += 1,
+            "}" if imports => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        let is_last = by_line && depth == 0 && begins_line(at + 1);
+        let is_imported = imports && (is_last || matches!(behind, "," | "}" | ";"));
         let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
         // A parameter, and no member of a structure, which has another name before it.
         let is_parameter =
@@ -240,6 +256,20 @@ mod tests {
             ),
             ("const a = b::N + N;", "const a = b::N + 64;"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
+            // `naga_oil` needs no semicolon.
+            (
+                "#import a::q as Q\nstruct P { a: N, b: N }",
+                "#import a::q as Q\nstruct P { a: 64, b: 64 }",
+            ),
+            (
+                "#import a::{\n b,\n c\n}\nconst d = f(N, 1);",
+                "#import a::{\n b,\n c\n}\nconst d = f(64, 1);",
+            ),
+            ("#import a::N\nconst d = f(N, 1);", "#import a::N\nconst d = f(N, 1);"),
+            (
+                "#import a::{\n b,\n N,\n}\nconst d = f(N, 1);",
+                "#import a::{\n b,\n N,\n}\nconst d = f(N, 1);",
+            ),
         ] {
             assert_eq!(substituted(text, &values), expected);
         }
