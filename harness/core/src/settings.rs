@@ -267,6 +267,9 @@ pub fn check() -> Result<(), SettingsError> {
     current().map(|_| ())
 }
 
+/// Old names of settings, and what they are called now.
+const RENAMED: [(&str, &str); 1] = [("KARAT_DEADLINE", DEADLINE)];
+
 impl Settings {
     #[doc(hidden)]
     pub fn read(
@@ -279,7 +282,8 @@ impl Settings {
                 continue;
             }
             let Some(name) = NAMES.into_iter().find(|known| *known == name) else {
-                let nearest = nearest(&name, NAMES);
+                let renamed = RENAMED.iter().find(|(old, _)| *old == name).map(|(_, new)| *new);
+                let nearest = renamed.or_else(|| nearest(&name, NAMES));
                 return Err(SettingsError::Unknown { name, nearest });
             };
             set.insert(name, value);
@@ -477,6 +481,12 @@ mod tests {
                 "gl",
                 "the environment sets `KARAT_REQUIER`, which Karat doesn't know; did you mean \
                  `KARAT_REQUIRE`?",
+            ),
+            (
+                "KARAT_DEADLINE",
+                "9",
+                "the environment sets `KARAT_DEADLINE`, which Karat doesn't know; did you mean \
+                 `KARAT_TIMEOUT`?",
             ),
             ("KARAT_FAILURES", "of", "KARAT_FAILURES=of isn't `on` or `off`; did you mean `off`?"),
             ("KARAT_FAILURES", "banana", "KARAT_FAILURES=banana isn't `on` or `off`"),

@@ -242,7 +242,7 @@ impl Declared {
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let (keys, reason) = if let Some(name) = self.values.first() {
-            let what = "stands for, and no module has this name";
+            let what = "stands for, and no module has this name but as one that it declares";
             (["values", name], format!("`[values]` says what `{name}` {what}"))
         } else if let Some(name) = self.inputs.first() {
             let what = "is declared, and nothing in the package has this name";

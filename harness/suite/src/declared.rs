@@ -257,6 +257,7 @@ pub(crate) enum Direction {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Integral {
     pub(crate) over: Region,
+    #[serde(alias = "is")]
     pub(crate) equals: Option<Value>,
     pub(crate) at_most: Option<Value>,
     pub(crate) slack: Option<f64>,
@@ -706,7 +707,8 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
 
 /// `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`
 fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
-    const OWN: [&str; 2] = ["through", "equals"];
+    // `is` is the old name of `equals`.
+    const OWN: [&str; 3] = ["through", "equals", "is"];
     let form = "a limit reads { alpha = 0, through = [0.1, 0.01], equals = 1 }";
     let mut arguments = table.iter().filter(|(name, _)| !OWN.contains(&name.as_str()));
     let (Some((argument, toward)), None) = (arguments.next(), arguments.next()) else {
@@ -723,7 +725,7 @@ fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     };
     let through = table.get("through").and_then(Value::as_array);
     let through: Option<Vec<f64>> = through.and_then(|list| list.iter().map(number).collect());
-    match (number(toward), through, table.get("equals")) {
+    match (number(toward), through, table.get("equals").or_else(|| table.get("is"))) {
         (Some(toward), Some(through), Some(is)) => {
             Ok(What::Limit { argument: argument.clone(), toward, through, is: is.clone() })
         }

@@ -41,7 +41,7 @@ pub(super) struct Args {
     bind: Vec<String>,
     /// Make up what isn't given, as `karat hazards` does: all arguments, and what variables hold; another CASE
     /// is another choice, and the first ones are ends of ranges
-    #[arg(long, value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
+    #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
     /// Dispatch a compute entry point over so many workgroups, `4` or `4,2,1`, and show what it leaves; without it a
@@ -59,7 +59,7 @@ pub(super) struct Args {
     #[arg(long = "path", value_name = "PATH", value_delimiter = ',', env = "KARAT_PATHS")]
     paths: Vec<String>,
     /// Evaluate a table (CSV) instead, of at most 256 MB and 4194304 cases
-    #[arg(long, value_name = "IN.CSV", conflicts_with = "arguments")]
+    #[arg(long, alias = "cases", value_name = "IN.CSV", conflicts_with = "arguments")]
     table: Option<PathBuf>,
     /// Where the table goes [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
@@ -73,7 +73,7 @@ pub(super) struct Args {
     #[arg(long, requires = "expect")]
     tolerance: Option<String>,
     /// Write floats in hexadecimal, each bit of them
-    #[arg(long)]
+    #[arg(long, alias = "exact")]
     hex: bool,
     /// Plot a sweep: in the terminal, or into FILE.SVG
     #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "table")]

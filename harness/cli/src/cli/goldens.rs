@@ -22,7 +22,7 @@ use super::{Ending, Outcome, Reported, complain, write_json};
 #[derive(clap::Args)]
 pub(super) struct FolderArgs {
     /// Folder of goldens [default: as in `metadata.karat` of Cargo.toml, else `golden`]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, alias = "golden", value_name = "DIR")]
     goldens: Option<PathBuf>,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Args {
     #[arg(long)]
     exact: bool,
     /// Leave frames out
-    #[arg(long)]
+    #[arg(long, alias = "functions")]
     no_frames: bool,
     /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
     #[arg(long, hide = true)]

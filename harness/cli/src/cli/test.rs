@@ -58,7 +58,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(..=65536))]
     schedules: Option<u64>,
     /// Leave frames out, which need a driver
-    #[arg(long)]
+    #[arg(long, alias = "functions")]
     no_frames: bool,
     #[command(flatten)]
     output: OutputArgs,

@@ -182,6 +182,8 @@ fn a_table_is_a_check() {
     let out = called(&folder, &["lit::cubic", "--table", "cases.csv"]);
     assert!(out.starts_with("t,up,note,cube.x,cube.y,cpu.x,cpu.y\n"), "{out}");
     assert!(out.contains("0.25,false,second,0x1p-6,-0.25,0.015625,-0.25"), "{out}");
+    let renamed = called(&folder, &["lit::cubic", "--cases", "cases.csv", "--exact"]);
+    assert_eq!(renamed, called(&folder, &["lit::cubic", "--table", "cases.csv", "--hex"]));
     let check = ["--table", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
     let out = called(&folder, &[&["lit::cubic"][..], &check].concat());
     assert_eq!(out, "cpu: all 2 rows agree (4 ulp)\n");
