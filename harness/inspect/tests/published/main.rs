@@ -1,6 +1,7 @@
 //! Kernels after published sets, whose faults are known by construction: Indigo's graph patterns and axes (Liu, Azami, Walters,
 //! Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of `DataRaceBench` that map to WGSL, and
-//! locks, scopes and work stealing as `ScoR` has them (Kamath, George, Basu, 2020). All of it is written anew. The sample is every 23rd kernel; `SUITES=whole`
+//! locks, scopes and work stealing as `ScoR` has them (Kamath, George, Basu, 2020), and indices outside of the kinds that Vulkan's
+//! GPU-assisted validation looks for. All of it is written anew. The sample is every 23rd kernel; `SUITES=whole`
 //! runs all, and prints the scores.
 
 mod expressions;
