@@ -23,7 +23,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
         " (0x1.",
         "error = ",
         " ulp (11 allowed)",
-        "first (case ",
+        "simplest (reduced from case ",
         "replay: KARAT_PATHS=",
         "KARAT_SEED=0x",
         "KARAT_CASE=",

@@ -117,10 +117,4 @@ impl Kind {
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)
     }
-
-    /// True of two accesses of an element that nothing orders.
-    #[must_use]
-    pub fn is_of_order(self) -> bool {
-        matches!(self, Self::Race | Self::EqualWrites)
-    }
 }

@@ -326,18 +326,6 @@ impl Shape {
         }
     }
 
-    /// Whether any lane is an `f16`, which a path must support.
-    ///
-    /// ```
-    /// use karat::value::{Scalar, Shape};
-    ///
-    /// assert!(Shape::Vector { size: 2, scalar: Scalar::F16 }.needs_f16());
-    /// ```
-    #[must_use]
-    pub fn needs_f16(&self) -> bool {
-        self.lanes().contains(&Scalar::F16)
-    }
-
     /// The value in `lanes` as one would write it in WGSL, with the shortest decimals that read
     /// back to the same bits.
     ///

@@ -425,6 +425,19 @@ impl CaseFailure {
     }
 }
 
+/// A failing case as text.
+struct Told<'f> {
+    failure: &'f CaseFailure,
+    title: &'f str,
+    expectation: &'f str,
+}
+
+impl fmt::Display for Told<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.failure.write(f, self.title, self.expectation)
+    }
+}
+
 /// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```, at the function.
 pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagnostic {
     let message = format!("`{}` fails {check}: {assertion}", function.name);
@@ -443,6 +456,44 @@ impl Disagreement {
 }
 
 impl PathDisagreement {
+    /// All that is said of it but its name and its replays: the simplest case comes first, as people begin with it.
+    fn told(&self, expectation: &str) -> String {
+        let Census { cases, failures, idle, remembered, .. } = self.census;
+        let share = 100.0 * failures as f64 / cases as f64;
+        let fail = if cases == 1 { "case fails" } else { "cases fail" };
+        let mut text = format!("  {failures} of {cases} {fail} ({share:.3}%)");
+        if remembered > 0 {
+            text += &format!(", {remembered} of them from an earlier failure");
+        }
+        if idle > 0 {
+            text += &format!(", {idle} call no expectation");
+        }
+        text += &self.census.ways();
+        text.push('\n');
+        if let Some(cause) = &self.cause {
+            text += &format!("  it fails {cause}\n");
+        }
+        let mut write = |failure: &CaseFailure, title| {
+            text += &Told { failure, title, expectation }.to_string();
+        };
+        match &self.simplest {
+            Some(simplest) => {
+                write(&simplest.failure, "simplest (reduced from ");
+                write(&self.worst, "worst (");
+            }
+            None => {
+                write(&self.worst, "worst (");
+                self.first.iter().for_each(|first| write(first, "first ("));
+            }
+        }
+        text
+    }
+
+    /// The command that runs the simplest case again. Records have that of the worst one, too.
+    fn replay(&self) -> &Replay {
+        self.simplest.as_ref().map_or(&self.replay, |one| &one.replay)
+    }
+
     fn details(&self) -> PathDetails {
         let case = |failure: &CaseFailure, replay: Option<&Replay>| {
             Some(CaseDetails { replay: replay.cloned(), ..failure.details() })
@@ -562,31 +613,22 @@ impl fmt::Display for Disagreement {
             writeln!(f, "arguments: {}", self.domain)?;
         }
         let expectation = &self.expectation.to_string();
+        // Paths of which the same is to be said are told together.
+        let mut told: Vec<(Vec<&PathDisagreement>, String)> = Vec::new();
         for path in &self.paths {
-            let Census { cases, failures, idle, remembered, .. } = path.census;
-            writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
-            let share = 100.0 * failures as f64 / cases as f64;
-            let fail = if cases == 1 { "case fails" } else { "cases fail" };
-            write!(f, "  {failures} of {cases} {fail} ({share:.3}%)")?;
-            if remembered > 0 {
-                write!(f, ", {remembered} of them from an earlier failure")?;
+            let text = path.told(expectation);
+            match told.iter_mut().find(|(_, known)| *known == text) {
+                Some((paths, _)) => paths.push(path),
+                None => told.push((vec![path], text)),
             }
-            if idle > 0 {
-                write!(f, ", {idle} call no expectation")?;
+        }
+        for (paths, text) in &told {
+            writeln!(f)?;
+            for path in paths {
+                writeln!(f, "on {}{}", path.adapter, path.inputs.remark())?;
             }
-            writeln!(f, "{}", path.census.ways())?;
-            if let Some(cause) = &path.cause {
-                writeln!(f, "  it fails {cause}")?;
-            }
-            path.worst.write(f, "worst (", expectation)?;
-            if let Some(first) = &path.first {
-                first.write(f, "first (", expectation)?;
-            }
-            writeln!(f, "  replay: {}", path.replay)?;
-            if let Some(simplest) = &path.simplest {
-                simplest.failure.write(f, "simplest (reduced from ", expectation)?;
-                writeln!(f, "  replay: {}", simplest.replay)?;
-            }
+            f.write_str(text)?;
+            writeln!(f, "  replay: {}", paths[0].replay())?;
         }
         for (adapter, inputs) in &self.agreeing {
             writeln!(f, "\non {adapter}{}\n  all cases agree", inputs.remark())?;

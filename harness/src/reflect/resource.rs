@@ -191,14 +191,6 @@ pub enum BindingKind {
 }
 
 impl BindingKind {
-    /// `texture_2d<f32>`
-    pub const TEXTURE_2D: Self = Self::Texture(TextureKind {
-        dimension: Dimension::D2,
-        arrayed: false,
-        texels: Texels::Float,
-        multisampled: false,
-    });
-
     /// `texture_cube<f32>`
     pub const TEXTURE_CUBE: Self = Self::Texture(TextureKind {
         dimension: Dimension::Cube,
