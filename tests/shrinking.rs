@@ -44,7 +44,11 @@ fn each_verb_reduces_its_worst_case() {
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
     assert!(found.is_ok(), "i is made no smaller than 4");
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
-    let found = disagreement(found);
+    // The farthest one points down, and the simplest up. The last value is `i'`.
+    assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "0", "5"]);
+    let sign = Package::from_source("planted", "fn f(x: f32) -> f32 { return abs(x); }");
+    let found = sign.function("f").over(Just(-1.0_f32)).unrecorded();
+    let found = disagreement(found.try_agrees_with(|x: f64| x, Ulp(0.0)));
     assert!(found.paths.iter().all(|path| path.simplest.is_none()), "an edge is simple: {found}");
     let over = package.function("f").over((UnitVector, 0.4..=0.51, Integers(1..=3_u32)));
     let found = over.unrecorded().try_invariant_under(|(n, x, i)| (n, x, i + 4), Ulp(0.0));

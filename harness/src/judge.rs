@@ -130,8 +130,7 @@ impl Tally {
     pub(crate) fn add(&mut self, case: u64, judged: Judged) {
         self.census.cases += 1;
         let shown = Shown { case, judged };
-        let largest = self.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
-        if judged.measure.ratio > largest {
+        if self.worst.is_none_or(|worst| judged.measure.is_worse_than(&worst.judged.measure)) {
             self.worst = Some(shown);
         }
         if judged.measure.passes() {
@@ -157,8 +156,10 @@ impl Tally {
     pub(crate) fn merge(self, other: Self) -> Self {
         let (a, b) = (self.census, other.census);
         let worse = |a: Shown, b: Shown| {
-            let order = a.judged.measure.ratio.total_cmp(&b.judged.measure.ratio);
-            if order.then(b.case.cmp(&a.case)).is_ge() { a } else { b }
+            let [of_a, of_b] = [a, b].map(|shown| shown.judged.measure);
+            let is_first = a.case <= b.case;
+            let keeps = of_a.is_worse_than(&of_b) || is_first && !of_b.is_worse_than(&of_a);
+            if keeps { a } else { b }
         };
         let earlier = |a: Shown, b: Shown| if a.case <= b.case { a } else { b };
         Self {
@@ -422,6 +423,25 @@ mod tests {
                 assert_eq!((worst.case, worst.judged.lane), (100 + bad as u64, 1));
                 assert_eq!(sum.first.map(|first| first.case), Some(worst.case));
             }
+        }
+    }
+
+    /// Where nothing is allowed each failure is infinitely far off by its bound: the error itself tells the worst.
+    #[test]
+    fn the_worst_of_exact_cases_is_the_farthest() {
+        let tolerance = Tolerance::from(Abs(0.0));
+        let judge = |case: usize, actual: &[u32]| {
+            assert!(case < 5000);
+            compare(&[Scalar::F32], actual, &[1.0], &tolerance)
+        };
+        for (far, worst) in [(9.0, 4000), (1.25, 7), (f32::NAN, 4000)] {
+            let mut words = vec![1.0_f32.to_bits(); 5000];
+            words[7] = 1.5_f32.to_bits();
+            words[4000] = far.to_bits();
+            let view = View { words: &words, stride: 1, width: 1 };
+            let sum = tally(0, view, &judge, &mut Picked::default());
+            assert_eq!(sum.worst.map(|shown| shown.case), Some(worst), "{far}");
+            assert_eq!(sum.first.map(|shown| shown.case), Some(7));
         }
     }
 

@@ -218,6 +218,16 @@ impl LaneError {
     }
 }
 
+impl LaneError {
+    /// True if it is farther off: by its bound, and where none is allowed by the error itself. NaN is farthest.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn is_worse_than(&self, other: &Self) -> bool {
+        let order = self.ratio.total_cmp(&other.ratio);
+        order.then(self.error.abs().total_cmp(&other.error.abs())).is_gt()
+    }
+}
+
 impl fmt::Display for LaneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.unit {

@@ -271,8 +271,10 @@ impl Request {
             known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
+        // What is declared is held, as what is given.
+        let overrides = declared.into_iter().chain(self.overrides.clone()).collect();
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
-        let valued = Self { before, after, ..self.clone() };
+        let valued = Self { before, after, overrides, ..self.clone() };
         let others = other_values(&both);
         let all = valued.pairs(&values, &others)?;
         let of = all.len();
@@ -1337,6 +1339,18 @@ mod tests {
         let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
+        // What is declared of an override is held, and one that neither side has is refused.
+        let text = "override GAIN: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }";
+        let (before, after) = (folder(text), folder(&text.replace("return x", "return 2.0 * x")));
+        for (declared, is_same) in
+            [("GAIN = 0", Some(true)), ("GAIN = 1", Some(false)), ("GAYN = 1", None)]
+        {
+            let declared = format!("[overrides]\n{declared}\n");
+            std::fs::write(after.path().join("karat.toml"), declared).expect("it is ours");
+            let all = Request::new(open(&before), open(&after)).run();
+            let same = all.as_ref().ok().map(|all| matches!(all[0].change, Change::Same { .. }));
+            assert_eq!(same, is_same, "{all:?}");
+        }
     }
 
     #[test]

@@ -200,7 +200,7 @@ impl Sum {
         let first = tally.first;
         let other = tally.worst.filter(|worst| first.is_some_and(|first| first.case != worst.case));
         let is_worse = |one: &Shown| {
-            first.is_none_or(|first| one.judged.measure.ratio > first.judged.measure.ratio)
+            first.is_none_or(|first| one.judged.measure.is_worse_than(&first.judged.measure))
         };
         let shown = first.into_iter().chain(other.filter(is_worse)).map(element).collect();
         Self { census: tally.census, worst, shown }

@@ -26,10 +26,7 @@ impl Program {
             // A name and its number are one override.
             let text_name = self.text_name(name)?;
             if values.get(&text_name).is_some_and(|other| other.to_bits() != value.to_bits()) {
-                let message = format!(
-                    "the override `{name}` has two values, by its name and by its \
-                                       number"
-                );
+                let message = format!("the override `{name}` has two values, by two of its names");
                 return Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
             }
             values.insert(text_name, *value);
@@ -107,7 +104,9 @@ impl Program {
     fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
-            values.insert(self.text_name(name).ok()?, *value);
+            if values.insert(self.text_name(name).ok()?, *value).is_some() {
+                return Some(format!("the override `{name}` has two values, by two of its names"));
+            }
         }
         let mut module = self.checked.module.clone();
         set(&mut module, &values).err().map(|(_, reason)| reason)
@@ -137,7 +136,10 @@ impl Program {
                     format!("no function and no entry point uses an override `{name}`{near}")
                 }
                 Some(_) => own.find_map(|program| {
-                    program.misfit(&Overrides::from([(name.clone(), *value)]))
+                    let alone = program.misfit(&Overrides::from([(name.clone(), *value)]));
+                    let all = given.iter().filter(|(other, _)| program.has_override(other));
+                    let all = || program.misfit(&all.map(|(a, b)| (a.clone(), *b)).collect());
+                    alone.or_else(all)
                 })?,
             };
             Some((name.clone(), why))

@@ -479,15 +479,23 @@ impl Assertion {
                     return Err(Misdeclared::of("agrees_with")(itself).into());
                 }
                 let reference = self.compute(package, Some(&entry))?;
-                let left = untyped::left(&reference, Route::CPU)?;
+                let wrong = Misdeclared::of("agrees_with");
+                let left = untyped::left(&reference, Route::CPU);
+                let left = left.map_err(|error| wrong(error.to_string()))?;
                 let Some(content) = of_variable(left, &self.variable) else {
-                    return Err(format!("`{entry}` doesn't write `{}`", self.variable).into());
+                    return Err(
+                        wrong(format!("`{entry}` doesn't write `{}`", self.variable)).into()
+                    );
                 };
                 concluded(untyped::agrees_with(&after, values(&content), self.tolerance()?))
             }
             What::Sorted { descending } => {
                 let content = self.content(compute)?;
                 let scalar = only_scalar(&content, "sorted")?;
+                if content.lanes.len() == 1 {
+                    let one = "`sorted` holds for one number, so it can't fail".to_owned();
+                    return Err(Misdeclared::of("sorted")(one).into());
+                }
                 let text = if *descending { "its elements fall" } else { "its elements rise" };
                 let breaks = |lanes: &[u32]| {
                     let pair =

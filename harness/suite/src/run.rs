@@ -619,6 +619,14 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
         Value::Boolean(value) => Some(f64::from(u8::from(*value))),
         _ => None,
     };
+    let is_switch = |value: &Value| value.as_bool().is_some();
+    let switches = match value {
+        Value::Array(list) => list.iter().any(is_switch),
+        one => is_switch(one),
+    };
+    if switches && !scalars.contains(&Scalar::Bool) {
+        return Err(format!("{value} isn't a number, and the result is one"));
+    }
     // No integer equals another number.
     let fits = |scalar: &Scalar, number: f64| match scalar {
         Scalar::I32 => f64::from(number as i32) == number,

@@ -45,6 +45,7 @@ const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.p
 
 const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
+const GITLAB_FILE: &str = ".gitlab-ci.karat.yml";
 
 /// The steps that install Karat and run it, and what they are where `package.json` has it.
 const BY_NPM: [(&str, &str); 4] = [
@@ -109,7 +110,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         keep(Path::new(".github/workflows/karat.yml"), &with_folder(GITHUB, &folder), out)?;
     }
     if args.gitlab {
-        keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
+        keep(Path::new(GITLAB_FILE), &with_folder(GITLAB, &folder), out)?;
     }
     let good = run_tests(&folder, out)?;
     if let (false, true, Some(file)) = (good, valid, &written) {
@@ -440,8 +441,23 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
-    let hint = "write the address of your copy of Karat into it: Karat isn't released yet";
-    Ok(writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?)
+    if text.contains("example.org") {
+        let hint = "write the address of your copy of Karat into it: Karat isn't released yet";
+        writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?;
+    }
+    if file == Path::new(GITLAB_FILE) {
+        let hint = "include: { local: .gitlab-ci.karat.yml }";
+        writeln!(out, "  {KNOWN}.gitlab-ci.yml runs it by `{hint}`{KNOWN:#}")?;
+    }
+    // A worktree has a file `.git`.
+    let here = Path::new(".").canonicalize()?;
+    let repository = here.ancestors().find(|folder| folder.join(".git").exists());
+    if let Some(root) = repository.filter(|root| *root != here) {
+        let root = root.display();
+        let hint = "it is read at the root of the repository alone: move it there, and run its steps in this folder";
+        writeln!(out, "  {KNOWN}{hint} ({root}){KNOWN:#}")?;
+    }
+    Ok(())
 }
 
 fn with_folder(template: &str, folder: &Path) -> String {
@@ -450,7 +466,11 @@ fn with_folder(template: &str, folder: &Path) -> String {
         for (cargo, npm) in BY_NPM {
             text = text.replace(cargo, npm);
         }
-        text
+        // `npm ci` wants a lock file.
+        match Path::new("package-lock.json").is_file() {
+            true => text,
+            false => text.replace("npm ci\n", "npm install\n"),
+        }
     });
     let template = by_npm.as_deref().unwrap_or(template);
     // A Cargo project has Rust tests, too, and their records are with what it builds.

@@ -32,7 +32,7 @@ pub(super) struct Args {
     #[arg(long, conflicts_with = "files")]
     in_editor: bool,
     /// Show all goldens, too, with their history
-    #[arg(long, alias = "goldens")]
+    #[arg(long)]
     all_goldens: bool,
     #[command(flatten)]
     ci: CiArgs,

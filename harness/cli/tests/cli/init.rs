@@ -47,6 +47,7 @@ fn jobs_of_an_npm_project_use_npm() {
         [("{ \"devDependencies\": { \"karat\": \"0.1.0\" } }", true), ("{}", false)]
     {
         write(folder.path(), "package.json", manifest);
+        write(folder.path(), "package-lock.json", "{}");
         for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
             drop(std::fs::remove_file(folder.path().join(file)));
         }
