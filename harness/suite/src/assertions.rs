@@ -126,6 +126,10 @@ impl What {
 
     /// True if it takes a key that others don't.
     pub(crate) fn takes(&self, key: &str) -> bool {
+        // A sum has one on all paths.
+        if let (Self::SumOf(_), "tolerance") = (self, key) {
+            return true;
+        }
         let takers = TAKEN.iter().find(|(known, _)| *known == key);
         takers.is_none_or(|(_, takers)| takers.contains(&self.form()))
     }
@@ -138,7 +142,7 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("where", &DRAWN),
     ("cases", &DRAWN),
     ("seed", &DRAWN),
-    ("tolerance", &WITHIN_OR_SUM),
+    ("tolerance", &WITHIN),
     ("tolerance_on", &WITHIN),
     ("accept_hazard", &["no_hazards"]),
     ("up_to_order", &["equals", "table", "agrees_with"]),
@@ -162,20 +166,9 @@ const DRAWN: [&str; 14] = [
     "no_hazards",
 ];
 
-/// The assertions that take a tolerance; a sum has one on all paths.
+/// The assertions that take a tolerance.
 const WITHIN: [&str; 8] =
     ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
-const WITHIN_OR_SUM: [&str; 9] = [
-    "agrees_with",
-    "table",
-    "golden",
-    "equals",
-    "symmetric_in",
-    "monotone",
-    "limit",
-    "integral",
-    "sum_of",
-];
 
 /// The assertions that resources have, too, and that they alone have.
 const OF_BOTH: [&str; 7] =
