@@ -450,7 +450,7 @@ impl Tolerance {
                 true => self.measure(lane, f32::from_bits(word), expected),
                 false => LaneError::equality(scalar.decode(word) == expected),
             };
-            if lane == 0 || !(measure.ratio <= worst.1.ratio) {
+            if lane == 0 || measure.is_worse_than(&worst.1) {
                 worst = (lane, measure);
             }
         }

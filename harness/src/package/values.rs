@@ -91,8 +91,10 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // What the module declares is that.
-        if is_bare && declared.contains(&**name) {
+        // What is declared is that, in the whole module or in its function.
+        let is_that =
+            |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
+        if is_bare && declared.iter().any(is_that) {
             continue;
         }
         if token.kind == Kind::Word && !(is_bare && is_name(text, tokens, at)) {
@@ -108,15 +110,33 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 /// Words that declare the name behind them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The names that a text declares anywhere, or imports: they mean that.
-fn declared<'t>(text: &'t str, tokens: &[Token]) -> BTreeSet<&'t str> {
+/// The tokens of the function that has one: to its last brace, or at most to the next function.
+fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usize>> {
+    let of = |at: usize| &text[tokens[at].range()];
+    let start = (0..at).rev().find(|one| of(*one) == "fn")?;
+    let next = (at..tokens.len()).find(|one| of(*one) == "fn").unwrap_or(tokens.len());
+    let mut depth = 0;
+    let end = (start..next).find(|one| {
+        match of(*one) {
+            "{" => depth += 1,
+            "}" => depth -= 1,
+            _ => {}
+        }
+        of(*one) == "}" && depth == 0
+    });
+    let all = start..end.unwrap_or(next);
+    all.contains(&at).then_some(all)
+}
+
+/// The names that a text declares or imports, each with the tokens among which it means that.
+fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     // What is behind the last token begins one.
     let begins_line = |at: usize| {
         let start = tokens.get(at).map_or(text.len(), |token| token.range().start);
         at > 0 && (at == tokens.len() || text[tokens[at - 1].range().end..start].contains('\n'))
     };
-    let mut found = BTreeSet::new();
+    let mut found = Vec::new();
     // `#import` ends with its line, or behind its braces; `import` with its semicolon.
     let (mut imports, mut by_line, mut depth) = (false, false, 0_usize);
     for at in 0..tokens.len() {
@@ -138,7 +158,8 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> BTreeSet<&'t str> {
         let is_parameter =
             matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
         if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {
-            found.insert(of(at));
+            let own = function_around(text, tokens, at).filter(|_| before != "fn");
+            found.push((of(at), own.unwrap_or(0..tokens.len())));
         }
     }
     found
@@ -256,6 +277,12 @@ mod tests {
             ),
             ("const a = b::N + N;", "const a = b::N + 64;"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
+            // A parameter and a local are that in their own function.
+            (
+                "fn f(N: f32) { N; }\nfn g() { N; }\nfn h() { let N = 2; if true { N; } }\nconst a = N;",
+                "fn f(N: f32) { N; }\nfn g() { 64; }\nfn h() { let N = 2; if true { N; } }\nconst a = 64;",
+            ),
+            ("fn g() { N; }\nfn N() {}", "fn g() { N; }\nfn N() {}"),
             // `naga_oil` needs no semicolon.
             (
                 "#import a::q as Q\nstruct P { a: N, b: N }",

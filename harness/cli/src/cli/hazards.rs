@@ -5,6 +5,7 @@ use std::io::Write;
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
+use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
@@ -83,6 +84,10 @@ fn input(text: &str) -> Result<Input, String> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
+    let twice = |at: usize| args.inputs[..at].iter().any(|(name, _)| *name == args.inputs[at].0);
+    if let Some(at) = (0..args.inputs.len()).find(|at| twice(*at)) {
+        bail!("the input is given twice: --input {}", args.inputs[at].0);
+    }
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
     // Of several packages each has inputs of its own; one that none has is an error.

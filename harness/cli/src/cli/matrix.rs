@@ -15,7 +15,7 @@ use karat::unstable::image::write_whole;
 use karat::unstable::record::{Record, Recorded};
 use karat_inspect::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
 
-use super::project::Project;
+use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::{
     Ending, Outcome, PlaceArgs, Reported, call, is_in_package, resolved, spare_shaders, write_json,
@@ -138,7 +138,9 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
             bar.set_position(done as u64);
         });
         bar.finish_and_clear();
-        matrices.push(matrix?);
+        let mut matrix = matrix?;
+        matrix.package = project::title(package, &packages);
+        matrices.push(matrix);
     }
     if args.tests {
         let judged: usize = matrices.iter_mut().map(|matrix| matrix.judge_by(&records)).sum();

@@ -22,7 +22,7 @@ use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, Sum, colour, is_failure, short, tables, untested};
 use super::search::{self, Found};
-use super::table::{BAD, DIM, HEAD, KNOWN};
+use super::table::{BAD, DIM, KNOWN};
 use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
@@ -729,10 +729,9 @@ fn write_untested(
     let (valid, others): (Vec<_>, Vec<_>) = packages.into_iter().partition(is_valid);
     let untested = untested(records, &valid)?;
     if !untested.is_empty() {
-        writeln!(out, "\n{HEAD}functions with no test of their own{HEAD:#}")?;
-    }
-    for item in untested {
-        writeln!(out, "{DIM}{}  {}{DIM:#}", item.name, item.span)?;
+        let names: Vec<&str> = untested.iter().map(|item| &*item.name).collect();
+        let names = some(&names);
+        writeln!(out, "\n{DIM}functions with no test of their own: {names} (`karat list`){DIM:#}")?;
     }
     for package in others {
         let name = package.name();

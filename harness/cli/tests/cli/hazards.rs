@@ -310,6 +310,9 @@ fn packages_of_one_name_are_told_by_their_folders() {
         checked.contains("a/shaders: valid") && checked.contains("b/shaders: valid"),
         "{checked}"
     );
+    let twice = ["hazards", "--input", "x=0..1", "--input", "x=0..2"];
+    let error = karat(folder.path(), &twice).error();
+    assert!(error.contains("the input is given twice: --input x"), "{error}");
     // Two names of one override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();
