@@ -1,5 +1,6 @@
 //! What a failure says.
 
+use karat::check::Disagreement;
 use karat::prelude::*;
 
 use crate::{disagreement, mutant, schlick};
@@ -32,6 +33,21 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     ] {
         assert!(text.contains(part), "`{part}` is missing in:\n{text}");
     }
+}
+
+/// Paths of which the same is to be said are told once, with one command that replays it; another one has its own.
+#[test]
+fn paths_that_fail_alike_are_told_together() {
+    let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");
+    let check = package.function("f").over(Integers(0..=9_u32)).unrecorded();
+    let mut found = disagreement(check.try_satisfies("is 0", |_, y: u32| y == 0));
+    let shown = |found: &Disagreement, part: &str| found.to_string().matches(part).count();
+    assert_eq!(shown(&found, "\non "), found.paths.len(), "{found}");
+    assert_eq!((shown(&found, "worst ("), shown(&found, "replay: ")), (1, 1), "{found}");
+    let mut other = found.paths[0].clone();
+    other.census.failures -= 1;
+    found.paths.push(other);
+    assert_eq!((shown(&found, "worst ("), shown(&found, "replay: ")), (2, 2), "{found}");
 }
 
 /// A function that is checked twice by one verb: each has its own cases, name and replay.
