@@ -270,7 +270,10 @@ mod tests {
             ),
             ("@if(A) f(N); @else g(N);", "@if(A) f(64); @else g(64);"),
             ("import a::N;\nfn f() { g(N); a::N(N); }", "import a::N;\nfn f() { g(N); a::N(N); }"),
-            ("fn f(N: f32) { N; }\nfn g() { N + {N}; }", "fn f(N: f32) { N; }\nfn g() { 64 + 64; }"),
+            (
+                "fn f(N: f32) { N; }\nfn g() { N + {N}; }",
+                "fn f(N: f32) { N; }\nfn g() { 64 + 64; }",
+            ),
             (
                 "fn f() { for (var N = 0; N < 3; N++) {} }",
                 "fn f() { for (var N = 0; N < 3; N++) {} }",
