@@ -35,7 +35,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     }
 }
 
-/// Paths of which the same is to be said are told once, with one command that replays it; another one has its own.
+/// Paths with the same values share one text with one command that replays it; another path has its own.
 #[test]
 fn paths_that_fail_alike_are_told_together() {
     let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");

@@ -271,7 +271,7 @@ impl Request {
             known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
-        // What is declared is held, as what is given.
+        // A declared value is held, as a given one.
         let overrides = declared.into_iter().chain(self.overrides.clone()).collect();
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
         let valued = Self { before, after, overrides, ..self.clone() };
@@ -1339,7 +1339,7 @@ mod tests {
         let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
-        // What is declared of an override is held, and one that neither side has is refused.
+        // The declared value of an override is held, and an override that neither side has is refused.
         let text = "override GAIN: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }";
         let (before, after) = (folder(text), folder(&text.replace("return x", "return 2.0 * x")));
         for (declared, is_same) in

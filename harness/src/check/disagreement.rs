@@ -613,7 +613,7 @@ impl fmt::Display for Disagreement {
             writeln!(f, "arguments: {}", self.domain)?;
         }
         let expectation = &self.expectation.to_string();
-        // Paths of which the same is to be said are told together.
+        // Paths with the same values share one text.
         let mut told: Vec<(Vec<&PathDisagreement>, String)> = Vec::new();
         for path in &self.paths {
             let text = path.told(expectation);

@@ -25,7 +25,7 @@ pub(super) enum Assertion<'a> {
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
-    /// What a number that breaks it should be.
+    /// The number that is expected, in words: `a finite number`.
     pub(super) expected: &'a str,
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }

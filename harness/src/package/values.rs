@@ -91,7 +91,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // What is declared is that, in the whole module or in its function.
+        // A declaration hides the value, in the whole module or in its function.
         let is_that =
             |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
         if is_bare && declared.iter().any(is_that) {
@@ -131,7 +131,7 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
 /// The names that a text declares or imports, each with the tokens among which it means that.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
-    // What is behind the last token begins one.
+    // The end of the text begins one, too.
     let begins_line = |at: usize| {
         let start = tokens.get(at).map_or(text.len(), |token| token.range().start);
         at > 0 && (at == tokens.len() || text[tokens[at - 1].range().end..start].contains('\n'))

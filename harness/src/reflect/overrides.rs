@@ -104,7 +104,8 @@ impl Program {
     fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
-            if values.insert(self.text_name(name).ok()?, *value).is_some() {
+            let other = values.insert(self.text_name(name).ok()?, *value);
+            if other.is_some_and(|other| other.to_bits() != value.to_bits()) {
                 return Some(format!("the override `{name}` has two values, by two of its names"));
             }
         }

@@ -170,10 +170,9 @@ const DRAWN: [&str; 14] = [
 const WITHIN: [&str; 8] =
     ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
 
-/// The assertions that resources have, too, and that they alone have.
+/// The assertions of functions that resources have, too.
 const OF_BOTH: [&str; 7] =
     ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
-const OF_RESOURCES: [&str; 5] = ["sorted", "sum_of", "permutation_of", "unchanged", "written"];
 
 /// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
 pub(crate) fn idle_key(
@@ -183,8 +182,7 @@ pub(crate) fn idle_key(
 ) -> Option<(&'static str, String)> {
     let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
     let (key, takers) = TAKEN.iter().find(idle)?;
-    let is_there =
-        |taker: &&&str| OF_BOTH.contains(taker) || OF_RESOURCES.contains(taker) == of_resource;
+    let is_there = |taker: &&&str| !of_resource || OF_BOTH.contains(taker);
     let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(

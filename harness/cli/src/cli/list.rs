@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_json(&entries, out)?;
         return Ok(verdict);
     }
-    // What such a run left out may have tests all the same.
+    // Functions that such a run left out may have tests all the same.
     let selected = last_selection(&project)?;
     let untested = if selected.is_some() { "not by the last run" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
@@ -215,7 +215,7 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
 }
 
-/// What the last run was of, if it wasn't of all tests.
+/// The filter, packages or targets of the last run, if it left tests out.
 fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     let folder = project.output().join("record");
     let run = if folder.is_dir() { Run::read(&folder)? } else { None };

@@ -448,7 +448,7 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Each index outside is found with data and without, and no guarded one is told.
+/// Each index outside is found with data and without, and no guarded one is a finding.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {
