@@ -194,7 +194,14 @@ impl Fixture {
             }
             _ => return None,
         };
-        Some(bytes.map_err(|error| error.at(binding)))
+        // Immediates have as many bytes as their variable: a device takes no padding behind them.
+        let exact = |mut bytes: Vec<u8>| {
+            if binding.kind == BindingKind::Immediate {
+                bytes.truncate(program.least_bytes(binding).next_multiple_of(4));
+            }
+            bytes
+        };
+        Some(bytes.map(exact).map_err(|error| error.at(binding)))
     }
 
     /// What no device takes.

@@ -1,6 +1,11 @@
 //! Programs that run jobs: an honest one agrees, and one that doesn't do its work is found out.
 
+use std::collections::BTreeMap;
 use std::process::Command;
+
+use karat::unstable::job::{Answer, Job, Problem, Reply};
+use karat::unstable::path::{Ability, Greeting};
+use serde_json::{Value, json};
 
 /// The output of `planted pipe` with `planted executor` as their path, on a path of its own and with a
 /// fault.
@@ -170,4 +175,167 @@ fn a_check_that_needs_more_is_refused() {
         assert!(text.contains(needs), "{text}");
     }
     assert!(text.contains("function: agrees"), "{text}");
+}
+
+/// The answers of a program to jobs with known answers, by name; its exit code says whether all are right.
+fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
+    let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
+    command.arg("conform").env("KARAT_EXECUTORS", executor).env_remove("KARAT_RECORD");
+    let output = command.output().expect("it runs");
+    let report: Value = serde_json::from_slice(&output.stderr).expect("it is JSON");
+    let answers = report["answers"].as_array().expect("it has answers").iter();
+    let named = |one: &Value| (one["name"].as_str().expect("a name").to_owned(), one["answer"].clone());
+    let answers: BTreeMap<String, Value> = answers.map(named).collect();
+    let wrong = answers.values().any(|answer| answer.get("wrong").is_some());
+    assert_eq!(output.status.success(), !wrong, "{fault}: {report}");
+    answers
+}
+
+/// Honest programs answer each job that they are asked as expected. What the engine can't do isn't asked.
+#[test]
+fn honest_programs_conform() {
+    for (path, unasked) in [("cpu", &["nearest", "pixels"][..]), ("vulkan", &[])] {
+        let answers = conformed(path, "");
+        for (name, answer) in &answers {
+            match unasked.contains(&&**name) {
+                true => assert_eq!(answer, &json!({ "not_asked": "frames" }), "{path}: {name}"),
+                false => assert_eq!(answer, "right", "{path}: {name}"),
+            }
+        }
+        assert_eq!(answers.len(), 21, "{path}");
+    }
+}
+
+/// Each lie is found by the jobs that are about it, and the reason says what came back.
+#[test]
+fn lies_do_not_conform() {
+    for (fault, name, reason) in [
+        ("idle", "passes", "word 0 is 0x00000000, not 0x00000003; 2 of 2 differ"),
+        ("dropped", "bits", "word 0 is 0x7fc01234, not 0xffffffff; 1 of 6 differ"),
+        ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
+        ("wrong", "long", "1 of 262144 differ"),
+        ("short", "grid", "it returned outputs of [71] words, and [72] are wanted"),
+        ("few", "outputs", "its reply is Done([]), not Done([[3, 8, 9], [1]])"),
+        ("late", "outputs", "its reply is Done("),
+        ("refuses", "refusal", "after a job that it refused, its reply to a valid one is Refused(Problem {"),
+        ("dies", "function", "it ended (exit status: 3): out of memory"),
+    ] {
+        let answers = conformed("cpu", fault);
+        let told = answers[name]["wrong"].as_str().unwrap_or_else(|| panic!("{fault}: {answers:?}"));
+        assert!(told.contains(reason), "{fault}: {told}");
+    }
+    // It says that it has buffers alone, and is asked for no more.
+    let plain = conformed("cpu", "plain");
+    assert_eq!(plain.values().filter(|answer| **answer == "right").count(), 12, "{plain:?}");
+}
+
+/// What a schema says of a value, as far as `jobs.schema.json` uses the language; the first thing that doesn't fit.
+fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
+    if let Some(name) = schema["$ref"].as_str() {
+        let name = name.strip_prefix("#/$defs/").expect("a definition of this file");
+        return misfit(all, &all["$defs"][name], value).map(|why| format!("{name}: {why}"));
+    }
+    let fits = |one: &&Value| misfit(all, one, value).is_none();
+    let count = |key: &str| schema[key].as_array().map(|of| of.iter().filter(fits).count());
+    if count("anyOf") == Some(0) || count("oneOf").is_some_and(|count| count != 1) {
+        return Some(format!("none, or several, of {schema} fit {value}"));
+    }
+    if schema.get("const").is_some_and(|wanted| wanted != value)
+        || schema["enum"].as_array().is_some_and(|names| !names.contains(value))
+    {
+        return Some(format!("{value} isn't of {schema}"));
+    }
+    let typed = match schema["type"].as_str() {
+        Some("object") => value.is_object(),
+        Some("array") => value.is_array(),
+        Some("string") => value.is_string(),
+        Some("boolean") => value.is_boolean(),
+        Some("integer") => value.is_u64() || value.is_i64(),
+        Some("number") => value.is_number(),
+        Some("null") => value.is_null(),
+        Some(other) => panic!("{other} is no type"),
+        None => true,
+    };
+    let number = value.as_f64().unwrap_or(0.0);
+    let outside = schema["minimum"].as_f64().is_some_and(|least| number < least)
+        || schema["exclusiveMinimum"].as_f64().is_some_and(|least| number <= least)
+        || schema["maximum"].as_f64().is_some_and(|most| number > most);
+    if !typed || outside {
+        return Some(format!("{value} isn't of {schema}"));
+    }
+    if let Some(values) = value.as_array() {
+        let length = values.len() as u64;
+        let short = schema["minItems"].as_u64().is_some_and(|least| length < least);
+        if short || schema["maxItems"].as_u64().is_some_and(|most| length > most) {
+            return Some(format!("{value} is longer or shorter than {schema}"));
+        }
+        let own = |at: usize| schema["prefixItems"].get(at).unwrap_or(&schema["items"]);
+        return values.iter().enumerate().find_map(|(at, one)| misfit(all, own(at), one));
+    }
+    let members = value.as_object()?;
+    let required = schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str);
+    if let Some(missing) = required.clone().find(|name| !members.contains_key(*name)) {
+        return Some(format!("{value} lacks {missing}"));
+    }
+    members.iter().find_map(|(name, one)| match schema["properties"].get(name) {
+        Some(own) => misfit(all, own, one).map(|why| format!("{name}: {why}")),
+        None if schema["additionalProperties"].is_object() => {
+            misfit(all, &schema["additionalProperties"], one)
+        }
+        None => (schema["additionalProperties"] == false).then(|| format!("{name} is unknown")),
+    })
+}
+
+/// Jobs, the greeting and answers are as the published schema has them, and it asks for no member that isn't there.
+#[test]
+fn jobs_are_as_the_schema_says() {
+    let schema = include_str!("../../docs/guide/jobs.schema.json");
+    let schema: Value = serde_json::from_str(schema).expect("it is JSON");
+    let folder = tempfile::tempdir().expect("it is made");
+    let kept = folder.path().join("jobs.jsonl");
+    let executor = format!("vulkan keeps {}", kept.display());
+    assert_eq!(conformed("", &executor).len(), 21);
+    let text = std::fs::read_to_string(kept).expect("it is there");
+    let jobs: Vec<Value> =
+        text.lines().map(|line| serde_json::from_str(line).expect("it is JSON")).collect();
+    assert!(jobs.len() >= 21, "{} jobs", jobs.len());
+    for job in &jobs {
+        assert_eq!(misfit(&schema, &schema["$defs"]["job"], job), None);
+        // The schema requires what Karat's own reader does.
+        for name in job.as_object().expect("a job").keys() {
+            let mut less = job.clone();
+            less.as_object_mut().expect("a job").remove(name);
+            assert!(misfit(&schema, &schema["$defs"]["job"], &less).is_some(), "without {name}");
+            assert!(serde_json::from_value::<Job>(less).is_err(), "without {name}");
+        }
+    }
+    let frame = jobs.iter().find(|job| job["work"].get("frame").is_some()).expect("a frame");
+    let mut odd = frame.clone();
+    odd["work"]["frame"]["draws"][0]["draw"]["state"]["winding"] = json!("widdershins");
+    assert!(misfit(&schema, &schema["$defs"]["job"], &odd).is_some());
+    let reply = |reply: Reply| serde_json::to_value(Answer { id: 7, reply }).expect("plain data");
+    let problem = Problem { message: "no".to_owned(), pass: 1, bytes: Some(3..9) };
+    let greeting = Greeting {
+        jobs: 1,
+        name: "mine".to_owned(),
+        driver: String::new(),
+        software: true,
+        can: vec![
+            Ability::F16,
+            Ability::Textures,
+            Ability::Immediates,
+            Ability::Subgroups,
+            Ability::Frames,
+        ],
+    };
+    let greeting = serde_json::to_value(greeting).expect("plain data");
+    for (name, value) in [
+        ("greeting", greeting),
+        ("answer", reply(Reply::Done(vec![vec![1, 2]]))),
+        ("answer", reply(Reply::Refused(problem.clone()))),
+        ("answer", reply(Reply::Failed(problem))),
+    ] {
+        assert_eq!(misfit(&schema, &schema["$defs"][name], &value), None);
+    }
 }

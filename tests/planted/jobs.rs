@@ -111,6 +111,14 @@ impl Executor for Faulty {
                 Reply::Done(outputs)
             }
             "few" => Reply::Done(Vec::new()),
+            // Each job is kept in the file that the next argument names.
+            "keeps" => {
+                let file = std::env::args().nth(4).expect("it names a file");
+                let line = serde_json::to_string(job).expect("a job is plain data");
+                let mut kept = std::fs::File::options().create(true).append(true).open(file);
+                writeln!(kept.as_mut().expect("it opens"), "{line}").expect("it is written");
+                Reply::Done(outputs)
+            }
             // A line of its own, before the first reply alone.
             "noisy" => {
                 static SAID: std::sync::Once = std::sync::Once::new();
@@ -143,6 +151,14 @@ impl Executor for Faulty {
             _ => Reply::Done(outputs),
         })
     }
+}
+
+/// The answers of a program to jobs with known answers, as JSON; an error if one is wrong.
+pub(crate) fn conform() -> Result<String, String> {
+    let path = "process@mine".parse::<Path>().map_err(|error| error.to_string())?;
+    let report = karat_inspect::conform::conform(path).map_err(|error| error.to_string())?;
+    let text = serde_json::to_string(&report).map_err(|error| error.to_string())?;
+    if report.wrong() == 0 { Ok(text) } else { Err(text) }
 }
 
 /// A function, a pass and a frame on the paths that the environment selects.

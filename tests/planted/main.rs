@@ -59,6 +59,7 @@ fn main() -> ExitCode {
         "nan_frame" => frame(&GRADIENT.replace("0.5, 1.0)", "sqrt(-at.x), 1.0)")),
         "executor" => jobs::serve(),
         "pipe" => jobs::checks(),
+        "conform" => jobs::conform(),
         _ => Err(format!("there is no fault `{fault}`")),
     };
     let (code, text) = match verdict {

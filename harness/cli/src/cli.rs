@@ -235,6 +235,10 @@ enum Command {
                             is left out. Numbers read and print as the exact f32.")]
     Call(call::Args),
     /// Tell which execution paths open, with drivers and versions, and how to get what is missing
+    #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
+                            KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
+                            Exit codes: 0 all is well; 1 a required path doesn't open, no path does, a module isn't \
+                            whole, or a\nprogram answers a job wrongly; 2 a program or a folder can't be asked.")]
     Doctor(doctor::Args),
     /// List frames that differ from their golden, or have none
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\

@@ -20,6 +20,7 @@
 //! Names and meanings may change in any release.
 
 pub mod compare;
+pub mod conform;
 pub mod hazards;
 mod limits;
 pub mod made_up;

@@ -15,7 +15,8 @@ use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
-    fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
+    /// A job with a number that no other one has, and the time that settings give.
+    pub fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
         let id = unheard_of();
         let seconds = settings::deadline().as_secs_f64();
         Self { jobs: JOBS, id, resources, outputs, seconds, work }
