@@ -28,6 +28,7 @@ pub(crate) mod untyped;
 use std::fmt;
 use std::panic::Location;
 
+use crate::diagnostic::{Blame, Blamed};
 use crate::dispatch::{DispatchError, Part, Passes, Wanted};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
@@ -269,6 +270,20 @@ impl From<PathError> for ComputeError {
     }
 }
 
+impl Blamed for ComputeError {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Differs(_) | Self::Violations(_) | Self::Order(_) => Blame::VALUES,
+            Self::Dispatch(error) => error.blame(),
+            Self::Declaration(wrong) => wrong.blame(),
+            Self::Accepted { verb, .. } => Blame::setting(std::slice::from_ref(verb)),
+            Self::Grid { .. } => Blame::setting(&["shape"]),
+            Self::Paths(paths) => paths.blame(),
+            _ => Blame::TEST,
+        }
+    }
+}
+
 impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
@@ -286,10 +301,7 @@ impl Fails for ComputeError {
             Self::Violations(found) => found.details(),
             Self::Order(order) => order.details(),
             Self::Paths(failures) => failures.details(Self::details),
-            Self::Dispatch(DispatchError::Reflect(error)) => {
-                Details::of(&self.to_string()).at(error.diagnostic())
-            }
-            other => Details::of(&other.to_string()),
+            other => Details::of(&other.to_string()).at(self.blame().message),
         }
     }
 }

@@ -12,6 +12,7 @@ use std::sync::Arc;
 pub use part::Part;
 pub use violation::{Examined, Violation, ViolationAccess, Watched};
 
+use crate::diagnostic::{Blame, Blamed};
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};
 use crate::package::{LinkedModule, Package};
@@ -523,5 +524,20 @@ fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError 
             DispatchError::EntryPoint { name, nearest }
         }
         None => error.into(),
+    }
+}
+
+impl Blamed for DispatchError {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Reflect(error) => error.blame().or(&["entry"]),
+            Self::Fixture(error) => error.blame(),
+            Self::Probe(error) => error.blame(),
+            Self::Rounds(found) => Blame::of(Some(found), &[]),
+            Self::Override { .. } => Blame::setting(&["override"]),
+            Self::Workgroups { .. } | Self::WorkgroupSize { .. } => Blame::setting(&["workgroups"]),
+            Self::EntryPoint { name, .. } => Blame::entry_point(name),
+            _ => Blame::TEST,
+        }
     }
 }

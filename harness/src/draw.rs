@@ -29,6 +29,7 @@ pub use request::Draw;
 pub use state::{Cull, DepthBias, Stencil, StencilOperation, Winding};
 
 use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Blame, Blamed};
 use crate::fixture::FixtureError;
 use crate::path::{Path, PathError};
 use crate::reflect::{ReflectError, Stage};
@@ -111,6 +112,20 @@ impl DrawError {
             Self::Fixture(error) => error.is_unsupported(),
             Self::Unable { .. } => true,
             _ => false,
+        }
+    }
+}
+
+impl Blamed for DrawError {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Reflect(error) => error.blame().or(&["fragment", "vertex"]),
+            Self::Fixture(error) => error.blame(),
+            Self::Rounds(found) => Blame::of(Some(found), &[]),
+            Self::EntryPoint { name, .. } => Blame::entry_point(name),
+            Self::Size { .. } => Blame::setting(&["size"]),
+            Self::Unsound { setting, .. } => Blame::setting(std::slice::from_ref(setting)),
+            _ => Blame::TEST,
         }
     }
 }

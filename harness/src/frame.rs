@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
 
+use crate::diagnostic::{Blame, Blamed};
 use crate::dispatch::Watched;
 use crate::draw::{Blend, Draw, DrawError, Drawing, Format, Mesh, Scene, Source};
 use crate::executor::{self, Executor};
@@ -148,6 +149,18 @@ pub enum FrameError {
     },
 }
 
+impl Blamed for FrameError {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Draw(error) => error.blame(),
+            Self::Declaration(wrong) => wrong.blame(),
+            Self::Tolerance(_) => Blame::setting(&["tolerance"]),
+            Self::Paths(paths) => paths.blame(),
+            _ => Blame::TEST,
+        }
+    }
+}
+
 impl Fails for FrameError {
     fn is_verdict(&self) -> bool {
         match self {
@@ -167,13 +180,7 @@ impl Fails for FrameError {
                 Details { paths: vec![PathDetails::on(adapter)], ..Details::of(&self.to_string()) }
             }
             Self::Paths(failures) => failures.details(Self::details),
-            Self::Draw(DrawError::Reflect(error)) => {
-                Details::of(&self.to_string()).at(error.diagnostic())
-            }
-            Self::Draw(DrawError::Rounds(found)) => {
-                Details::of(&self.to_string()).at(Some(&**found))
-            }
-            other => Details::of(&other.to_string()),
+            other => Details::of(&other.to_string()).at(self.blame().message),
         }
     }
 }

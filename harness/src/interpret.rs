@@ -173,7 +173,7 @@ impl Interpreted {
             words = words.chunks(width).step_by(quads::PIXELS).flatten().copied().collect();
         }
         let whole = |word: &u32| {
-            let bits = u16::try_from(*word).unwrap_or_default();
+            let bits = u16::try_from(*word).expect("a half has 16 bits");
             half::f16::from_bits(bits).to_f32().to_bits()
         };
         each_half(&self.results, || &mut words, whole);

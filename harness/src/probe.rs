@@ -38,6 +38,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Blame, Blamed};
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Ability, Path, PathError};
@@ -363,4 +364,15 @@ pub struct Partial {
 /// The shapes of a function's parameters.
 pub(crate) fn parameter_shapes(function: &Function) -> Vec<&Shape> {
     function.parameters.iter().map(|(_, shape)| shape).collect()
+}
+
+impl Blamed for ProbeError {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Reflect(error) => error.blame(),
+            Self::Fixture(error) => error.blame(),
+            Self::Rounds { diagnostic, .. } => Blame::of(Some(diagnostic), &[]),
+            _ => Blame::TEST,
+        }
+    }
 }

@@ -62,6 +62,7 @@ pub use signature::{Function, State};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
+use crate::diagnostic::{Blame, Blamed};
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 pub use crate::package::stage::Stage;
 use crate::package::workspace::{self, Kind};
@@ -357,6 +358,13 @@ pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     /// naga's lowering takes up to some 20 KB a term in builds without optimisation.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
+}
+
+impl Blamed for ReflectError {
+    fn blame(&self) -> Blame<'_> {
+        let setting: &[_] = if matches!(self, Self::Override(_)) { &["override"] } else { &[] };
+        Blame::of(self.diagnostic(), setting)
+    }
 }
 
 #[cfg(test)]

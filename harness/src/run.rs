@@ -11,7 +11,7 @@ mod reporter;
 pub use host::{Host, host};
 pub use identity::NotBegun;
 pub(crate) use identity::{Identity, Replayed, leave_frame_out, with_inputs};
-pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop};
+pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop, sound_paths};
 pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::{NotReplayed, not_replayed};

@@ -185,7 +185,8 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     let output = command.output().expect("it runs");
     let report: Value = serde_json::from_slice(&output.stderr).expect("it is JSON");
     let answers = report["answers"].as_array().expect("it has answers").iter();
-    let named = |one: &Value| (one["name"].as_str().expect("a name").to_owned(), one["answer"].clone());
+    let named =
+        |one: &Value| (one["name"].as_str().expect("a name").to_owned(), one["answer"].clone());
     let answers: BTreeMap<String, Value> = answers.map(named).collect();
     let wrong = answers.values().any(|answer| answer.get("wrong").is_some());
     assert_eq!(output.status.success(), !wrong, "{fault}: {report}");
@@ -218,11 +219,16 @@ fn lies_do_not_conform() {
         ("short", "grid", "it returned outputs of [71] words, and [72] are wanted"),
         ("few", "outputs", "its reply is Done([]), not Done([[3, 8, 9], [1]])"),
         ("late", "outputs", "its reply is Done("),
-        ("refuses", "refusal", "after a job that it refused, its reply to a valid one is Refused(Problem {"),
+        (
+            "refuses",
+            "refusal",
+            "after a job that it refused, its reply to a valid one is Refused(Problem {",
+        ),
         ("dies", "function", "it ended (exit status: 3): out of memory"),
     ] {
         let answers = conformed("cpu", fault);
-        let told = answers[name]["wrong"].as_str().unwrap_or_else(|| panic!("{fault}: {answers:?}"));
+        let told =
+            answers[name]["wrong"].as_str().unwrap_or_else(|| panic!("{fault}: {answers:?}"));
         assert!(told.contains(reason), "{fault}: {told}");
     }
     // It says that it has buffers alone, and is asked for no more.

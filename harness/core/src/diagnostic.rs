@@ -3,6 +3,7 @@
 //! A [`Diagnostic`] carries its sources, so it can be shown anywhere: as text with an excerpt
 //! (`Display`), or as data ([`Diagnostic::location`]).
 
+mod blame;
 mod excerpt;
 mod mend;
 
@@ -17,6 +18,7 @@ use codespan_reporting::term;
 use self::excerpt::{Excerpt, Excerpts};
 pub use self::mend::Mend;
 use crate::output::visible;
+pub use blame::{At, Blame, Blamed};
 
 /// A file of the author, as read.
 #[derive(PartialEq, Eq)]

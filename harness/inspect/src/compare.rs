@@ -34,7 +34,7 @@ use karat::path::Path;
 use karat::unstable::dispatch::{Passes, Violation, ViolationAccess};
 use karat::unstable::interpret::{Coverage, of_outside};
 use karat::unstable::package::{Stage, declared_hazards, place_of_override, values_of, words_of};
-use karat::unstable::probe::Probed;
+use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Overrides, Program, State};
 use karat_core::panics;
 use karat_core::value::Scalar;
@@ -322,7 +322,13 @@ impl Request {
         let mut all = BTreeMap::new();
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
-            let words = [0, 1].map(|side| words_of(sides[side], module).unwrap_or_default());
+            let texts = [0, 1].map(|side| words_of(sides[side], module));
+            // Files that can't be read aren't the same.
+            let is_same = match &texts {
+                [Some(before), Some(after)] => before.0 == after.0,
+                _ => false,
+            };
+            let words = texts.map(Option::unwrap_or_default);
             let items =
                 |side: usize, features: &[String]| -> Result<BTreeMap<_, _>, PackageError> {
                     if !has[side] {
@@ -338,7 +344,7 @@ impl Request {
                         side.as_ref().err().map(|error| with_place(&error.to_string()))
                     };
                     let pair = match (&old, &new) {
-                        (Err(_), Err(_)) if words[0].0 == words[1].0 => Pair::Same,
+                        (Err(_), Err(_)) if is_same => Pair::Same,
                         _ => Pair::Broken(whole(&old), whole(&new)),
                     };
                     all.insert(name_of(module), pair);
@@ -350,12 +356,19 @@ impl Request {
                 all.insert(name.clone(), there);
             }
             // Text under a condition that doesn't hold is no function's.
-            if words[0].0 == words[1].0 {
+            if is_same {
                 continue;
             }
-            let overrides = self.overrides_of(module);
-            if !overrides.is_empty() {
-                all.insert(name_of(module), Pair::Overrides(overrides));
+            match self.overrides_of(module) {
+                Ok(overrides) if overrides.is_empty() => {}
+                Ok(overrides) => drop(all.insert(name_of(module), Pair::Overrides(overrides))),
+                // A module that isn't valid has its functions compared all the same, but not what a host sees of it.
+                Err(reasons) => {
+                    if overrides_in(&words[0].0) != overrides_in(&words[1].0) {
+                        let [was, is] = reasons;
+                        all.insert(name_of(module), Pair::Broken(was, is));
+                    }
+                }
             }
             let open: BTreeSet<&String> = words[0].1.iter().chain(&words[1].1).collect();
             let open: Vec<String> = open.into_iter().chain(others).cloned().collect();
@@ -364,7 +377,21 @@ impl Request {
                 // A side is asked about those that it knows.
                 let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
-                let (Ok(old), Ok(new)) = (items(0, &own[0]), items(1, &own[1])) else { continue };
+                let (old, new) = match (items(0, &own[0]), items(1, &own[1])) {
+                    (Ok(old), Ok(new)) => (old, new),
+                    // Features that can't be on together say nothing.
+                    (Err(_), Err(_)) => continue,
+                    (old, new) => {
+                        let [was, is] = [old.err(), new.err()].map(|error| {
+                            let on = features.join(", ");
+                            error.map(|error| {
+                                format!("with {on}: {}", with_place(&error.to_string()))
+                            })
+                        });
+                        all.entry(name_of(module)).or_insert(Pair::Broken(was, is));
+                        continue;
+                    }
+                };
                 for name in old.keys().chain(new.keys()) {
                     let (was, is) = (old.get(name).copied(), new.get(name).copied());
                     if edited.contains(name) || self.is_untouched_under(name, &own) {
@@ -401,11 +428,16 @@ impl Request {
         }
     }
 
-    /// The overrides of a module that no function uses, as a host sees them.
-    fn overrides_of(&self, module: &str) -> Vec<String> {
-        let whole = |side| Program::of_module(side, module).ok();
-        let Some((before, after)) = whole(&self.before).zip(whole(&self.after)) else {
-            return Vec::new();
+    /// The overrides of a module that no function uses, as a host sees them; or why a side isn't valid.
+    fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
+        let whole = |side| Program::of_module(side, module);
+        let (before, after) = match (whole(&self.before), whole(&self.after)) {
+            (Ok(before), Ok(after)) => (before, after),
+            (before, after) => {
+                return Err([before.err(), after.err()].map(|error| {
+                    error.map(|error| format!("its overrides: {}", with_place(&error.to_string())))
+                }));
+            }
         };
         let used = |side: &Package| -> BTreeSet<String> {
             let items = side.functions_in(module).unwrap_or_default().into_iter();
@@ -418,13 +450,13 @@ impl Request {
         };
         let all = sides::overrides(&before, &after);
         if all.is_empty() {
-            return all;
+            return Ok(all);
         }
         let used: BTreeSet<String> = &used(&self.before) | &used(&self.after);
         let is_open = |sentence: &String| {
             used.iter().all(|name| !sentence.contains(&format!("override `{name}`")))
         };
-        all.into_iter().filter(is_open).collect()
+        Ok(all.into_iter().filter(is_open).collect())
     }
 
     /// A verdict; of a function whose results are the same the one under another value of a feature, if they differ there.
@@ -852,8 +884,22 @@ struct Both {
     sides: [Coverage; 2],
     /// True if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
-    /// The first run of the engine, or why there was none; other paths may have values.
-    measured: Option<Result<(), String>>,
+    /// The first run of each side in the engine, or why there was none; other paths may have values.
+    measured: [Option<Result<(), String>>; 2],
+    /// Why it isn't known whether results depend on an index outside.
+    unknown: Option<String>,
+}
+
+/// The declarations of overrides among the words of a module.
+fn overrides_in(words: &[String]) -> Vec<&[String]> {
+    let begins = (0..words.len()).filter(|at| words[*at] == "override");
+    let whole = |at: usize| {
+        // Attributes such as `@id(7)` stand before the word.
+        let before = words[..at].iter().rposition(|word| word == ";" || word == "}");
+        let behind = words[at..].iter().position(|word| word == ";");
+        &words[before.map_or(0, |before| before + 1)..at + behind.unwrap_or(words.len() - at)]
+    };
+    begins.map(whole).collect()
 }
 
 /// Keeps that something was measured, or else why the first thing wasn't.
@@ -873,28 +919,34 @@ impl Both {
     ) {
         for (at, reach) in self.sides.iter_mut().enumerate() {
             let added = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
-            note(&mut self.measured, added.map_err(|error| error.to_string()));
+            note(&mut self.measured[at], added.map_err(|error| error.to_string()));
         }
         let [before, after] = &self.sides;
         if self.strays || after.outside_beside(before).is_empty() {
             return;
         }
         let strays = |side: usize| of_outside(sides[side], &fixtures[side], (count, &rows[side]));
-        if let (Ok(before), Ok(after)) = (strays(0), strays(1)) {
-            self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
+        match (strays(0), strays(1)) {
+            (Ok(before), Ok(after)) => {
+                self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
+            }
+            // What comes from outside decides whether a loop of it ends.
+            (Ok(_), Err(ProbeError::Rounds { .. })) => self.strays = true,
+            (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
     }
 
     fn add_passes(&mut self, sides: [&Passes; 2]) {
-        for (reach, side) in self.sides.iter_mut().zip(sides) {
-            let added = reach.add_passes(side);
-            note(&mut self.measured, added.map_err(|error| error.to_string()));
+        for (at, reach) in self.sides.iter_mut().enumerate() {
+            let added = reach.add_passes(sides[at]);
+            note(&mut self.measured[at], added.map_err(|error| error.to_string()));
         }
     }
 
     /// The lines of an edit that no input covers. `place` is that of the function.
     fn uncovered(&self, place: &str) -> Vec<Uncovered> {
-        if let Some(Err(reason)) = &self.measured {
+        let stopped = self.measured.iter().flatten().find_map(|one| one.as_ref().err());
+        if let Some(reason) = stopped.or(self.unknown.as_ref()) {
             let (place, text) = (place.to_owned(), first_line(reason));
             return vec![Uncovered { place, text, missed: Missed::Unmeasured }];
         }
@@ -1875,13 +1927,39 @@ mod tests {
     fn what_is_not_measured_is_told() {
         let mut both = Both::default();
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "nothing was asked");
-        note(&mut both.measured, Err("no rule for it\nmore".to_owned()));
+        let [before, after] = [0, 1];
+        note(&mut both.measured[after], Err("no rule for it\nmore".to_owned()));
+        note(&mut both.measured[before], Ok(()));
         let told = both.uncovered("f.wgsl:1:1");
         assert_eq!((&*told[0].place, &*told[0].text), ("f.wgsl:1:1", "no rule for it"));
         assert_eq!(told[0].missed, Missed::Unmeasured);
-        note(&mut both.measured, Ok(()));
-        note(&mut both.measured, Err("another content".to_owned()));
-        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of it was");
+        note(&mut both.measured[after], Ok(()));
+        note(&mut both.measured[after], Err("another content".to_owned()));
+        assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
+        // Nor is a silence on indices outside a proof where the engine ended.
+        both.unknown = Some("it ran too long".to_owned());
+        assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
+    }
+
+    /// Text that isn't read, under a condition or in a module that isn't valid, is no text that stayed.
+    #[test]
+    fn edits_that_cannot_be_read_are_unjudged() {
+        let of = |before: &str, after: &str| {
+            let package = |text: &str| Package::from_modules("p", [("m", text)]);
+            let all = Request::new(package(before), package(after)).run().expect("it reads");
+            let unjudged = |one: &Compared| matches!(one.change, Change::Unjudged { .. });
+            let found = all.iter().find(|one| unjudged(one)).unwrap_or_else(|| panic!("{all:?}"));
+            format!("{}: {:?}", found.function, found.change)
+        };
+        let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
+        let told = of(sound, &sound.replace("1.0; }", "1.0;"));
+        assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
+        // A function that isn't valid hides what a host sees of the module.
+        let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
+        for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {
+            let told = of(invalid, &invalid.replace(from, to));
+            assert!(told.contains("m: ") && told.contains("its overrides: "), "{told}");
+        }
     }
 
     /// A pixel that is discarded comes to nothing behind the statement that anybody sees.

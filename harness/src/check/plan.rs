@@ -4,6 +4,7 @@ use super::tolerances::Tolerances;
 use super::{Failure, Probe};
 use crate::path::Selected;
 use crate::run::KnownIssues;
+use crate::run::sound_paths;
 use crate::tolerance::Tolerance;
 
 /// A function with what its author says of a check, but for the cases.
@@ -42,6 +43,6 @@ impl<'a> Plan<'a> {
     /// Wants paths that can be, and a reason for each that is declared to fail.
     pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
         self.known_issues.expect_sound::<Failure>(&self.probe.name)?;
-        Ok(self.tolerance_on.expect_sound()?)
+        Ok(sound_paths("tolerance_on", &self.tolerance_on)?)
     }
 }

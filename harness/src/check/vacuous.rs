@@ -106,6 +106,15 @@ pub enum Vacuous {
 }
 
 impl Vacuous {
+    /// The settings of a test that it is about, the closest one first.
+    pub(super) fn settings(&self) -> &'static [&'static str] {
+        match self {
+            Self::NoCases | Self::TooManyCases(_) => &["cases"],
+            Self::Filtered | Self::Empty { argument: None, .. } => &["where", "over"],
+            _ => &["over"],
+        }
+    }
+
     /// What is at fault: the domain of a function, or what a check of samples says of it.
     pub(super) fn whose(&self) -> &'static str {
         match self {

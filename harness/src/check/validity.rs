@@ -1,5 +1,6 @@
 //! The check that a package is valid as a whole, with what no test calls.
 
+use crate::diagnostic::{Blame, Blamed};
 use crate::package::Package;
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject};
@@ -81,6 +82,12 @@ fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord>
 impl Passed for Validated {
     fn known_issues(&self) -> &[KnownIssue] {
         &[]
+    }
+}
+
+impl Blamed for Invalid {
+    fn blame(&self) -> Blame<'_> {
+        Blame::TEST
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::{Disagreement, Fit, Rejection};
 use super::{Mismatch, Vacuous};
+use crate::diagnostic::{Blame, Blamed};
 use crate::golden::ValuesError;
 use crate::output::counted;
 use crate::path::{Adapter, PathError};
@@ -146,6 +147,20 @@ impl Failure {
     }
 }
 
+impl Blamed for Failure {
+    fn blame(&self) -> Blame<'_> {
+        match self {
+            Self::Disagreement(_) | Self::Rejection(_) => Blame::VALUES,
+            Self::Golden { disagreement: Some(_), .. } => Blame::VALUES,
+            Self::Probe(error) => error.blame(),
+            Self::Declaration(wrong) => wrong.blame(),
+            Self::Domain { reason, .. } => Blame::setting(reason.settings()),
+            Self::Paths(paths) => paths.blame(),
+            _ => Blame::TEST,
+        }
+    }
+}
+
 impl Fails for Failure {
     fn is_verdict(&self) -> bool {
         match self {
@@ -163,10 +178,7 @@ impl Fails for Failure {
             Self::Golden { disagreement: Some(found), .. } => found.details(),
             Self::Rejection(found) => found.details(),
             Self::Paths(failures) => failures.details(Self::details),
-            Self::Probe(ProbeError::Reflect(error)) => {
-                Details::of(&self.to_string()).at(error.diagnostic())
-            }
-            other => Details::of(&other.to_string()),
+            other => Details::of(&other.to_string()).at(self.blame().message),
         }
     }
 

@@ -238,7 +238,9 @@ impl TestGroup {
             members.insert(test.name.clone(), (which, words));
             let mut names = Vec::new();
             let types = test.types(&mut structs)?;
-            for ((name, shape), ty) in test.parameters().unwrap_or_default().iter().zip(types) {
+            for ((name, shape), ty) in
+                test.parameters().expect("tests without are run otherwise").iter().zip(types)
+            {
                 let name = format!("karat_{which}_{name}");
                 list.push(format!("{name}: {ty}"));
                 words += shape.lanes().len();

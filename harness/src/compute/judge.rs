@@ -10,6 +10,7 @@ use crate::interpret::hazards::first_not_finite;
 use crate::judge::{self, Census, Class, Picked, Shown, Tally, compare};
 use crate::path::Adapter;
 use crate::record::{CaseDetails, Details, PathDetails, PathRecord, Replay, Subject};
+use crate::run::sound_paths;
 use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape, hexfloat};
@@ -308,7 +309,7 @@ impl After<'_> {
             replay::done();
         }
         compute.known_issues.expect_sound::<ComputeError>(&self.variable)?;
-        compute.tolerance_on.expect_sound()?;
+        sound_paths("tolerance_on", &compute.tolerance_on)?;
         let executors = self.executors()?;
         let passes = compute.passes()?;
         report.read.extend(passes.read());
@@ -394,7 +395,9 @@ impl After<'_> {
             }))]
         };
         let (agreed, known_issues) = all.verdict(differ)?;
-        let known = known_issues.iter().map(|issue| usize::try_from(issue.cases).unwrap_or(0));
+        let known = known_issues
+            .iter()
+            .map(|issue| usize::try_from(issue.cases).expect("they were in memory"));
         let elements = agreed.iter().map(|(_, one)| one.elements).chain(known).max().unwrap_or(0);
         let paths = agreed.into_iter().map(|(adapter, one)| (adapter, one.sum.worst)).collect();
         Ok(ComputeAgreement { variable: self.variable.clone(), elements, paths, known_issues })

@@ -96,6 +96,7 @@ pub(super) fn guarded<'e>(
     }
     Ok(match Watcher::new(call) {
         Ok(function) => Box::new(Guarded { prepared, function, leaves: None }),
+        // The engine doesn't run this function, and no driver is known to leave its loops.
         Err(_) => prepared,
     })
 }

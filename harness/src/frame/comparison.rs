@@ -14,6 +14,7 @@ use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
+use crate::run::sound_paths;
 use crate::run::{Judged, Passed, Report, leave_frame_out, or_panic, replay, reported};
 use crate::settings;
 
@@ -172,7 +173,7 @@ type Compared = Result<FrameMargin, Box<GoldenError>>;
 impl Frame<'_> {
     /// Each bounds something, on paths that can be.
     fn check_tolerances(&self) -> Result<(), FrameError> {
-        self.tolerance_on.expect_sound()?;
+        sound_paths("tolerance_on", &self.tolerance_on)?;
         let on_paths = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
         let mut all = on_paths.chain(&self.tolerance);
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))

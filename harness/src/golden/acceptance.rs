@@ -1,5 +1,6 @@
 //! Accepting: the only thing that writes a golden.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -353,7 +354,11 @@ fn write_golden(
     let facts = (!is_table(path))
         .then(|| toml::to_string(provenance).expect("provenance is plain data").into_bytes());
     let sidecar = path.with_extension("toml");
-    let before = std::fs::read(&sidecar).ok();
+    let before = match std::fs::read(&sidecar) {
+        Ok(before) => Some(before),
+        Err(error) if error.kind() == ErrorKind::NotFound => None,
+        Err(cause) => return Err(ImageError::Read { path: shown(&sidecar), cause }.into()),
+    };
     // Both are on the disk before either takes its place.
     let facts = facts.map(|facts| Staged::new(&sidecar, &facts)).transpose();
     let facts = facts.map_err(|error| failed(&sidecar, error))?;

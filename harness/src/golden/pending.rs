@@ -293,7 +293,12 @@ fn find(
             return unusable.push(Unusable { path: folder.to_owned(), reason });
         }
     };
-    let mut entries: Vec<_> = entries.into_iter().flatten().flatten().collect();
+    let mut unread = |cause| {
+        let reason = ImageError::Read { path: shown(folder), cause }.into();
+        unusable.push(Unusable { path: folder.to_owned(), reason });
+    };
+    let entries = entries.into_iter().flatten();
+    let mut entries: Vec<_> = entries.filter_map(|one| one.map_err(&mut unread).ok()).collect();
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();

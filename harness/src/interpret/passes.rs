@@ -173,7 +173,7 @@ fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> 
     let mut finite = true;
     for (number, words) in left {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
-        let lanes = passes.lanes(number, &words).unwrap_or_default();
+        let lanes = passes.lanes(number, &words).expect("passes write what they leave");
         let mut scalars = shape.lanes();
         // The results of pixels are words, with a canary behind each pixel's.
         let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());

@@ -41,6 +41,6 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
         .chunks(4)
         .map(|bytes| (0..).zip(bytes).fold(0, |word, (k, byte)| word | u32::from(*byte) << (8 * k)))
         .collect();
-    let lanes = passes.lanes(resource, &words).unwrap_or_default();
+    let lanes = passes.lanes(resource, &words).expect("passes write what they leave");
     Ok(lanes.into_iter().map(|word| word != 0).collect())
 }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::{Bound, Frame, Job, Pass, Problem, Reply, Resource, Shader, Work};
+use crate::diagnostic::Blamed;
 use crate::dispatch::{self, DispatchError, Held, Passes};
 use crate::draw::{DrawError, Drawing, Scene};
 use crate::fixture::{Buffer, Fixture};
@@ -60,25 +61,12 @@ impl Unraised {
     fn reply(self) -> Reply {
         let (refused, message, diagnostic) = match &self {
             Self::Dispatch(error) => {
-                let found = match error {
-                    DispatchError::Reflect(error) => error.diagnostic(),
-                    DispatchError::Rounds(found) => Some(&**found),
-                    DispatchError::Probe(crate::probe::ProbeError::Rounds {
-                        diagnostic, ..
-                    }) => Some(&**diagnostic),
-                    _ => None,
-                };
                 let refused = error.is_refusal() || matches!(error, DispatchError::Reflect(_));
-                (refused, error.to_string(), found)
+                (refused, error.to_string(), error.blame().message)
             }
             Self::Draw(error) => {
-                let found = match error {
-                    DrawError::Reflect(error) => error.diagnostic(),
-                    DrawError::Rounds(found) => Some(&**found),
-                    _ => None,
-                };
                 let refused = error.is_refusal() || matches!(error, DrawError::Reflect(_));
-                (refused, error.to_string(), found)
+                (refused, error.to_string(), error.blame().message)
             }
             Self::Job(reason) => (false, reason.clone(), None),
         };

@@ -143,6 +143,11 @@ impl Turn {
         if self.held.is_none() {
             return;
         }
+        // Without the name of the last run each of them may be that one.
+        let named = std::fs::read_to_string(records.join(LAST));
+        if named.is_err_and(|error| error.kind() != ErrorKind::NotFound) {
+            return;
+        }
         for folder in dead(records) {
             // What can't be removed is in nobody's way.
             drop(std::fs::remove_dir_all(&folder));

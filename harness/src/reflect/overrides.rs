@@ -118,13 +118,15 @@ impl Program {
         if given.is_empty() {
             return None;
         }
-        let of = |package: &Package| {
-            let modules = package.modules().unwrap_or_default().into_iter();
-            let linked =
-                |module: String| Self::of_module(&package.for_validating(&module), &module).ok();
-            modules.filter_map(linked).collect::<Vec<_>>()
-        };
-        let programs: Vec<_> = packages.iter().flat_map(|package| of(package)).collect();
+        let (mut programs, mut invalid) = (Vec::new(), Vec::new());
+        for package in packages {
+            for module in package.modules().unwrap_or_default() {
+                match Self::of_module(&package.for_validating(&module), &module) {
+                    Ok(program) => programs.push(program),
+                    Err(_) => invalid.push(format!("`{module}`")),
+                }
+            }
+        }
         given.iter().find_map(|(name, value)| {
             let mut own = programs.iter().filter(|program| program.has_override(name)).peekable();
             let why = match own.peek() {
@@ -134,7 +136,13 @@ impl Program {
                     let near = nearest(name, all.iter().map(String::as_str));
                     let near =
                         near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-                    format!("no function and no entry point uses an override `{name}`{near}")
+                    let unseen = match &*invalid {
+                        [] => String::new(),
+                        all => format!(" (not looked at, since invalid: {})", all.join(", ")),
+                    };
+                    format!(
+                        "no function and no entry point uses an override `{name}`{near}{unseen}"
+                    )
                 }
                 Some(_) => own.find_map(|program| {
                     let alone = program.misfit(&Overrides::from([(name.clone(), *value)]));

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 
 use super::Fails;
+use crate::diagnostic::{At, Blame, Blamed};
 use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Details, PathDetails, PathRecord};
@@ -114,12 +115,28 @@ pub enum WrongDeclaration {
         /// The paths.
         on: Selector,
     },
+    /// A declaration names no path.
+    #[error("{error}")]
+    Path {
+        /// `fails_on`, `refused_on` or `tolerance_on`.
+        setting: &'static str,
+        /// What is wrong with the name.
+        error: PathError,
+    },
+}
+
+/// Refuses texts that name no path, of a setting.
+pub(crate) fn sound_paths<T>(
+    setting: &'static str,
+    declared: &Selected<T>,
+) -> Result<(), WrongDeclaration> {
+    declared.expect_sound().map_err(|error| WrongDeclaration::Path { setting, error })
 }
 
 impl WrongDeclaration {
     /// True if it is of a bug that is gone: otherwise there is no verdict.
     pub(crate) fn is_verdict(&self) -> bool {
-        !matches!(self, Self::Unexplained { .. })
+        matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
 }
 
@@ -146,11 +163,10 @@ impl KnownIssues {
     /// Wants paths that can be, and a reason for each that is declared to fail.
     pub(crate) fn expect_sound<E>(&self, subject: &str) -> Result<(), E>
     where
-        E: From<PathError> + From<WrongDeclaration>,
+        E: From<WrongDeclaration>,
     {
-        self.values.expect_sound()?;
-        self.refusals.expect_sound()?;
         for (setting, declared) in [("fails_on", &self.values), ("refused_on", &self.refusals)] {
+            sound_paths(setting, declared)?;
             if let Some((on, _)) = declared.iter().find(|(_, reason)| reason.is_empty()) {
                 let (subject, on) = (subject.to_owned(), on.clone());
                 return Err(WrongDeclaration::Unexplained { setting, subject, on }.into());
@@ -356,6 +372,30 @@ impl<V, E: Stop> Conclusion<V, E> {
     }
 }
 
+impl Blamed for WrongDeclaration {
+    fn blame(&self) -> Blame<'_> {
+        Blame::setting(match self {
+            Self::UnexpectedPass { .. } => &["fails_on"],
+            Self::NotRefused { .. } => &["refused_on"],
+            Self::Unexplained { setting, .. } | Self::Path { setting, .. } => {
+                std::slice::from_ref(setting)
+            }
+        })
+    }
+}
+
+/// Values first, whose text has a place; then settings.
+impl<E: Blamed> Blamed for PathFailures<E> {
+    fn blame(&self) -> Blame<'_> {
+        let all = || self.all().map(Blamed::blame);
+        if all().any(|one| one.at == At::Text) {
+            return Blame::VALUES;
+        }
+        let named = all().find(|one| one.at != At::Setting(&[]));
+        Blame { message: None, ..named.unwrap_or(Blame::TEST) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -384,6 +424,12 @@ mod tests {
     impl From<WrongDeclaration> for Error {
         fn from(_: WrongDeclaration) -> Self {
             Self::Declaration
+        }
+    }
+
+    impl Blamed for Error {
+        fn blame(&self) -> Blame<'_> {
+            Blame::TEST
         }
     }
 

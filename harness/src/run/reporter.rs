@@ -4,19 +4,20 @@ use std::collections::BTreeSet;
 use std::fmt::Display;
 
 use super::{KnownIssue, host, identity, replay};
+use crate::diagnostic::Blamed;
 use crate::diagnostic::FileRead;
 use crate::dispatch::Watched;
 use crate::output::visible;
 use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 /// Why a check fails, as far as its record is concerned.
-pub(crate) trait Fails: Display {
+pub(crate) trait Fails: Display + Blamed {
     /// True if values are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool;
 
     /// The same as data.
     fn details(&self) -> Details {
-        Details::of(&self.to_string())
+        Details::of(&self.to_string()).at(self.blame().message)
     }
 
     /// `file:line:column` of the function, where a failure knows it.

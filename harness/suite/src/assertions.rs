@@ -6,8 +6,8 @@ use karat::check::HazardKind;
 use toml::Value;
 
 use crate::declared::{Direction, Integral};
-use crate::misdeclared::Misdeclared;
 use crate::range::Range;
+use crate::wrong::Misdeclared;
 
 /// An assertion.
 #[derive(Clone, Debug)]

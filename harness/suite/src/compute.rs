@@ -18,11 +18,11 @@ use crate::assertions::{Shared, What, idle_key, switched};
 use crate::declared::{GOLDEN, Keys, NoHazards, OverrideValue};
 use crate::domains::no_such;
 use crate::fixtures::fixture;
-use crate::misdeclared::Misdeclared;
 use crate::numbers::Wanted;
 use crate::range::Range;
 use crate::run::wide;
 use crate::tolerances::tolerance;
+use crate::wrong::Misdeclared;
 
 /// A `[[compute]]`.
 #[derive(Clone, Debug, Deserialize)]

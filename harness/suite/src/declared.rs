@@ -96,8 +96,8 @@ use crate::assertions::{Shared, What, idle_key, switched};
 use crate::compute;
 use crate::draws;
 use crate::find::of_whole;
-use crate::misdeclared::Misdeclared;
 use crate::range::Range;
+use crate::wrong::Misdeclared;
 use crate::{Kind, Test};
 
 /// A file, as it is written.

@@ -11,9 +11,9 @@ use karat::value::{Scalar, Shape};
 use serde::Deserialize;
 
 use crate::domains::no_such;
-use crate::misdeclared::Misdeclared;
 use crate::numbers::Wanted;
 use crate::table;
+use crate::wrong::Misdeclared;
 
 /// One draw of a frame.
 #[derive(Clone, Debug, Deserialize)]

@@ -24,7 +24,6 @@ mod draws;
 mod find;
 mod fixtures;
 mod json;
-mod misdeclared;
 mod normalized_text;
 mod numbers;
 mod range;

@@ -27,14 +27,11 @@ use crate::declared::{
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
-use crate::misdeclared::{
-    Misdeclared, compute_diagnostic_of, compute_has_place, compute_key_of, diagnostic_of,
-    frame_diagnostic_of, frame_has_place, frame_key_of, has_place, key_of, missing_entry_of,
-};
 use crate::numbers::{self, Wanted};
 use crate::relations::related;
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
+use crate::wrong::{Misdeclared, blamed};
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
@@ -157,8 +154,7 @@ impl Suite {
 
     fn verdict(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
         let whole = &test.span;
-        let at =
-            |message: String, span: Span| Err(Wrong::from(Diagnostic::new(message).at(span, "")));
+        let no_entry = |_: &str| None;
         match &test.kind {
             Kind::Wgsl(test) => {
                 let unbegun = |wrong: Wrong| {
@@ -169,15 +165,12 @@ impl Suite {
                     // Invalid WGSL has its own place.
                     None => test.probe().map_err(|error| unbegun(Wrong::from(&*error)))?,
                 };
-                let nowhere = |_: Option<&str>| None;
                 let judged = wgsl(&self.package, test, probe)
-                    .map_err(|wrong| unbegun(wrong.told(&nowhere, whole)))?;
-                let Err(failure) = judged else { return Ok(()) };
-                match unbound(&failure) {
-                    Some(unbound) => at(unbound, whole.clone()),
-                    None if has_place(&failure) => Err(told(&failure, diagnostic_of(&failure))),
-                    None => at(failure.to_string(), whole.clone()),
-                }
+                    .map_err(|wrong| unbegun(wrong.told(&|_| None, whole)))?;
+                judged.map(drop).map_err(|failure| match unbound(&failure) {
+                    Some(unbound) => Wrong::from(Diagnostic::new(unbound).at(whole.clone(), "")),
+                    None => blamed(&failure, &no_entry, &|_| None, whole),
+                })
             }
             Kind::Function(assertion) => {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
@@ -186,18 +179,13 @@ impl Suite {
                     let Assertion { function, what, .. } = &**assertion;
                     wrong.recorded(self.unbegun(function, what.key(), wrong.place.as_deref()))
                 })?;
-                let Err(failure) = judged else { return Ok(()) };
-                let found = diagnostic_of(&failure);
-                if has_place(&failure) {
-                    let mut wrong = told(&failure, found);
+                judged.map(drop).map_err(|failure| {
+                    let place_of = |key: &str| assertion.keys.place_of(key).cloned();
+                    let own = place_of(assertion.what.key()).unwrap_or_else(|| whole.clone());
+                    let mut wrong = blamed(&failure, &no_entry, &place_of, &own);
                     wrong.message += &row_of(&failure, assertion).unwrap_or_default();
-                    return Err(wrong);
-                }
-                let span = place_of(key_of(assertion, &failure)).unwrap_or_else(|| whole.clone());
-                match found {
-                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
-                    None => at(failure.to_string(), span),
-                }
+                    wrong
+                })
             }
             Kind::Compute(assertion) => {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
@@ -206,21 +194,10 @@ impl Suite {
                     wrong.recorded(self.unbegun(function, check, wrong.place.as_deref()))
                 };
                 let of = |error: &ComputeError| {
-                    let found = compute_diagnostic_of(error);
-                    if compute_has_place(error) {
-                        return Wrong { violations: violations_of(error), ..told(error, found) };
-                    }
-                    let entry = missing_entry_of(error).map(|entry| assertion.key_of_entry(entry));
-                    let key = entry.as_deref().or_else(|| compute_key_of(assertion, error));
-                    let span = place_of(key).unwrap_or_else(|| whole.clone());
-                    match found {
-                        Some(found) => Wrong::from(found.clone().at(span, "")),
-                        None => {
-                            let message = error.to_string();
-                            let message = message.trim_start_matches("error: ").trim_end();
-                            Wrong::from(Diagnostic::new(message.to_owned()).at(span, ""))
-                        }
-                    }
+                    let entry = |name: &str| Some(assertion.key_of_entry(name));
+                    let own = place_of(None).unwrap_or_else(|| whole.clone());
+                    let wrong = blamed(error, &entry, &|key| place_of(Some(key)), &own);
+                    Wrong { violations: violations_of(error), ..wrong }
                 };
                 match assertion.judged(&self.package) {
                     Ok(_) => Ok(()),
@@ -230,23 +207,15 @@ impl Suite {
                 }
             }
             Kind::Frame(declared) => {
-                let place_of = |key: Option<&str>| declared.keys.place_of(key?).cloned();
+                let place_of = |key: &str| declared.keys.place_of(key).cloned();
                 let drawn = frame(&self.package, declared, whole);
                 let (unknown, drawn) = drawn.map_err(|wrong| {
-                    let wrong = wrong.told(&place_of, whole);
+                    let wrong = wrong.told(&|key| place_of(key?), whole);
                     wrong.recorded(declared.subject(wrong.place.as_deref()))
                 })?;
-                let Err(error) = drawn else { return Ok(()) };
-                let found = frame_diagnostic_of(&error);
-                if frame_has_place(&error) {
-                    return Err(told(&error, found));
-                }
-                let span = place_of(frame_key_of(declared, unknown.as_deref(), &error));
-                let span = span.unwrap_or_else(|| whole.clone());
-                match found {
-                    Some(found) => Err(Wrong::from(found.clone().at(span, ""))),
-                    None => at(error.to_string(), span),
-                }
+                drawn
+                    .map(drop)
+                    .map_err(|error| blamed(&error, &|_| unknown.clone(), &place_of, whole))
             }
         }
     }
@@ -257,12 +226,6 @@ fn violations_of(error: &ComputeError) -> Option<String> {
     let ComputeError::Violations(found) = error else { return None };
     let headlines = found.all.iter().map(|one| one.headline.as_str());
     Some(headlines.collect::<Vec<_>>().join("\n"))
-}
-
-/// A failure whose text has its place, as what a check disagrees about has; or its diagnostic does.
-fn told(failure: &dyn std::fmt::Display, found: Option<&Diagnostic>) -> Wrong {
-    let place = found.and_then(Diagnostic::location).map(ToString::to_string);
-    Wrong { place, ..Wrong::of(failure.to_string()) }
 }
 
 /// Where the row of a table stands that the worst case is.

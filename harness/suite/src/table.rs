@@ -7,9 +7,9 @@ use karat::unstable::diagnostic::{nearest, read_file};
 use karat::unstable::domain::Part;
 use karat::value::{Scalar, Shape};
 
-use crate::misdeclared::Misdeclared;
 use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, begins_with_mark, head_of};
+use crate::wrong::Misdeclared;
 
 /// Arguments with what is expected of them.
 #[derive(Debug)]

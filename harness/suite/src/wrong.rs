@@ -1,13 +1,16 @@
 //! Errors of tests: a text for people, and the same as data.
 
 use std::fmt;
+use std::path::Path;
 
 use karat::package::PackageError;
-use karat::unstable::diagnostic::Diagnostic;
+use karat::unstable::diagnostic::{At, Blamed, Diagnostic, Span, shown};
 use karat::unstable::output::headline;
 use karat::unstable::record::Subject;
 use karat::unstable::reflect::ReflectError;
 use serde::{Deserialize, Serialize};
+
+use crate::declared::Keys;
 
 /// Why a test fails, or can't run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,6 +51,30 @@ impl Wrong {
     }
 }
 
+/// A failure of a check, of passes or of a frame: at the line of a shader that its text names, or else at the key that it is
+/// about.
+pub(crate) fn blamed(
+    failure: &(impl fmt::Display + Blamed),
+    key_of_entry: &dyn Fn(&str) -> Option<String>,
+    place_of: &dyn Fn(&str) -> Option<Span>,
+    whole: &Span,
+) -> Wrong {
+    let blame = failure.blame();
+    let span = match blame.at {
+        At::Text => {
+            let place = blame.message.and_then(Diagnostic::location).map(ToString::to_string);
+            return Wrong { place, ..Wrong::of(failure.to_string()) };
+        }
+        At::Setting(keys) => keys.iter().find_map(|key| place_of(key)),
+        At::EntryPoint(name) => key_of_entry(name).and_then(|key| place_of(&key)),
+    };
+    let found = blame.message.cloned().unwrap_or_else(|| {
+        let message = failure.to_string();
+        Diagnostic::new(message.trim_start_matches("error: ").trim_end().to_owned())
+    });
+    Wrong::from(found.at(span.unwrap_or_else(|| whole.clone()), ""))
+}
+
 impl From<Diagnostic> for Wrong {
     fn from(found: Diagnostic) -> Self {
         Self::from(&found)
@@ -70,5 +97,69 @@ impl From<&ReflectError> for Wrong {
 impl From<PackageError> for Wrong {
     fn from(error: PackageError) -> Self {
         Self::from(&ReflectError::from(error))
+    }
+}
+
+/// Why an assertion can't be checked.
+#[derive(Debug)]
+pub(crate) struct Misdeclared {
+    /// The key that is wrong, behind those that it is below: `draws.1.blend`; `None`: the assertion's own.
+    key: Option<String>,
+    pub(crate) message: String,
+    /// `file:line:column`, if it isn't in the file that declares the test.
+    pub(crate) place: Option<String>,
+}
+
+impl<T: Into<String>> From<T> for Misdeclared {
+    fn from(message: T) -> Self {
+        Self { key: None, message: message.into(), place: None }
+    }
+}
+
+impl Misdeclared {
+    /// Of a key.
+    pub(crate) fn of(key: &'static str) -> impl Fn(String) -> Self {
+        move |message| Self { key: Some(key.to_owned()), message, place: None }
+    }
+
+    /// Of a resource in `with`.
+    pub(crate) fn of_resource(name: &str) -> impl Fn(String) -> Self {
+        move |message| Self { key: Some(format!("with.{name}")), message, place: None }
+    }
+
+    /// The same of a table below a key.
+    pub(crate) fn below(self, key: &str) -> Self {
+        let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
+        Self { key: Some(key), ..self }
+    }
+
+    /// The error of a file that isn't read, at its place or else that of the whole test.
+    pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
+        let place = self.key.and_then(|key| keys.place_of(&key).cloned());
+        Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")
+    }
+
+    /// Of a line of another file.
+    pub(crate) fn at_line(file: &Path, line: usize, message: String) -> Self {
+        Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }
+    }
+
+    /// It at its place: that of its key, or else of the whole test.
+    pub(crate) fn told(
+        self,
+        place_of: &dyn Fn(Option<&str>) -> Option<Span>,
+        whole: &Span,
+    ) -> Wrong {
+        let first = self.key.as_deref().and_then(|key| key.split('.').next());
+        let message = match first {
+            Some(key) => format!("{key}: {}", self.message),
+            None => self.message,
+        };
+        if let Some(place) = self.place {
+            let text = format!("error: {message}\n   --> {place}");
+            return Wrong::new(&message, Some(place), text);
+        }
+        let span = place_of(self.key.as_deref()).unwrap_or_else(|| whole.clone());
+        Wrong::from(Diagnostic::new(message).at(span, ""))
     }
 }

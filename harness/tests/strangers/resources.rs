@@ -377,6 +377,16 @@ fn immediates_are_set() {
         .with("push", Uniform::new(push))
         .over(OneOf(vec![0.0_f32, 2.0, 8.0]))
         .agrees_with(|x: f64| 3.0 + 0.5 * x, Abs(0.0));
+    // Of fewer than 16 bytes, to a function and to a pass.
+    let text = "var<immediate> two: vec2u;
+        @group(0) @binding(0) var<storage, read_write> out: array<u32>;
+        fn sum() -> u32 { return two.x + two.y; }
+        @compute @workgroup_size(1) fn fill() { out[0] = sum(); }";
+    let small = self::package("", text);
+    let two = || Uniform::new(UVec2::new(3, 5));
+    small.function("sum").with("two", two()).over(()).agrees_with(|| 8_u32, Abs(0.0));
+    let filled = small.compute().with("two", two()).with("out", Storage::new([0_u32]));
+    filled.dispatch("fill", [1, 1, 1]).after("out").agrees_with([8_u32], Abs(0.0));
 }
 
 /// What is wrong with a fixture is told before anything runs, with the line that binds the variable.

@@ -2,11 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::output::tell;
 use karat::unstable::package::is_of_tools;
 use karat::unstable::record::{Recorded, Subject};
 use serde::Deserialize;
@@ -286,12 +288,18 @@ impl Project {
         }
     }
 
-    /// Folders of the project with goldens that the last run used. Of a record that can't be read none are
-    /// known.
+    /// The record of the last run. One that can't be read is told of, once.
+    pub(super) fn last_run(&self) -> Option<Recorded> {
+        static TOLD: Once = Once::new();
+        Recorded::read(&self.record()).unwrap_or_else(|error| {
+            TOLD.call_once(|| tell(&format!("warning: the last run isn't known: {error}")));
+            None
+        })
+    }
+
+    /// Folders of the project with goldens that the last run used.
     pub(super) fn used_goldens(&self) -> Vec<PathBuf> {
-        let Some(recorded) = Recorded::read(&self.record()).ok().flatten() else {
-            return Vec::new();
-        };
+        let Some(recorded) = self.last_run() else { return Vec::new() };
         let root = self.root.canonicalize().ok();
         let mut folders = BTreeSet::new();
         for record in &recorded.records {

@@ -19,7 +19,7 @@ use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::output::counted;
 use karat::unstable::package::is_of_tools;
-use karat::unstable::record::{Record, Recorded, Subject};
+use karat::unstable::record::{Record, Subject};
 use karat_suite::{Broken, Suite};
 
 use super::PackageArgs;
@@ -159,7 +159,7 @@ impl Project {
         if self.says(self.root()) {
             return BTreeSet::new();
         }
-        let last = Recorded::read(&self.record()).ok().flatten();
+        let last = self.last_run();
         self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
     }
 

@@ -98,8 +98,11 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
+            let is_whole = expect_watched(&seen_old, &seen_new)?;
             brought.add(content, [&seen_old, &seen_new], &renamed);
-            mended.add(content, [&seen_new, &seen_old], &renamed);
+            if is_whole {
+                mended.add(content, [&seen_new, &seen_old], &renamed);
+            }
             // Drivers hand out tickets in an order of their own.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
@@ -164,13 +167,26 @@ impl Request {
             let of = |package| passes::of_pixels(package, name, false, &ranges, (content, None));
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
             let (old, new) = (examine_made_up(&old), examine_made_up(&new));
+            let is_whole = expect_watched(&old, &new)?;
             brought.add(content, [&old, &new], renamed);
-            mended.add(content, [&new, &old], renamed);
+            if is_whole {
+                mended.add(content, [&new, &old], renamed);
+            }
             if !made.varies {
                 break;
             }
         }
         Ok((brought.told(false), mended.told(false)))
+    }
+}
+
+/// True if the sanitizer saw both sides whole. It is an error if it saw the one before the edit alone: what the edit
+/// brings isn't known then.
+fn expect_watched(before: &Examined, after: &Examined) -> Result<bool, String> {
+    let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
+    match was.is_empty() && !is.is_empty() {
+        true => Err(format!("after the edit its invocations can't be watched: {is}")),
+        false => Ok(was.is_empty() && is.is_empty()),
     }
 }
 

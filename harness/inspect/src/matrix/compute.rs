@@ -88,17 +88,25 @@ pub(super) fn run_entry_point_on_each(
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {
         Ok(passes) if differ => open(passes, expected, &floats),
-        _ => vec![false; expected.len()],
+        _ => Ok(vec![false; expected.len()]),
     };
     let mut agreeing = None;
     for (index, actual) in others {
         let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
         cell.against = Some(baseline.to_string());
-        let (left_open, places): (Vec<usize>, Vec<usize>) =
-            all.clone().filter(|at| differs(at, actual)).partition(|at| open[*at]);
+        let (left_open, places): (Vec<usize>, Vec<usize>) = all
+            .clone()
+            .filter(|at| differs(at, actual))
+            .partition(|at| open.as_ref().is_ok_and(|open| open[*at]));
         let compared = expected.len() - left_open.len();
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
-        if let Some(place) = places.first() {
+        if let (Err(reason), false) = (&open, places.is_empty()) {
+            let words = places.len();
+            cell.stopped = Some(Stop::NothingToCompare(format!(
+                "{words} of {compared} words that it leaves differ from `{baseline}`, and it isn't known what WGSL \
+                 leaves open of them: {reason}"
+            )));
+        } else if let Some(place) = places.first() {
             cell.stopped = Some(Stop::Differs(format!(
                 "{} of {compared} words that it leaves differ from `{baseline}`: word {place} is \
                  {:#010x}, there {:#010x}",
@@ -218,14 +226,20 @@ fn initial(passes: &Passes) -> Vec<u32> {
 
 /// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
 /// they depend on what is read or written outside of an array, on the order of invocations or on the size of subgroups, or are
-/// floats that aren't finite.
-fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
-    let mut open = strays(passes).unwrap_or_default();
+/// floats that aren't finite. It is an error if the engine can't say.
+fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>, String> {
+    let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
     let mut usual: Vec<u32> = Vec::new();
     // A pass that doesn't run in a moment differs in no order.
     for run in Runner::new(passes).few(ORDERS) {
-        let Some(left) = run.left else { continue };
+        let Some(left) = run.left else {
+            // An order in which the pass doesn't end says nothing of its words; without the usual one nothing does.
+            if run.order.is_none() {
+                return Err("it doesn't end in the engine".to_owned());
+            }
+            continue;
+        };
         let words: Vec<u32> = left.into_iter().flat_map(|(_, words)| words).collect();
         let Some(order) = run.order else {
             usual = words;
@@ -251,7 +265,7 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Vec<bool> {
     for ((open, word), is_float) in words {
         *open |= *is_float && !f32::from_bits(*word).is_finite();
     }
-    open
+    Ok(open)
 }
 
 /// The step between two numbers of each word: of texels that are stored as fractions of a whole number, as two columns
@@ -348,7 +362,7 @@ mod tests {
         );
         let (passes, _) = made.expect("its resources are made up");
         let expected = initial(&passes);
-        let open = open(&passes, &expected, &vec![false; expected.len()]);
+        let open = open(&passes, &expected, &vec![false; expected.len()]).expect("it runs");
         // The counter's buffer has more than its one word.
         let list = expected.len() - 128..expected.len() - 64;
         assert!((0..open.len()).all(|at| open[at] == list.contains(&at)), "{open:?}");

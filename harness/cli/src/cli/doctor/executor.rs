@@ -32,9 +32,14 @@ fn write_text(path: Path, report: &Report, out: &mut dyn Write) -> std::io::Resu
     writeln!(out, "{HEAD}{path}{HEAD:#} {name}{space}{driver}\n")?;
     for Answered { name, rule, answer } in &report.answers {
         match answer {
-            Answer::Right => writeln!(out, "{GOOD}right     {GOOD:#} {name:<10} {DIM}{rule}{DIM:#}")?,
+            Answer::Right => {
+                writeln!(out, "{GOOD}right     {GOOD:#} {name:<10} {DIM}{rule}{DIM:#}")?
+            }
             Answer::NotAsked(ability) => {
-                writeln!(out, "not asked  {name:<10} {DIM}its greeting doesn't say {ability}{DIM:#}")?;
+                writeln!(
+                    out,
+                    "not asked  {name:<10} {DIM}its greeting doesn't say {ability}{DIM:#}"
+                )?;
             }
             Answer::Wrong(how) => {
                 writeln!(out, "{BAD}wrong     {BAD:#} {name:<10} {rule}")?;

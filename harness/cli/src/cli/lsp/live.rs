@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 use std::time::SystemTime;
 
+use anyhow::bail;
 use karat::unstable::record::Record;
 use karat_suite::{Suite, Wrong};
 
@@ -83,10 +84,11 @@ impl Live {
     pub(super) fn hear(&mut self, index: usize, said: Said) -> anyhow::Result<Told> {
         let Some(lane) = self.lanes.get_mut(index) else { return Ok(Told::Nothing) };
         let told = lane.hear(said);
+        // A request that waited goes on whatever was heard.
         if lane.resident.waited().is_some() {
             lane.ask(index, &self.sender)?;
         }
-        Ok(told)
+        told
     }
 }
 
@@ -100,9 +102,9 @@ impl Lane {
         Ok(())
     }
 
-    fn hear(&mut self, said: Said) -> Told {
+    fn hear(&mut self, said: Said) -> anyhow::Result<Told> {
         self.resident.hear(&said);
-        match said {
+        Ok(match said {
             Said::Test { .. } => Told::Nothing,
             Said::Done { tests, broken, .. } => {
                 self.verdicts.retain(|record| tests.contains(&record.test));
@@ -111,8 +113,12 @@ impl Lane {
                 self.resident.busy = self.resident.ask_for_records();
                 Told::Verdicts
             }
-            Said::Reported { .. } => {
+            Said::Reported { error } => {
                 self.resident.busy = false;
+                // The verdicts that it has are the last ones that could be written.
+                if let Some(error) = error {
+                    bail!("verdicts can't be reported: {error}");
+                }
                 self.verdicts = read(&self.resident.report());
                 // A test that nothing concerned since has its verdict from this time, too.
                 let asked = humantime::format_rfc3339_millis(self.asked).to_string();
@@ -126,7 +132,7 @@ impl Lane {
                 // What it knew is still true of the files that it saw.
                 Told::Ended(why)
             }
-        }
+        })
     }
 
     /// Whether a test is one of these.

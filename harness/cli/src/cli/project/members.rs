@@ -29,7 +29,10 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
         let file = root.join("Cargo.toml");
         let listed = glob::glob(&pattern)
             .with_context(|| format!("the member `{word}` in `{}`", file.display()))?;
-        queue.extend(listed.filter_map(Result::ok).map(|folder| clean(&folder)));
+        for folder in listed {
+            let folder = folder.with_context(|| format!("a member of `{}`", file.display()))?;
+            queue.push(clean(&folder));
+        }
     }
     while let Some(folder) = queue.pop() {
         let is_out = excluded.iter().any(|excluded| folder.starts_with(excluded));

@@ -113,7 +113,7 @@ fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
 
 /// What a record is about. What an overlay was in the place of is another matter.
 fn key(record: &Record) -> String {
-    let subject = serde_json::to_string(&record.subject).unwrap_or_default();
+    let subject = serde_json::to_string(&record.subject).expect("a subject is plain data");
     format!("{subject} {} {:?}", record.test, record.overlay)
 }
 

@@ -11,9 +11,11 @@ mod programs;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Write;
 use std::ops::RangeInclusive;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
+use anyhow::Context;
 use karat::unstable::diagnostic::FileRead;
 use karat::unstable::record::{self, Record};
 use karat::unstable::reflect::Dependence;
@@ -222,7 +224,8 @@ impl Tests {
                     })
                 })
                 .collect();
-            parts.into_iter().flat_map(|part| part.join().unwrap_or_default()).collect()
+            let joined = parts.into_iter().map(|part| part.join());
+            joined.flat_map(|part| part.unwrap_or_else(|panic| resume_unwind(panic))).collect()
         })
     }
 
@@ -247,7 +250,8 @@ impl Tests {
                 let wrong = message.map(Wrong::of);
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
-            let left_out = record::left_out(folder.path()).unwrap_or_default();
+            let left_out = record::left_out(folder.path())
+                .context("the tests that a run left out can't be read")?;
             for test in &own {
                 let name = program.show(test);
                 match left_out.contains(*test) {
@@ -256,8 +260,8 @@ impl Tests {
                 }
             }
             let shown: Vec<String> = own.iter().map(|test| program.show(test)).collect();
-            let records = record::read(folder.path()).unwrap_or_default();
-            let mut made = made(folder.path(), &records);
+            let records = record::read(folder.path())?;
+            let mut made = made(folder.path(), &records)?;
             self.latest.take(shown.iter().map(String::as_str), records, |test| program.show(test));
             // What a thread without a test's name linked may concern each of them.
             let others: Vec<Dependence> = made
@@ -276,17 +280,17 @@ impl Tests {
     }
 }
 
-/// What tests of one run were made of, by their names in their program. A record that can't be read
-/// leaves it open, so that those tests run again.
-fn made(folder: &Path, records: &[Record]) -> HashMap<String, Made> {
+/// What tests of one run were made of, by their names in their program.
+fn made(folder: &Path, records: &[Record]) -> anyhow::Result<HashMap<String, Made>> {
     let mut all: HashMap<String, Made> = HashMap::new();
-    for dependence in Dependence::all(folder).unwrap_or_default() {
+    let all_of = Dependence::all(folder).context("what tests linked can't be read")?;
+    for dependence in all_of {
         all.entry(dependence.test.clone()).or_default().linked.push(dependence);
     }
     for record in records {
         all.entry(record.test.clone()).or_default().read.extend(record.read.iter().cloned());
     }
-    all
+    Ok(all)
 }
 
 #[cfg(test)]

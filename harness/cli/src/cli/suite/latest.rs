@@ -6,6 +6,7 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use karat::unstable::output::tell;
 use karat::unstable::record::{self, FileRead, Record, Verdict};
 
 use super::super::watch::Said;
@@ -36,7 +37,11 @@ impl Latest {
     /// Takes what this process recorded since it was last asked, and empties its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
-        let records = record::read(Path::new(&folder)).unwrap_or_default();
+        let records = match record::read(Path::new(&folder)) {
+            Ok(records) => records,
+            // The next run may read what this one can't, so that nothing is forgotten.
+            Err(error) => return tell(&format!("warning: {error}")),
+        };
         self.take(tests, records, str::to_owned);
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
         // It is appended to, so that it goes on at its start.

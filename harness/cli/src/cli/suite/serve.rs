@@ -191,6 +191,7 @@ impl Whole {
 
 pub(super) fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {
     let line = serde_json::to_string(said).expect("it is plain data");
-    writeln!(out, "{line}")?;
+    // A driver may have left words without the end of their line.
+    write!(out, "\n{line}\n")?;
     out.flush()
 }

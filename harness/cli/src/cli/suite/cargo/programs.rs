@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::SystemTime;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use cargo_metadata::{Artifact, Message};
 use karat::unstable::process;
 
@@ -153,6 +153,11 @@ fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     command.current_dir(folder).args(["--list", "--format", "terse"]);
     let name = || format!("can't run `{}`", executable.display());
     let listed = process::output(&mut command, process::LOOK_UP, u64::MAX).with_context(name)?;
+    // A loader ends with 127 where a library is missing. Other test runners may not know the arguments.
+    if listed.status.code().is_none_or(|code| code == 127) {
+        let said = String::from_utf8_lossy(&listed.stderr);
+        bail!("`{}` ended ({}): {}", executable.display(), listed.status, said.trim());
+    }
     let text = String::from_utf8_lossy(&listed.stdout).into_owned();
     let names = text.lines().filter_map(|line| line.strip_suffix(": test"));
     let names: BTreeSet<String> = names.map(str::to_owned).collect();

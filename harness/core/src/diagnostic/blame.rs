@@ -1,0 +1,77 @@
+//! The cause of a failure: what its author looks at, and edits.
+
+use super::Diagnostic;
+
+/// The cause of a failure.
+///
+/// ```
+/// use karat::prelude::*;
+/// use karat::unstable::diagnostic::{At, Blamed};
+///
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * y; }");
+/// let check = package.function("half").over(0.0..=1.0).unrecorded();
+/// let failure = check.try_agrees_with(|x: f64| 0.5 * x, Ulp(0.0)).expect_err("there is no `y`");
+/// let blame = failure.blame();
+/// assert!(matches!(blame.at, At::Text));
+/// assert_eq!(blame.message.and_then(|found| found.location()).map(|at| at.to_string()).as_deref(), Some("<m>:1:40"));
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Blame<'f> {
+    /// The message about the shader, if there is one.
+    pub message: Option<&'f Diagnostic>,
+    /// Where to look.
+    pub at: At<'f>,
+}
+
+/// The place of a failure's cause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum At<'f> {
+    /// The text of the failure has it: a function, or a line of a shader.
+    Text,
+    /// A setting of the test: the first of these that it has, or else the test as a whole.
+    Setting(&'f [&'static str]),
+    /// The setting that names this entry point, which isn't there.
+    EntryPoint(&'f str),
+}
+
+/// An error that has a cause.
+pub trait Blamed {
+    /// The cause.
+    fn blame(&self) -> Blame<'_>;
+}
+
+impl<'f> Blame<'f> {
+    /// The test as a whole.
+    pub const TEST: Self = Self::setting(&[]);
+
+    /// Values of a function.
+    pub const VALUES: Self = Self { message: None, at: At::Text };
+
+    /// A setting of the test, the closest of these.
+    #[must_use]
+    pub const fn setting(setting: &'f [&'static str]) -> Self {
+        Self { message: None, at: At::Setting(setting) }
+    }
+
+    /// The setting that names an entry point, which isn't there.
+    #[must_use]
+    pub const fn entry_point(name: &'f str) -> Self {
+        Self { message: None, at: At::EntryPoint(name) }
+    }
+
+    /// A message about the shader, and the setting that it is about where it has no place.
+    #[must_use]
+    pub fn of(message: Option<&'f Diagnostic>, setting: &'static [&'static str]) -> Self {
+        let is_placed = message.is_some_and(|found| found.location().is_some());
+        Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
+    }
+
+    /// The same, unless it is about the test as a whole: then about this setting of it.
+    #[must_use]
+    pub fn or(self, setting: &'static [&'static str]) -> Self {
+        match self.at {
+            At::Setting([]) => Self { at: At::Setting(setting), ..self },
+            _ => self,
+        }
+    }
+}
