@@ -282,8 +282,11 @@ impl Project {
             return folder;
         }
         let folder = self.root.join("golden");
+        if folder.is_dir() {
+            return folder;
+        }
         match &mut self.used_goldens()[..] {
-            [only] if !folder.is_dir() => std::mem::take(only),
+            [only] => std::mem::take(only),
             _ => folder,
         }
     }
