@@ -33,7 +33,7 @@ fn gl_tolerance(name: &str) -> f32 {
 /// 0.09 and more. What says more of this driver is `second_opinion`, which computes what pixels may
 /// show within that 1/32.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
-    let gate = || FrameTolerance::gate(karat::metric::DEFAULT_RELATIVE);
+    let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {
         let seen = vec![FrameTolerance::FlipTile(tile), FrameTolerance::FlipMean(mean)];
         FrameTolerance::Any(vec![gate(), FrameTolerance::All(seen)])
@@ -56,7 +56,7 @@ fn golden(name: &str) {
     frames::frame(name, &shot)
         .expect("the frame can be described")
         // The gate alone: lavapipe draws the same everywhere, and mutants are to be seen.
-        .tolerance(karat::metric::DEFAULT_RELATIVE)
+        .tolerance(karat::unstable::metric::DEFAULT_RELATIVE)
         .tolerance_on(Path::GL, gl_tolerance(name))
         .tolerance_on("@swiftshader", swiftshader_tolerance(name))
         .matches(&GOLDEN, name);

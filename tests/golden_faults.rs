@@ -8,9 +8,11 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 use karat::Image;
-use karat::golden::{FrameCriterion, FrameTolerance};
+use karat::golden::FrameTolerance;
 use karat::image::Precision;
-use karat::metric::{DEFAULT_RELATIVE, Flip, Gate, Metric, Noise, Pair};
+use karat::metric::{Flip, Noise};
+use karat::unstable::golden::FrameCriterion;
+use karat::unstable::metric::{DEFAULT_RELATIVE, Gate, Metric, Pair};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 

@@ -177,8 +177,10 @@ fn texels_are_symmetric() {
 fn the_texels_of_a_cube_cover_the_sphere() {
     let probed =
         Probed::new(&PBR, "radiometry::texel_solid_angle").expect("the function can be probed");
-    let open: Vec<Path> =
-        Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).collect();
+    let open: Vec<Path> = Path::ALL
+        .into_iter()
+        .filter(|path| karat::unstable::path::adapter(*path).is_ok())
+        .collect();
     assert!(!open.is_empty(), "no execution path opens");
     for path in open {
         for size in 1..=64_u32 {

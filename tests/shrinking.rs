@@ -5,8 +5,9 @@ use std::process::Command;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use karat::check::{Agreement, Disagreement, Failure};
+use karat::check::{Agreement, Failure};
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 
 #[track_caller]
 fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
@@ -79,7 +80,7 @@ struct Upper;
 
 impl Domain for Upper {
     type Value = f32;
-    fn draw(&self, source: &mut karat::domain::Source) -> Option<f32> {
+    fn draw(&self, source: &mut karat::unstable::domain::Source) -> Option<f32> {
         (0.5..=1.0).draw(source)
     }
     fn shrink(&self, value: &f32) -> Vec<f32> {

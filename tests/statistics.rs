@@ -7,9 +7,10 @@
 use std::f64::consts::TAU;
 
 use glam::{Vec2, Vec3};
-use karat::check::{Failure, Finding, Fit, Rejection};
-use karat::domain::Source;
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::{Finding, Fit, Rejection};
+use karat::unstable::domain::Source;
 use karat::unstable::stats::{
     Cells, ChiSquare, Kolmogorov, Mean, Moments, Place, Rate, accepts, binomial_tail,
     chi_square_power,

@@ -72,7 +72,8 @@ fn matrix() -> Matrix {
     let columns = COLUMNS.map(|name| name.parse::<Column>().expect("a column"));
     let request = karat_inspect::matrix(&PBR).columns(columns);
     let request = if frames::are_suites_whole() { request } else { request.only(SAMPLE) };
-    let vulkan = karat::path::adapter(karat::Path::VULKAN).map(|adapter| adapter.family());
+    let vulkan =
+        karat::unstable::path::adapter(karat::Path::VULKAN).map(|adapter| adapter.family());
     let request = match vulkan.as_deref() {
         Ok("swiftshader") => request.fails_on(
             "cpu",
@@ -195,7 +196,7 @@ fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &st
 
 /// A path that runs naga's GLSL: not each machine has GL.
 fn glsl_path() -> &'static str {
-    if karat::path::adapter(karat::Path::GL).is_ok() { "gl" } else { "vulkan:glsl" }
+    if karat::unstable::path::adapter(karat::Path::GL).is_ok() { "gl" } else { "vulkan:glsl" }
 }
 
 /// GLSL lets outputs be invariant and nothing else. naga writes the word for the position that a

@@ -17,7 +17,7 @@ mod conclusion;
 pub(crate) mod condition;
 mod demand;
 mod directions;
-mod disagreement;
+pub(crate) mod disagreement;
 pub(crate) mod dynamic;
 mod effort;
 mod equivariance;
@@ -32,11 +32,11 @@ mod integral;
 mod invariance;
 mod kinds;
 mod limit;
-mod mismatch;
+pub(crate) mod mismatch;
 mod monotone;
 mod ordinary;
 
-mod parameter;
+pub(crate) mod parameter;
 mod path_tally;
 mod plan;
 mod proof;
@@ -44,7 +44,7 @@ mod property;
 mod quadrature;
 mod recall;
 mod sample;
-mod sampling;
+pub(crate) mod sampling;
 mod search;
 mod session;
 mod shrink;
@@ -52,30 +52,26 @@ mod statement;
 
 mod tolerances;
 mod trial;
-mod vacuous;
+pub(crate) mod vacuous;
 mod validity;
 mod verdict;
 pub(crate) mod wgsl_test;
 
 pub use crate::hazard::Kind as HazardKind;
-pub use crate::judge::Census;
-#[doc(inline)]
-pub use crate::value::Reference;
+pub(crate) use crate::judge::Census;
+pub(crate) use crate::value::Reference;
 use demand::Demand;
-pub use disagreement::{
-    CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
-};
+pub(crate) use disagreement::{CaseFailure, Disagreement, PathDisagreement, Simplest};
 pub use integral::Integral;
 pub use limit::Limit;
-pub use mismatch::Mismatch;
+pub(crate) use mismatch::Mismatch;
 pub use monotone::Trend;
-pub use parameter::Parameter;
+pub(crate) use parameter::Parameter;
 use plan::Plan;
 pub use quadrature::Directions;
-pub use sampling::{
-    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Sampling,
-};
-pub use vacuous::Vacuous;
+pub(crate) use sampling::{Fit, Rejection};
+pub use sampling::{Power, Sampling};
+pub(crate) use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 
 use std::marker::PhantomData;
@@ -209,6 +205,8 @@ impl<'a> Probe<'a> {
     ///     SHADERS.function("tone::map").on(mine).over(0.0..=16.0).stays_within(0.0..=1.0);
     /// }
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self

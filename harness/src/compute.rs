@@ -17,12 +17,12 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 //!
-//! Before any path runs them, a sanitizer looks through the passes in Karat's engine: see [`Violation`].
+//! Before any path runs them, a sanitizer looks through the passes in Karat's engine: see [`Violation`](crate::unstable::compute::Violation).
 
 mod golden;
-mod judge;
-mod order;
-mod sanitizer;
+pub(crate) mod judge;
+pub(crate) mod order;
+pub(crate) mod sanitizer;
 pub(crate) mod untyped;
 
 use std::fmt;
@@ -244,8 +244,6 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
-pub use crate::dispatch::{Violation, ViolationAccess};
-
 /// The kind of a violation: one list has all kinds.
 ///
 /// ```
@@ -260,9 +258,9 @@ pub use crate::dispatch::{Violation, ViolationAccess};
     note = "it is `check::HazardKind`: `ReadWrite` and `WriteWrite` are `Race` there, `Outside` is `OutOfRange`"
 )]
 pub type ViolationKind = crate::hazard::Kind;
-pub use judge::Difference;
-pub use order::OrderDependence;
-pub use sanitizer::Violations;
+pub(crate) use judge::Difference;
+pub(crate) use order::OrderDependence;
+pub(crate) use sanitizer::Violations;
 
 impl From<PathError> for ComputeError {
     fn from(error: PathError) -> Self {
@@ -458,6 +456,8 @@ impl<'a> Compute<'a> {
     ///     passes.dispatch("count::main", [1, 1, 1]).after("data").agrees_with([7_u32], Abs(0.0));
     /// }
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -717,6 +717,8 @@ impl After<'_> {
     ///
     /// # Errors
     /// If the passes can't be dispatched there, or the elements are of another type.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
         let (part, shape) = passes.written(&self.variable)?;

@@ -35,7 +35,7 @@ use crate::reflect::{Binding, Program};
 ///
 /// ```
 /// use karat::unstable::executor::Executor;
-/// use karat::path::Adapter;
+/// use karat::unstable::path::Adapter;
 /// use karat::Path;
 /// use karat::prelude::*;
 /// use karat::unstable::probe::{Call, Prepared, ProbeError, Started};

@@ -714,6 +714,8 @@ impl<'a> Frame<'a> {
     /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self
@@ -736,6 +738,8 @@ impl<'a> Frame<'a> {
     ///     SHADERS.frame("sky", 64, 64).fragment("fragment").on(mine).matches(&GOLDENS, "sky");
     /// }
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -756,6 +760,8 @@ impl<'a> Frame<'a> {
     ///
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
         let executor = executor::of(path)?;
         Ok(drawn(executor, &self.drawing_on(executor)?)?)

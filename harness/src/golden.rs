@@ -19,7 +19,7 @@ pub(crate) mod profile;
 pub(crate) mod provenance;
 mod reference;
 pub(crate) mod table;
-mod tolerance;
+pub(crate) mod tolerance;
 mod values;
 
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ pub use provenance::ProvenanceError;
 pub(crate) use provenance::{FrameFinding, Provenance};
 pub use table::TableError;
 pub(crate) use table::{Column, Table};
-pub use tolerance::{CriterionMargin, FrameCriterion, FrameTolerance};
+pub use tolerance::FrameTolerance;
 pub use values::ValuesError;
 pub(crate) use values::{Made, other_columns};
 
@@ -218,6 +218,8 @@ impl Goldens {
     /// static GOLDENS: Goldens = Goldens::relative(env!("CARGO_MANIFEST_DIR"), "golden");
     /// assert!(GOLDENS.folder().ends_with("golden"));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         use std::borrow::Cow;
@@ -245,6 +247,8 @@ impl Goldens {
     ///
     /// assert!(Goldens::open("golden".as_ref()).folder().ends_with("golden"));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn folder(&self) -> PathBuf {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())
@@ -288,6 +292,8 @@ impl Goldens {
     ///     println!("{} and {}", goldens.compared(&pending).display(), pending.path.display());
     /// }
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn compared(&self, pending: &Pending) -> PathBuf {
         if pending.is_table() {

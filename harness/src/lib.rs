@@ -47,8 +47,8 @@
 //! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.
 //!
 //! Names that tests need are at the root, in [`prelude`] and in the modules: a version that changes one
-//! has another first number. What programs around tests use, such as records and what naga knows of a
-//! shader, is in [`unstable`].
+//! has another first number. What programs around tests use, such as records, reports as data and what naga knows of a
+//! shader, is in [`unstable`], or its documentation says *Unstable*.
 
 pub mod check;
 pub mod compute;
@@ -83,8 +83,7 @@ pub mod domain {
     pub(crate) use karat_core::domain::*;
     #[doc(inline)]
     pub use karat_core::domain::{
-        Above, AnyF32, Composed, Domain, Edges, Emptiness, Filter, Grid, Hemisphere, Integers,
-        Just, Map, OneOf, Origin, Shrinkable, Source, Sphere, UnitRgb, UnitVector,
+        AnyF32, Domain, Edges, Grid, Hemisphere, Integers, Just, OneOf, Sphere, UnitRgb, UnitVector,
     };
 }
 
@@ -92,17 +91,14 @@ pub mod domain {
 pub mod image {
     pub(crate) use karat_core::image::*;
     #[doc(inline)]
-    pub use karat_core::image::{Image, ImageError, ImageFormat, NonFinite, Precision};
+    pub use karat_core::image::{Image, ImageError, Precision};
 }
 
 /// How far a frame is from its golden: the gate, HDR-FLIP by tiles, noise; masks.
 pub mod metric {
     pub(crate) use karat_core::metric::*;
     #[doc(inline)]
-    pub use karat_core::metric::{
-        DEFAULT_RELATIVE, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
-        Metric, Noise, Outliers, Pair, PairError, Pool, Rect,
-    };
+    pub use karat_core::metric::{Flip, Mask, MaskError, Noise, Pool, Rect};
 }
 
 /// Where samples lie, and quadrature for references.
@@ -116,17 +112,14 @@ pub mod stats {
 pub mod tolerance {
     pub(crate) use karat_core::tolerance::*;
     #[doc(inline)]
-    pub use karat_core::tolerance::{
-        Abs, Criterion, DeviceSpec, LaneError, Rel, Spec, SpecTolerance, Tolerance, Ulp, Unit,
-        ulp_distance,
-    };
+    pub use karat_core::tolerance::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 }
 
 /// Values of WGSL in Rust, and the types that they have there.
 pub mod value {
-    pub(crate) use karat_core::value::*;
     #[doc(inline)]
-    pub use karat_core::value::{Arguments, Mirror, Quad, Reference, Scalar, Shape, Shareable};
+    pub use karat_core::value::Shareable;
+    pub(crate) use karat_core::value::*;
 }
 
 pub use check::{Check, Directions, Limit, Trend};

@@ -159,6 +159,8 @@ impl Package {
     /// static SHADERS: Package = Package::relative(env!("CARGO_MANIFEST_DIR"), "examples/shaders");
     /// assert_eq!(SHADERS.name(), "shaders");
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
@@ -197,6 +199,8 @@ impl Package {
     ///     Package::from_crate_in(env!("CARGO_MANIFEST_DIR"), "vello_shaders@0.11.0", "shader");
     /// println!("{:?}", VELLO.modules());
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn from_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
@@ -226,6 +230,8 @@ impl Package {
     ///
     /// # Errors
     /// If there is no such crate, or it ships no shader.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
@@ -233,17 +239,9 @@ impl Package {
     /// The shaders of a crate, where a crate that they import from has its modules in another folder than Karat
     /// finds, relative to that crate's own.
     ///
-    /// ```no_run
-    /// use karat::Package;
-    ///
-    /// let viewer = Package::open_crate(".".as_ref(), "wgpu-3dgs-viewer@0.8.0", None)?;
-    /// let viewer = viewer.with_root_of("wgpu_3dgs_core", "src/shader")?;
-    /// # Ok::<(), karat::package::PackageError>(())
-    /// ```
-    ///
     /// # Errors
     /// If the package isn't a crate's, or no crate of that name ships shaders to it from that folder.
-    pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
+    pub(crate) fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
             let reason = "a folder's `karat.toml` names its dependencies, and their `root`";
@@ -357,6 +355,8 @@ impl Package {
     /// assert!(package.try_is_valid().is_err());
     /// assert!(package.module_features("light", &["shadows"]).try_is_valid().is_ok());
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn module_features(&self, module: &str, features: &[&str]) -> Self {
         let mut own = self.clone();
@@ -395,6 +395,8 @@ impl Package {
     ///
     /// assert_eq!(Package::from_source("m", "fn f() {}").name(), "m");
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -419,6 +421,8 @@ impl Package {
     /// let package = karat::package!("examples/shaders");
     /// assert!(package.root().ends_with("examples/shaders"));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
@@ -475,6 +479,8 @@ impl Package {
     ///
     /// # Errors
     /// If the folder is missing, unreadable or has no module.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
         self.check_exists()?;
         let mut modules = match &self.origin {
@@ -502,20 +508,9 @@ impl Package {
     /// builds are left out, and each folder is entered once. Of a package of one file they are those in its
     /// folder; text in memory has none.
     ///
-    /// ```
-    /// use karat::Package;
-    ///
-    /// let folder = tempfile::tempdir()?;
-    /// std::fs::write(folder.path().join("brdf.wgsl"), "fn f() {}")?;
-    /// std::fs::write(folder.path().join("brdf.test.toml"), "")?;
-    /// let beside = Package::open(folder.path())?.files_beside()?;
-    /// assert_eq!(beside, [folder.path().join("brdf.test.toml")]);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    ///
     /// # Errors
     /// If a folder can't be read, or holds what can't be a module.
-    pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
+    pub(crate) fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
         let root = self.root();
         let mut files = match &self.origin {
             Origin::Crate { .. } => return self.found()?.files_beside(),

@@ -17,9 +17,20 @@ pub mod check {
     pub use crate::check::arguments::arguments;
     pub use crate::check::cause::cause_of;
     pub use crate::check::condition::Condition;
+    pub use crate::check::disagreement::{
+        CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
+    };
     pub use crate::check::dynamic::{ExpectWords, Words};
     pub use crate::check::flush::Flushed;
+    pub use crate::check::mismatch::Mismatch;
+    pub use crate::check::parameter::Parameter;
+    pub use crate::check::sampling::Fit;
+    pub use crate::check::sampling::rejection::{
+        ConfigurationRejection, Finding, PathRejection, Rejection,
+    };
+    pub use crate::check::vacuous::Vacuous;
     pub use crate::check::wgsl_test::{TestGroup, WgslTest};
+    pub use crate::judge::Census;
 }
 
 /// Dispatches of compute passes, as data.
@@ -35,7 +46,8 @@ pub mod process {
 /// Domains that are put together at run time, and their values as words.
 pub mod domain {
     pub use karat_core::domain::{
-        Dynamic, Held, Numbering, Part, Parts, Stream, Typed, complexity,
+        Above, Composed, Dynamic, Emptiness, Filter, Held, Map, Numbering, Origin, Part, Parts,
+        Shrinkable, Source, Stream, Typed, complexity,
     };
 }
 
@@ -67,13 +79,14 @@ pub mod golden {
     pub use crate::golden::profile::Profile;
     pub use crate::golden::provenance::{FrameFinding, Provenance};
     pub use crate::golden::table::{Column, Table, TableFacts};
+    pub use crate::golden::tolerance::{CriterionMargin, FrameCriterion};
 }
 
 /// Image files.
 pub mod image {
     pub use karat_core::image::{
-        ExrFile, Part, Staged, encode_srgb, is_beside, is_leftover, luminance, remove_leftover,
-        write_whole,
+        ExrFile, ImageFormat, NonFinite, Part, Staged, encode_srgb, is_beside, is_leftover,
+        luminance, remove_leftover, write_whole,
     };
 }
 
@@ -89,7 +102,10 @@ pub mod job {
 
 /// Maps of the differences between two frames.
 pub mod metric {
-    pub use karat_core::metric::{ErrorMap, ExposureMap, MASK, TILE, WorstPixel};
+    pub use karat_core::metric::{
+        DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, FlipFailure, Gate, MASK, Measured,
+        Metric, Outliers, Pair, PairError, TILE, WorstPixel,
+    };
 }
 
 /// Functions of a package, and files that it leaves out.
@@ -105,16 +121,24 @@ pub mod package {
 
 /// Compute passes over resources whose types aren't known when a program is compiled.
 pub mod compute {
+    pub use crate::compute::judge::Difference;
+    pub use crate::compute::order::OrderDependence;
+    pub use crate::compute::sanitizer::Violations;
     pub use crate::compute::untyped::*;
+    pub use crate::dispatch::{Violation, ViolationAccess};
 }
 
 /// Abilities of paths, and the greeting of a program that runs jobs.
 pub mod path {
     pub use crate::path::deadline::{Moment, watched};
     pub use crate::path::device::Device;
+    pub use crate::path::driver::Adapter;
+    pub use crate::path::name::{Api, Via};
     pub use crate::path::opened::device;
     pub use crate::path::process::Greeting;
-    pub use crate::path::selection::{expect_sound, selects};
+    pub use crate::path::selection::{
+        adapter, expect_sound, named, programs, required, selected, selects,
+    };
     pub use crate::reflect::Ability;
 }
 
@@ -150,7 +174,10 @@ pub mod workspace {
 
 /// How far numbers are apart, as text.
 pub mod tolerance {
-    pub use karat_core::tolerance::{beyond, power, significant, times_allowed};
+    pub use karat_core::tolerance::{
+        Criterion, LaneError, SpecTolerance, Unit, beyond, power, significant, times_allowed,
+        ulp_distance,
+    };
 }
 
 /// Each intermediate of one call.
@@ -160,5 +187,8 @@ pub mod trace {
 
 /// Words as text.
 pub mod value {
-    pub use karat_core::value::{Differing, format_f32, format_lane, hexfloat};
+    pub use karat_core::value::{
+        Arguments, Differing, Mirror, Quad, Reference, Scalar, Shape, format_f32, format_lane,
+        hexfloat,
+    };
 }

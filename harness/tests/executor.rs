@@ -5,10 +5,10 @@ use karat::Path;
 use karat::check::Failure;
 use karat::draw::DrawError;
 use karat::metric::Rect;
-use karat::path::Adapter;
 use karat::prelude::*;
 use karat::unstable::draw::Drawing;
 use karat::unstable::executor::Executor;
+use karat::unstable::path::Adapter;
 use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";

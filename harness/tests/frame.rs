@@ -60,7 +60,7 @@ fn triangle() -> Mesh {
 
 fn drawn(fragment: &str, fixtures: bool) -> Vec<Image> {
     let package = Package::from_source("frame", SHADER);
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
     let frame = |path| {
         let mut frame = package.frame("", 4, 4).mesh("vertex", fragment, triangle(), 1);
         if fixtures {
@@ -141,8 +141,9 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
 
 /// The paths that open, each with the selector of its driver there: `gl@llvmpipe`.
 fn drivers() -> Vec<(Path, String)> {
-    let adapters =
-        Path::ALL.into_iter().filter_map(|path| Some((path, karat::path::adapter(path).ok()?)));
+    let adapters = Path::ALL
+        .into_iter()
+        .filter_map(|path| Some((path, karat::unstable::path::adapter(path).ok()?)));
     adapters.map(|(path, adapter)| (path, format!("{path}@{}", adapter.family()))).collect()
 }
 

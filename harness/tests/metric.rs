@@ -4,10 +4,9 @@
 use karat::Image;
 use karat::golden::FrameTolerance;
 use karat::image::Precision;
-use karat::metric::{
-    ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Metric, Noise, Pair, PairError, Rect,
-};
+use karat::metric::{Flip, Mask, MaskError, Noise, Rect};
 use karat::unstable::metric::{ErrorMap, TILE};
+use karat::unstable::metric::{ExposureRange, FlipFailure, Gate, Metric, Pair, PairError};
 
 const WIDTH: u32 = 48;
 const HEIGHT: u32 = 40;

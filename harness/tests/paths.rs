@@ -10,14 +10,14 @@ use karat::draw::DrawError;
 use karat::frame::FrameError;
 use karat::image::Precision;
 use karat::metric::Rect;
-use karat::path::Adapter;
 use karat::prelude::*;
 use karat::unstable::dispatch::{Afterwards, DispatchError, Passes};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::draw::Drawing;
 use karat::unstable::executor::Executor;
+use karat::unstable::path::Adapter;
 use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat::{Goldens, Image};
 
 const SHADER: &str = "\
@@ -219,7 +219,7 @@ fn check<D: Domain>(
     verb: impl FnOnce(karat::Check<'_, Calls<D::Value>>) -> Result<Agreement, Failure>,
 ) -> Result<(), String>
 where
-    D::Value: karat::value::Arguments,
+    D::Value: karat::unstable::value::Arguments,
 {
     let package = package();
     let probe = package.function(function).on(&fakes[0]).on(&fakes[1]);

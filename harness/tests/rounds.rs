@@ -2,8 +2,8 @@
 
 use karat::draw::DrawError;
 use karat::frame::FrameError;
-use karat::path::adapter;
 use karat::unstable::executor::call;
+use karat::unstable::path::adapter;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::{Package, Path, Uniform};
 

@@ -1,14 +1,15 @@
 //! What WGSL allows, as a tolerance; and what a failing check says of it.
 
 use karat::Path;
-use karat::check::{Census, Disagreement, Failure, Vacuous};
-use karat::path::Adapter;
+use karat::check::Failure;
 use karat::prelude::*;
-use karat::tolerance::Criterion;
+use karat::unstable::check::{Census, Disagreement, Vacuous};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::executor::{self, Executor};
+use karat::unstable::path::Adapter;
 use karat::unstable::probe::{Call, Prepared, ProbeError, Probed, Started};
-use karat::value::{Scalar, Shape};
+use karat::unstable::tolerance::Criterion;
+use karat::unstable::value::{Scalar, Shape};
 
 fn package(text: &str) -> Package {
     Package::from_source("spec", text)

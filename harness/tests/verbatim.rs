@@ -20,7 +20,8 @@ fn naga_accepts(text: &str) -> bool {
 /// The value of a function without parameters on the first path that opens.
 fn value(package: &Package, function: &str) -> f32 {
     let probed = Probed::new(package, function).unwrap_or_else(|error| panic!("{error}"));
-    let path = karat::Path::ALL.into_iter().find(|path| karat::path::adapter(*path).is_ok());
+    let path =
+        karat::Path::ALL.into_iter().find(|path| karat::unstable::path::adapter(*path).is_ok());
     let results = call(&probed, path.expect("a path opens"), &[Vec::new()], &Vec::new());
     f32::from_bits(results.expect("it runs")[0][0])
 }

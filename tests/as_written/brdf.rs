@@ -3,8 +3,9 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
 use glam::{DVec3, Vec3};
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, brdf};
 
 #[track_caller]

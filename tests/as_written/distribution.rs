@@ -1,8 +1,9 @@
 //! Distributions in forms that lose their digits.
 
 use glam::{DVec3, Vec3};
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, distribution};
 
 #[track_caller]

@@ -1,9 +1,10 @@
 //! Schlick's formula by `pow`.
 
 use glam::Vec3;
-use karat::check::{Agreement, Disagreement, Failure};
-use karat::path::Adapter;
+use karat::check::{Agreement, Failure};
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
+use karat::unstable::path::Adapter;
 use shaders::{PBR, fresnel};
 
 #[track_caller]
@@ -69,7 +70,8 @@ fn pow_is_less_accurate() {
         let (actual, expected) = (f32::from_bits(path.worst.actual), path.worst.expected);
         #[expect(clippy::cast_possible_truncation, reason = "an ulp is one of f32")]
         let expected = expected.expect("a reference judged") as f32;
-        let worst = karat::tolerance::ulp_distance(actual, expected).expect("neither is NaN");
+        let worst =
+            karat::unstable::tolerance::ulp_distance(actual, expected).expect("neither is NaN");
         assert!(worst > 40, "{worst} ulp on {}", path.adapter);
     }
 }

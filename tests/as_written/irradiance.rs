@@ -1,8 +1,9 @@
 //! Irradiance as it is written. All numbers are those of a furnace of radiance 1.
 
 use glam::{DVec3, Vec3};
-use karat::check::{Calls, Disagreement, Failure};
+use karat::check::{Calls, Failure};
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, irradiance};
 
 #[track_caller]

@@ -1,8 +1,9 @@
 //! Layers that gain energy, or aren't reciprocal.
 
 use glam::{DVec3, Vec3};
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, fresnel, specular};
 
 #[track_caller]

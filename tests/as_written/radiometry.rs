@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, radiometry};
 
 /// The disagreement that a check found, which it must have.

@@ -3,8 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Mat3, Vec2, Vec3};
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, sampling};
 
 #[track_caller]
@@ -83,7 +84,7 @@ fn sines_of_smooth_surfaces_are_lost() {
     );
     assert!(share(&found) > 0.9, "{found}");
     // All digits: the sine is 0.
-    let lost = |path: &karat::check::PathDisagreement| {
+    let lost = |path: &karat::unstable::check::PathDisagreement| {
         path.worst.expected.is_some_and(|expected| {
             let actual = f64::from(f32::from_bits(path.worst.actual));
             // NVIDIA takes the root of a number below 0.

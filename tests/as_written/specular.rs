@@ -1,8 +1,9 @@
 //! Specular light that exceeds a furnace, comes from the wrong direction or from the wrong level.
 
 use glam::{DVec3, Vec3};
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, specular};
 
 #[track_caller]

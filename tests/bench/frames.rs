@@ -6,7 +6,8 @@ use std::time::Instant;
 use karat::Image;
 use karat::golden::FrameTolerance;
 use karat::image::Precision;
-use karat::metric::{ExposureRange, Flip, Gate, Metric, Noise, Pair};
+use karat::metric::{Flip, Noise};
+use karat::unstable::metric::{ExposureRange, Gate, Metric, Pair};
 
 use super::{Spread, spawn};
 

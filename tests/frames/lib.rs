@@ -108,9 +108,9 @@ impl Shot {
 /// If there is none: then nothing would be checked.
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
     let mut open: Vec<Path> = open.collect();
-    for path in karat::path::selected().unwrap_or_default() {
+    for path in karat::unstable::path::selected().unwrap_or_default() {
         if !open.contains(&path) {
             open.push(path);
         }
@@ -128,7 +128,7 @@ pub fn open_paths() -> Vec<Path> {
 /// If the path doesn't open.
 #[must_use]
 pub fn is_snapped(path: Path) -> bool {
-    let adapter = karat::path::adapter(path).expect("a path that is drawn on opens");
+    let adapter = karat::unstable::path::adapter(path).expect("a path that is drawn on opens");
     adapter.family() == "swiftshader"
 }
 

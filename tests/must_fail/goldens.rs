@@ -114,7 +114,7 @@ fn ci_leaves_the_folder_of_goldens_alone() {
 fn accepting_off_the_canonical_rasteriser_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     // Lavapipe is Vulkan; without GL this machine's Vulkan is another one.
-    let path = if karat::path::adapter(Path::GL).is_ok() { "gl" } else { "vulkan" };
+    let path = if karat::unstable::path::adapter(Path::GL).is_ok() { "gl" } else { "vulkan" };
     let (_, text) = golden_fault(folder.path(), &[("KARAT_PATHS", path), ("KARAT_REQUIRE", path)]);
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
@@ -140,7 +140,7 @@ fn a_golden_holds_at_another_vector_width() {
         ..Acceptance::default()
     };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
-    let open = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());
+    let open = Path::ALL.into_iter().find_map(|path| karat::unstable::path::adapter(path).ok());
     let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
     let (agrees, text) = golden_fault(folder.path(), &narrow);
     assert!(agrees, "{text}");
@@ -169,7 +169,7 @@ fn a_golden_says_what_it_was_made_on() {
     };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
     let toml = std::fs::read_to_string(folder.path().join("gradient.toml")).expect("written");
-    let adapter = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());
+    let adapter = Path::ALL.into_iter().find_map(|path| karat::unstable::path::adapter(path).ok());
     let adapter = adapter.expect("the frame was rendered on the first path that opens");
     assert!(toml.contains(&adapter.name) && toml.contains(&adapter.driver), "{toml}");
     assert!(!adapter.name.contains("llvmpipe") || adapter.name.contains(" bits)"), "{adapter}");

@@ -155,7 +155,7 @@ fn what_stops_passes_is_no_known_issue() {
     assert!(error.contains("remove its `refused_on`"), "{error}");
     // Lavapipe ends an endless loop; another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
-        karat::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
+        karat::unstable::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
     });
     let stop: &[&str] = if ends { &["endless", "large"] } else { &["large"] };
     for &entry_point in stop {

@@ -16,8 +16,9 @@ mod sanitizer;
 
 mod weaker;
 
-use karat::check::{Disagreement, Failure};
+use karat::check::Failure;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 use shaders::{PBR, fresnel};
 
 /// The shader library with one text replaced in one module.

@@ -1,7 +1,7 @@
 //! What a failure says.
 
-use karat::check::Disagreement;
 use karat::prelude::*;
+use karat::unstable::check::Disagreement;
 
 use crate::{disagreement, mutant, schlick};
 

@@ -164,7 +164,8 @@ fn a_fault_of_the_last_path_is_reduced_there() {
     let simplest = text.find("simplest (reduced from").expect("the worst case can be reduced");
     assert!(text[simplest..].contains("x = 1\n") && text[simplest..].contains("n = 3\n"), "{text}");
     let agree = text.matches("  all cases agree").count();
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).count();
+    let open =
+        Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok()).count();
     assert_eq!(agree, open - 1, "{text}");
 }
 
@@ -225,7 +226,7 @@ fn no_adapter() {
 /// A shader that never ends is reported within the deadline, and nothing stays behind.
 #[test]
 fn an_endless_loop() {
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
     let open: Vec<Path> = open.collect();
     assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
     for path in open {
@@ -238,7 +239,8 @@ fn an_endless_loop() {
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =
             "`endless` was stopped: after 1.5 s it was still in this loop\n  --> <planted>:1:";
-        let slow = karat::path::adapter(path).is_ok_and(|adapter| adapter.family() == "llvmpipe");
+        let slow = karat::unstable::path::adapter(path)
+            .is_ok_and(|adapter| adapter.family() == "llvmpipe");
         assert!(by_driver || !slow && text.contains(engine), "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());

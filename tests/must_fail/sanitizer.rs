@@ -1,8 +1,9 @@
 //! Compute passes whose result depends on what WGSL doesn't order or define, which a driver may hide.
 
 use karat::check::HazardKind;
-use karat::compute::{ComputeError, Violation};
+use karat::compute::ComputeError;
 use karat::prelude::*;
+use karat::unstable::compute::Violation;
 
 const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
 @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
@@ -27,7 +28,7 @@ fn races(body: &str, groups: u32) -> Vec<Violation> {
             let message = found.to_string();
             for race in found.all.iter().take(2) {
                 assert!(race.accesses.iter().all(|access| access.place.starts_with("<races>:")));
-                let says = |access: &karat::compute::ViolationAccess| {
+                let says = |access: &karat::unstable::compute::ViolationAccess| {
                     message.contains(&format!("{} {}", access.invocation, access.does))
                 };
                 assert!(race.accesses.iter().all(says), "{message}");

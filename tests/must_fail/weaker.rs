@@ -216,7 +216,7 @@ fn a_draw_that_touches_no_pixel() {
     let goldens = Goldens::open(folder.path());
     let corners = [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]];
     let corners = corners.map(|[x, y]| glam::Vec3::new(x, y, 0.0)).to_vec();
-    let path = Path::ALL.into_iter().find(|path| karat::path::adapter(*path).is_ok());
+    let path = Path::ALL.into_iter().find(|path| karat::unstable::path::adapter(*path).is_ok());
     let path = path.expect("a driver that draws");
     let compared = |offset: &str| {
         let package = package(&text.replace("OFFSET", offset));

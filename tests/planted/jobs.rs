@@ -3,11 +3,12 @@
 use std::io::Write;
 
 use karat::Path;
-use karat::path::{Adapter, PathError};
+use karat::path::PathError;
 use karat::prelude::*;
 use karat::unstable::executor::Executor;
 use karat::unstable::job::{Job, Problem, Reply, Resource};
 use karat::unstable::path::Ability;
+use karat::unstable::path::Adapter;
 
 /// Runs jobs on the path that the second argument names, with the fault that the third one names.
 pub(crate) fn serve() -> Result<String, String> {

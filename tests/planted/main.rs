@@ -125,7 +125,7 @@ fn one_path() -> Result<String, String> {
     let wgsl = "fn f(x: f32, n: u32) -> f32 { return select(x, x + 0.5, x > 0.3 && n > 2u); }";
     let package = Package::from_source("planted", wgsl);
     let check = package.function("f").over((0.0..=1.0, Integers(0..=1000_u32)));
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
     let open: Vec<Path> = open.collect();
     let (_, others) = open.split_last().ok_or("no path opens")?;
     let granted = others.iter().fold(check, |check, path| check.tolerance_on(*path, Abs(1.0)));

@@ -64,12 +64,12 @@ const SIMPLER: usize = 256;
 /// // A tuple is a domain of tuples; `map` and `filter` make other domains.
 /// let odd = (0.0..=1.0_f32, Integers(0..=9_u32)).filter(|&(_, n)| n % 2 == 1);
 /// let power = odd.map(|(x, n)| x.powi(n as i32));
-/// let drawn = power.draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// let drawn = power.draw(&mut karat::unstable::domain::Source::new(1, 0)).unwrap();
 /// assert!((0.0..=1.0).contains(&drawn));
 /// ```
 ///
 /// ```
-/// use karat::domain::Source;
+/// use karat::unstable::domain::Source;
 /// use karat::Domain;
 ///
 /// /// Directions of a narrow beam about z.

@@ -141,6 +141,8 @@ impl Image {
     /// image.pixels_mut().iter_mut().for_each(|pixel| pixel[3] = 1.0);
     /// assert_eq!(image.pixels()[0], [0.5, 0.5, 0.5, 1.0]);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn pixels_mut(&mut self) -> &mut [[f32; 4]] {
         &mut self.pixels
     }
@@ -154,6 +156,8 @@ impl Image {
     /// let third = Image::new(1, 1, vec![[1.0 / 3.0; 4]]).rounded_to(Precision::Half);
     /// assert_eq!(third.pixels()[0][0], 0.33325195);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
@@ -178,6 +182,8 @@ impl Image {
     /// let image = || Image::new(1, 1, vec![[0.5; 4]]);
     /// assert_eq!(image().hash(), image().hash());
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -195,6 +201,8 @@ impl Image {
     /// let found = Image::new(2, 1, vec![[f32::NAN; 4], [1.0; 4]]).non_finite();
     /// assert_eq!((found.nan, found.first), (1, Some((0, 0))));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn non_finite(&self) -> NonFinite {
         let mut census = NonFinite::default();
@@ -220,6 +228,8 @@ impl Image {
     ///
     /// assert!((Image::new(1, 1, vec![[0.5, 0.5, 0.5, 1.0]]).key() - 0.5).abs() < 1e-3);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn key(&self) -> f32 {
         let logarithms = self.pixels.iter().map(luminance).filter(|l| l.is_normal() && *l > 0.0);

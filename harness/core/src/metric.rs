@@ -33,7 +33,7 @@ pub use tiles::{ErrorMap, TILE};
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Measured, Metric, Pair};
+/// use karat::unstable::metric::{Measured, Metric, Pair};
 ///
 /// /// The largest difference of a green channel.
 /// #[derive(Debug)]
@@ -72,7 +72,7 @@ pub trait Metric: fmt::Debug + Send + Sync {
 /// What a metric found.
 ///
 /// ```
-/// use karat::metric::Measured;
+/// use karat::unstable::metric::Measured;
 ///
 /// assert_eq!(Measured::of(0.25).value, 0.25);
 /// ```
@@ -92,7 +92,7 @@ impl Measured {
     /// A number without a place.
     ///
     /// ```
-    /// use karat::metric::Measured;
+    /// use karat::unstable::metric::Measured;
     ///
     /// let largest = Measured::of(0.25);
     /// # let _ = largest;

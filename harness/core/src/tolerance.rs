@@ -98,7 +98,8 @@ pub enum Tolerance {
 /// The unit of an error.
 ///
 /// ```
-/// use karat::tolerance::{Tolerance, Unit};
+/// use karat::tolerance::Tolerance;
+/// use karat::unstable::tolerance::Unit;
 /// use karat::Abs;
 ///
 /// assert_eq!(Tolerance::from(Abs(0.1)).measure(0, 1.0, 1.0).unit, Unit::Abs);
@@ -131,7 +132,7 @@ impl Unit {
     /// Short name, as printed after a number.
     ///
     /// ```
-    /// use karat::tolerance::Unit;
+    /// use karat::unstable::tolerance::Unit;
     ///
     /// assert_eq!(Unit::Ulp.name(), "ulp");
     /// ```
@@ -374,6 +375,8 @@ impl Tolerance {
     /// assert_eq!(Tolerance::from(Ulp(4.0)).lanes(), None);
     /// assert_eq!(Tolerance::per_lane([Ulp(4.0).into(), Abs(0.1).into()]).lanes(), Some(2));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn lanes(&self) -> Option<usize> {
         match self {
@@ -416,6 +419,8 @@ impl Tolerance {
     /// let error = Tolerance::from(Rel(0.1)).measure(0, 1.05, 1.0);
     /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of what is allowed
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
@@ -425,7 +430,7 @@ impl Tolerance {
     ///
     /// ```
     /// use karat::prelude::*;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// let words = [2.0_f32.to_bits(), 3];
     /// let tolerance = karat::Tolerance::from(Abs(1.0));
@@ -435,6 +440,8 @@ impl Tolerance {
     ///
     /// # Panics
     /// If there are fewer words or expected numbers than scalars.
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn measure_words(
         &self,

@@ -26,7 +26,7 @@ pub use shareable::{Arguments, Shareable};
 /// A WGSL scalar type.
 ///
 /// ```
-/// use karat::value::Scalar;
+/// use karat::unstable::value::Scalar;
 ///
 /// assert_eq!(Scalar::named("u32"), Some(Scalar::U32));
 /// assert_eq!(Scalar::F32.decode(0x3f00_0000), 0.5);
@@ -50,7 +50,7 @@ impl Scalar {
     /// The WGSL keyword.
     ///
     /// ```
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Scalar::F16.wgsl(), "f16");
     /// ```
@@ -69,7 +69,7 @@ impl Scalar {
     /// they are equal or wrong.
     ///
     /// ```
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert!(Scalar::F32.is_float() && !Scalar::I32.is_float());
     /// ```
@@ -82,7 +82,7 @@ impl Scalar {
     /// The scalar of this keyword.
     ///
     /// ```
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Scalar::named("bool"), Some(Scalar::Bool));
     /// assert_eq!(Scalar::named("f64"), None);
@@ -97,7 +97,7 @@ impl Scalar {
     /// The lane of a decimal, `true` or `false`; `None` if it is no finite value of the type.
     ///
     /// ```
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Scalar::I32.parse("-1"), Some(u32::MAX));
     /// assert_eq!(Scalar::F32.parse("inf"), None);
@@ -117,7 +117,7 @@ impl Scalar {
     /// The value in a lane. Exact for each scalar type.
     ///
     /// ```
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Scalar::I32.decode(u32::MAX), -1.0);
     /// ```
@@ -134,7 +134,7 @@ impl Scalar {
 /// A WGSL type that a probe can pass or read.
 ///
 /// ```
-/// use karat::value::{Scalar, Shape};
+/// use karat::unstable::value::{Scalar, Shape};
 ///
 /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
 /// assert_eq!(direction.to_string(), "vec3<f32>");
@@ -203,7 +203,7 @@ impl Shape {
     /// The scalars of the value, in the order of its lanes.
     ///
     /// ```
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let point = Shape::Vector { size: 2, scalar: Scalar::I32 };
     /// assert_eq!(point.lanes(), [Scalar::I32; 2]);
@@ -219,7 +219,7 @@ impl Shape {
     /// `".weight"`.
     ///
     /// ```
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let point = Shape::Vector { size: 2, scalar: Scalar::I32 };
     /// assert_eq!(point.lane_names(), [".x", ".y"]);
@@ -271,7 +271,7 @@ impl Shape {
     /// tell them apart.
     ///
     /// ```
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let (float, word) = (Shape::Scalar(Scalar::F32), Shape::Scalar(Scalar::U32));
     /// assert!(float.stands_for(&float, true) && !float.stands_for(&word, true));
@@ -313,7 +313,7 @@ impl Shape {
     /// What varies from pixel to pixel, if this is the shape of a [`Quad`].
     ///
     /// ```
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// assert_eq!(Shape::Scalar(Scalar::F32).quad(), None);
     /// ```
@@ -330,7 +330,7 @@ impl Shape {
     /// back to the same bits.
     ///
     /// ```
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let point = Shape::Vector { size: 2, scalar: Scalar::F32 };
     /// assert_eq!(point.format(&[0, 1.5_f32.to_bits()]), "(0, 1.5)");
@@ -408,7 +408,7 @@ impl fmt::Display for Shape {
 /// One lane in decimal: the shortest digits that read back to the same bits.
 ///
 /// ```
-/// use karat::value::Scalar;
+/// use karat::unstable::value::Scalar;
 /// use karat::unstable::value::format_lane;
 ///
 /// assert_eq!(format_lane(Scalar::I32, u32::MAX), "-1");

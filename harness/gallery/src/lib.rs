@@ -20,11 +20,13 @@ pub use arguments::{ExposureArguments, RenderArguments};
 use karat::Frame;
 use karat::Image;
 use karat::Path;
-use karat::image::{ImageError, NonFinite, Precision};
-use karat::path::{self, PathError};
+use karat::image::{ImageError, Precision};
+use karat::path::PathError;
 use karat::unstable::diagnostic::{nearest, shown};
 use karat::unstable::golden::build_output;
+use karat::unstable::image::NonFinite;
 use karat::unstable::output::{Output, Style, counted};
+use karat::unstable::path;
 
 const BAD: Style = Style::BAD;
 const HEAD: Style = Style::HEAD;

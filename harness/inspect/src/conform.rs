@@ -1,16 +1,17 @@
 //! Jobs with known answers, for people who write a program that runs jobs.
 //!
 //! Each question is about one rule of the protocol, so that a failure names what to mend. A path's program is asked
-//! through [`Executor::run`](karat::unstable::executor::Executor::run), as tests ask it. Drivers and the engine of this
+//! through [`Executor::run`], as tests ask it. Drivers and the engine of this
 //! process can be asked, too.
 
 use std::collections::BTreeMap;
 
 use karat::fixture::{Compare, Fixture};
-use karat::path::{Adapter, PathError};
+use karat::path::PathError;
 use karat::unstable::executor::{self, Executor};
 use karat::unstable::job::{Bound, Job, Pass, Problem, Reply, Resource, Shader, Work};
 use karat::unstable::path::Ability;
+use karat::unstable::path::Adapter;
 use karat::unstable::probe::Probed;
 use karat::{Package, Path, Sampler, Storage, Texture, Uniform};
 use serde::Serialize;

@@ -1119,7 +1119,7 @@ fn derivatives_want_a_whole_quad() {
     let of = |name: &str| {
         let slope = 0.0..=0.25_f32;
         let quads = (0.0..=1.0_f32, slope.clone(), slope)
-            .map(|(value, dx, dy)| karat::value::Quad { value, dx, dy });
+            .map(|(value, dx, dy)| karat::unstable::value::Quad { value, dx, dy });
         package.function(name).over(quads).unrecorded().try_has_no_hazards()
     };
     of("whole").expect("each pixel takes it");

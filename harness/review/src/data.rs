@@ -4,10 +4,10 @@ use serde_json::{Value, json};
 
 use super::{Case, Failure, MOST_ROWS, Map, Part, Rows, facts, packed};
 use karat::Image;
-use karat::golden::{CriterionMargin, FrameCriterion};
-use karat::metric::DEFAULT_RELATIVE;
 use karat::unstable::golden::{ChangedRow, Column, Provenance, Table};
+use karat::unstable::golden::{CriterionMargin, FrameCriterion};
 use karat::unstable::image::ExrFile;
+use karat::unstable::metric::DEFAULT_RELATIVE;
 use karat::unstable::value::format_lane;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.

@@ -5,8 +5,8 @@ use std::fmt;
 use serde::Serialize;
 use serde_json::Value;
 
-use karat::metric::ExposureRange;
 use karat::unstable::golden::Provenance;
+use karat::unstable::metric::ExposureRange;
 
 /// What is different between a golden and a frame, other than their pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,7 +149,7 @@ fn leaves(path: &str, value: &Value, lines: &mut Vec<(String, String)>) {
 mod tests {
     use super::*;
     use karat::image::Precision;
-    use karat::path::Adapter;
+    use karat::unstable::path::Adapter;
 
     fn provenance() -> Provenance {
         Provenance {

@@ -29,8 +29,8 @@ pub use facts::Cause;
 pub use last_run::{Failure, FrameRun, LastRun};
 pub use server::Server;
 
-use karat::golden::CriterionMargin;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::golden::CriterionMargin;
 use karat::unstable::golden::{
     AcceptError, ChangedRow, Pending, PendingFrames, Provenance, Table, Unusable,
 };

@@ -4,10 +4,11 @@ use super::maps::maps;
 use super::{Case, Cause, MOST_ROWS, Part, Rows};
 use karat::golden::{COLOR, TableError};
 use karat::image::ImageError;
-use karat::metric::{Mask, Pair};
+use karat::metric::Mask;
 use karat::unstable::golden::{AcceptError, ChangedRow, Pending, Provenance, Table};
 use karat::unstable::image::ExrFile;
 use karat::unstable::metric::MASK;
+use karat::unstable::metric::Pair;
 use karat::{Goldens, Image};
 
 impl Case {

@@ -2,8 +2,9 @@
 
 use super::Map;
 use karat::Image;
-use karat::metric::{Flip, Pair};
+use karat::metric::Flip;
 use karat::unstable::metric::ErrorMap;
+use karat::unstable::metric::Pair;
 
 /// What can be computed of golden and frame. Of images that FLIP can't compare there is nothing.
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {

@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use super::data::embedded;
 use super::{Entry, FrameRun, Review, golden_name};
-use karat::golden::{CriterionMargin, FrameCriterion};
 use karat::unstable::diagnostic::shown;
+use karat::unstable::golden::{CriterionMargin, FrameCriterion};
 use karat::unstable::golden::{Pending, PendingFrames};
 
 const HTML: &str = include_str!("page/page.html");

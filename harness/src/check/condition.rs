@@ -23,7 +23,7 @@ const FUNCTION: &str = "holds";
 ///
 /// ```
 /// use karat::unstable::check::Condition;
-/// use karat::value::{Scalar, Shape};
+/// use karat::unstable::value::{Scalar, Shape};
 ///
 /// let float = |name: &str| (name.to_owned(), Shape::Scalar(Scalar::F32));
 /// let below = Condition::parse(&[float("a"), float("b")], "a < b").expect("an expression");

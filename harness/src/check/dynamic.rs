@@ -34,7 +34,7 @@ impl<'a> Probe<'a> {
     /// ```
     /// # use karat::prelude::*;
     /// use karat::unstable::domain::{Dynamic, Part};
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
     /// let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
@@ -44,6 +44,8 @@ impl<'a> Probe<'a> {
     /// package.function("half").over_dynamic(x).try_agrees_with(&half, Ulp(0.0))?;
     /// # Ok::<(), karat::check::Failure>(())
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn over_dynamic(self, domain: Dynamic) -> Check<'a, Calls<Words>> {
         let shapes = domain.shapes().to_vec();
         Check::new(self, domain, Calls { shapes, values: PhantomData })
@@ -57,6 +59,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_agrees_with`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_agrees_with(
         self,
         expect: ExpectWords<'_>,
@@ -73,6 +77,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_satisfies`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_satisfies(self, statement: &str, holds: Holds<'_>) -> Result<Agreement, Failure> {
         let shape = self.result()?;
         self.plan.satisfies(&*self.stream, &self.demand(), statement, (&shape, holds))
@@ -82,6 +88,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_invariant_under`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_invariant_under(
         self,
         transform: Transform<'_>,
@@ -95,6 +103,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_at_limit`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_at_limit(
         self,
         argument: impl Into<Parameter>,
@@ -116,7 +126,7 @@ impl Check<'_, Calls<Words>> {
     /// ```
     /// # use karat::prelude::*;
     /// use karat::unstable::domain::{Dynamic, Part};
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// let text = "import karat::expect_in_range;
     ///             @test fn stays(x: f32) { expect_in_range(0.5 * x, 0.0, 0.5); }";
@@ -130,6 +140,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// If an expectation fails, or none was evaluated.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_expects(self) -> Result<Agreement, Failure> {
         self.plan.expects(&*self.stream, &self.demand())
     }
@@ -139,6 +151,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_integrates_to`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_integrates_to(
         self,
         directions: Directions,
@@ -153,6 +167,8 @@ impl Check<'_, Calls<Words>> {
     ///
     /// # Errors
     /// See [`Check::try_integrates_to_at_most`].
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn try_integrates_to_at_most(
         self,
         directions: Directions,

@@ -11,7 +11,7 @@ use crate::value::{Scalar, Shape};
 /// A parameter of a WGSL function: by its name, or by its place from 0.
 ///
 /// ```
-/// use karat::check::Parameter;
+/// use karat::unstable::check::Parameter;
 ///
 /// assert_eq!(Parameter::from("alpha").to_string(), "`alpha`");
 /// assert_eq!(Parameter::from(0).to_string(), "argument 0");

@@ -14,13 +14,13 @@ mod density;
 mod judgement;
 mod picture;
 mod power;
-mod rejection;
+pub(crate) mod rejection;
 mod statistic;
 
 use std::marker::PhantomData;
 
 pub use power::Power;
-pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
+pub(crate) use rejection::{Finding, Rejection};
 
 use super::plan::Plan;
 use super::{Check, Failure, Probe, Vacuous};

@@ -55,6 +55,8 @@ impl Package {
     ///
     /// # Errors
     /// If the package can't be read; of each module, if that one can't.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn tests_in(
         &self,
         modules: &[String],

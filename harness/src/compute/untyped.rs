@@ -17,7 +17,7 @@ pub use super::judge::{Broken, Element, Place};
 ///
 /// ```
 /// use karat::unstable::compute::Content;
-/// use karat::value::{Scalar, Shape};
+/// use karat::unstable::value::{Scalar, Shape};
 ///
 /// let number = Content { name: "total".to_owned(), shape: Shape::Scalar(Scalar::U32), lanes: vec![7] };
 /// assert_eq!(number.shape.format(&number.lanes), "7");
@@ -37,7 +37,7 @@ impl Content {
     ///
     /// ```
     /// use karat::unstable::compute::Content;
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let shape = Shape::Array { element: Box::new(Shape::Scalar(Scalar::U32)), length: 2 };
     /// let two = Content { name: "keys".to_owned(), shape, lanes: vec![7, 8] };
@@ -55,7 +55,7 @@ impl Content {
     ///
     /// ```
     /// use karat::unstable::compute::Content;
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let shape = Shape::Vector { size: 2, scalar: Scalar::U32 };
     /// let two = Content { name: "key".to_owned(), shape, lanes: vec![7, 8] };

@@ -98,6 +98,8 @@ impl Format {
     /// assert_eq!(Format::named("r32uint"), Some(Format::R32Uint));
     /// assert_eq!(Format::named("rgb9e5"), None);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)

@@ -283,7 +283,7 @@ fn unsound_of(
 fn executors() -> Vec<&'static dyn Executor> {
     let second: Path = "vulkan@swiftshader".parse().expect("a path");
     let all = Path::ALL.into_iter().chain([second]);
-    let here = all.filter(|path| path::adapter(*path).is_ok());
+    let here = all.filter(|path| path::open(*path).is_ok());
     here.chain([Path::CPU]).map(|path| executor::of(path).expect("it opens")).collect()
 }
 

@@ -219,6 +219,8 @@ impl Goldens {
     /// If no reason is given; if `CI` is set and may not write; if the golden changed since the frame was compared; if the frame
     /// wasn't rendered on lavapipe and other adapters aren't allowed; if a profile doesn't need its
     /// own golden; if the file is too large or can't be written. The golden is then unchanged.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn accept(
         &self,
         pending: &Pending,

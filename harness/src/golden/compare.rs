@@ -212,6 +212,8 @@ impl FrameTolerance {
     ///
     /// # Errors
     /// If they differ by more than this allows, or can't be compared.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn compare(
         &self,
         golden: &Image,

@@ -188,6 +188,8 @@ impl Goldens {
     }
 
     /// All pending frames in the folder and the folders below it.
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -206,6 +208,8 @@ impl Goldens {
     ///
     /// # Errors
     /// If nothing has this name.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
@@ -214,6 +218,8 @@ impl Goldens {
     ///
     /// # Errors
     /// If nothing has this name or matches the pattern.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn select_by(
         &self,
         pattern: &str,
@@ -236,6 +242,8 @@ impl Goldens {
     }
 
     /// The name that a pending file in this folder has by its place, whatever it says itself.
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
@@ -247,6 +255,8 @@ impl Goldens {
     ///
     /// # Errors
     /// If the file can't be deleted.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
         self.tidy();
         self.remove(pending)

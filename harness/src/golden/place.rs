@@ -44,6 +44,8 @@ impl Goldens {
     /// let goldens = karat::goldens!("golden");
     /// assert_eq!(goldens.cargo_package(), env!("CARGO_PKG_NAME"));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn cargo_package(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
@@ -65,6 +67,8 @@ impl Goldens {
     /// let goldens = Goldens::open(env!("CARGO_MANIFEST_DIR").as_ref());
     /// assert!(goldens.project().is_some_and(|project| goldens.folder().starts_with(project)));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn project(&self) -> Option<PathBuf> {
         root(&resolved(&self.folder())?).map(Path::to_path_buf)
@@ -101,6 +105,8 @@ impl Goldens {
     /// ```no_run
     /// karat::Goldens::open("golden".as_ref()).tidy();
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn tidy(&self) {
         tidy(&self.folder());
     }

@@ -10,7 +10,7 @@ use crate::path::Adapter;
 /// own, `@<profile>/<case>.exr`, which no other profile uses.
 ///
 /// ```
-/// # use karat::path::Adapter;
+/// # use karat::unstable::path::Adapter;
 /// use karat::unstable::golden::Profile;
 ///
 /// # let (path, name, driver) = ("gl".to_owned(), "llvmpipe (LLVM 15)".to_owned(), "Mesa".to_owned());
@@ -26,7 +26,7 @@ impl Profile {
     ///
     /// ```
     /// use karat::unstable::golden::Profile;
-    /// use karat::path::Adapter;
+    /// use karat::unstable::path::Adapter;
     ///
     /// let [path, name, driver] = ["gl", "llvmpipe (LLVM 15.0.6, 256 bits)", "4.5 Mesa 22.3.6"].map(str::to_owned);
     /// let adapter = Adapter { path, name, driver, software: true };

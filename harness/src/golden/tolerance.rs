@@ -66,6 +66,8 @@ impl FrameTolerance {
     /// let tolerance = FrameTolerance::metric(Flip::MEAN, 0.02);
     /// # let _ = tolerance;
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)
@@ -225,7 +227,8 @@ impl fmt::Display for FrameTolerance {
 ///
 /// ```
 /// use karat::Image;
-/// use karat::golden::{FrameCriterion, FrameTolerance};
+/// use karat::golden::FrameTolerance;
+/// use karat::unstable::golden::FrameCriterion;
 ///
 /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
 /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;

@@ -23,6 +23,8 @@ impl Package {
     ///
     /// # Errors
     /// If a module can't be read or parsed.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
         let modules = self.modules()?;
         let functions = modules.iter().map(|module| self.functions_in(module));
@@ -41,6 +43,8 @@ impl Package {
     ///
     /// # Errors
     /// If the module can't be read or parsed.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
         Ok(functions_of(module, &*self.parsed(module)?))
     }
@@ -57,6 +61,8 @@ impl Package {
     /// assert!(package.feature("fast", true).tests_left_out(&package.modules()?).is_empty());
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn tests_left_out(&self, modules: &[String]) -> Vec<LeftOut> {
         let mut all = Vec::new();

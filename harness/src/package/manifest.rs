@@ -139,12 +139,8 @@ impl Package {
     }
 
     /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
-    ///
-    /// ```
-    /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
-    /// ```
     #[must_use]
-    pub fn is_printed(&self) -> bool {
+    pub(crate) fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())
     }
 }

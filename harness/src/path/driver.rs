@@ -5,7 +5,7 @@ use std::fmt;
 /// An opened path, as reported with each verdict.
 ///
 /// ```
-/// use karat::path::Adapter;
+/// use karat::unstable::path::Adapter;
 ///
 /// let adapter = Adapter {
 ///     path: "vulkan".to_owned(),
@@ -84,7 +84,7 @@ impl Adapter {
     /// ```no_run
     /// use karat::Path;
     ///
-    /// println!("{}", karat::path::adapter(Path::VULKAN)?.family()); // llvmpipe, nvidia, amd
+    /// println!("{}", karat::unstable::path::adapter(Path::VULKAN)?.family()); // llvmpipe, nvidia, amd
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
     #[must_use]
@@ -97,7 +97,7 @@ impl Adapter {
     /// ```no_run
     /// use karat::Path;
     ///
-    /// let software = karat::path::adapter(Path::GL)?.is_llvmpipe();
+    /// let software = karat::unstable::path::adapter(Path::GL)?.is_llvmpipe();
     /// # let _ = software;
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
@@ -115,7 +115,7 @@ impl Adapter {
     /// ```no_run
     /// use karat::Path;
     ///
-    /// let canonical = karat::path::adapter(Path::VULKAN)?.is_lavapipe();
+    /// let canonical = karat::unstable::path::adapter(Path::VULKAN)?.is_lavapipe();
     /// # let _ = canonical;
     /// # Ok::<(), karat::path::PathError>(())
     /// ```

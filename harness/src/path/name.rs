@@ -12,7 +12,7 @@ use crate::diagnostic::nearest;
 ///
 /// ```
 /// use karat::Path;
-/// use karat::path::Api;
+/// use karat::unstable::path::Api;
 ///
 /// assert_eq!(Path::CPU.api(), Api::Cpu);
 /// ```
@@ -40,7 +40,7 @@ impl Api {
     /// The name used on the command line and in the environment.
     ///
     /// ```
-    /// use karat::path::Api;
+    /// use karat::unstable::path::Api;
     ///
     /// assert_eq!(Api::Vulkan.name(), "vulkan");
     /// ```
@@ -61,7 +61,7 @@ impl Api {
 ///
 /// ```
 /// use karat::Path;
-/// use karat::path::Via;
+/// use karat::unstable::path::Via;
 ///
 /// let path: Path = "vulkan:hlsl".parse()?;
 /// assert_eq!((path.via(), Path::CPU.via()), (Via::Hlsl, Via::Direct));
@@ -109,7 +109,7 @@ impl Via {
     /// The name behind the `:` of a path.
     ///
     /// ```
-    /// use karat::path::Via;
+    /// use karat::unstable::path::Via;
     ///
     /// assert_eq!(Via::Hlsl.name(), "hlsl");
     /// ```
@@ -182,10 +182,12 @@ impl Path {
     ///
     /// ```
     /// use karat::Path;
-    /// use karat::path::Api;
+    /// use karat::unstable::path::Api;
     ///
     /// assert_eq!(Path::GL.api(), Api::Gl);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
@@ -195,10 +197,12 @@ impl Path {
     ///
     /// ```
     /// use karat::Path;
-    /// use karat::path::Via;
+    /// use karat::unstable::path::Via;
     ///
     /// assert_eq!(Path::VULKAN.via(), Via::Direct);
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
@@ -213,6 +217,8 @@ impl Path {
     /// assert_eq!("gl@llvmpipe".parse::<Path>()?.driver(), Some("llvmpipe"));
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
@@ -225,6 +231,8 @@ impl Path {
     ///
     /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn is_supported(self) -> bool {
         super::device::exists(self)

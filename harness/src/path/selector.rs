@@ -57,6 +57,8 @@ impl Selector {
     /// let (known, unknown): (Selector, Selector) = ("gl@llvmpipe".into(), "gll".into());
     /// assert!(known.is_known() && !unknown.is_known());
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.parts.is_some()

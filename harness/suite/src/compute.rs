@@ -9,7 +9,7 @@ use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place}
 use karat::unstable::diagnostic::{read_file, shown};
 use karat::unstable::dispatch::DispatchError;
 use karat::unstable::reflect::{Program, Stage};
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat::{Goldens, Package, Path as Route, Tolerance};
 use serde::Deserialize;
 use toml::Value;

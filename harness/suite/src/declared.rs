@@ -87,7 +87,7 @@ use std::sync::Arc;
 use karat::check::HazardKind;
 use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::unstable::record::Subject;
-use karat::value::Shape;
+use karat::unstable::value::Shape;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};

@@ -13,7 +13,7 @@
 
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::domain::Part;
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::made_up::{Ranges, suggested};
 use toml::Value;
 

@@ -7,7 +7,7 @@ use glam::{IVec2, IVec3, IVec4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4};
 use karat::draw::{Blend, Cull, Draw, Mesh};
 use karat::fixture::Compare;
 use karat::unstable::reflect::Program;
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use serde::Deserialize;
 
 use crate::domains::no_such;

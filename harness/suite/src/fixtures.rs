@@ -21,7 +21,7 @@ use karat::fixture::{Buffer, Compare, Fixture};
 use karat::unstable::diagnostic::read_file;
 use karat::unstable::domain::{Dynamic, Numbering, Stream};
 use karat::unstable::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat::{CubeMap, Image, Sampler, Texture};
 use karat_inspect::made_up::Ranges;
 use toml::Value;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use karat::value::Shape;
+use karat::unstable::value::Shape;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 

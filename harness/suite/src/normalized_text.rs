@@ -92,7 +92,7 @@ impl Suite {
                     names.insert(assertion.of_module(reference));
                 }
             }
-            self.package.fingerprints(&names)
+            karat::unstable::package::fingerprints(&self.package, &names)
         });
         all.get(function).map(String::as_str)
     }

@@ -1,7 +1,7 @@
 //! Numbers in tables.
 
+use karat::unstable::value::Scalar;
 use karat::unstable::value::format_f32;
-use karat::value::Scalar;
 use karat::{Tolerance, Ulp};
 
 /// A hexadecimal float of C99, as WGSL and Karat write it; exact in `f64` with up to 13 digits behind the

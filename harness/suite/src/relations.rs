@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use karat::unstable::domain::Dynamic;
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use toml::Value;
 
 use crate::domains::no_such;

@@ -15,7 +15,7 @@ use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::record::Subject;
 use karat::unstable::reflect::{Binding, Program, Stage};
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use karat_inspect::made_up::Ranges;
 use toml::Value;
@@ -141,8 +141,8 @@ impl Suite {
     /// nothing to compile, and no group.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
-        let drivers = karat::path::selected()
-            .is_ok_and(|all| all.iter().any(|p| p.api() != karat::path::Api::Cpu));
+        let drivers = karat::unstable::path::selected()
+            .is_ok_and(|all| all.iter().any(|p| p.api() != karat::unstable::path::Api::Cpu));
         let mut own: Vec<&WgslTest> = Vec::new();
         for test in tests {
             if let Kind::Wgsl(test) = &test.kind {

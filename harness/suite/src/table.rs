@@ -5,7 +5,7 @@ use std::path::Path;
 
 use karat::unstable::diagnostic::{nearest, read_file};
 use karat::unstable::domain::Part;
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 
 use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, begins_with_mark, head_of};

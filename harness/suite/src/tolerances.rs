@@ -1,6 +1,6 @@
 //! Tolerances as text: `4 ulp`, `rel 1e-4 or abs 1e-6`, `spec`, `spec or rel 1e-3`, `exact`.
 
-use karat::tolerance::{Criterion, SpecTolerance};
+use karat::unstable::tolerance::{Criterion, SpecTolerance};
 use karat::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 
 /// A tolerance, or what a specification allows.

@@ -46,7 +46,7 @@ fn left(depth: f32) -> Mesh {
 
 /// The frame's image on each driver.
 fn images(frame: &Frame<'_>) -> Vec<(Path, Image)> {
-    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
     let drawn = |path| (path, frame.render(path).unwrap_or_else(|e| panic!("{path}: {e}")));
     let images: Vec<_> = open.map(drawn).collect();
     assert!(!images.is_empty(), "no path opens, so nothing would be checked");
@@ -114,7 +114,9 @@ fn targets_have_formats() {
         // Six bits of mantissa, and five of blue.
         (Format::Rg11b10Ufloat, Vec4::new(0.199_22, 0.25, 2.0, 1.0)),
     ] {
-        for path in Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()) {
+        for path in
+            Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok())
+        {
             let image = match of(format).render(path) {
                 Ok(image) => image,
                 // wgpu's GL draws into none of these here, and says so.
@@ -357,7 +359,7 @@ fn copies_have_attributes_and_numbers() {
 /// wgpu's GL gives shaders other numbers of copies and vertices where these don't begin at 0.
 #[test]
 fn numbers_begin_where_a_draw_says() {
-    if karat::path::adapter(Path::VULKAN).is_err() {
+    if karat::unstable::path::adapter(Path::VULKAN).is_err() {
         return;
     }
     let package = Package::from_source("instances", INSTANCES);

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec3, Vec4};
 use karat::fixture::Compare;
 use karat::prelude::*;
-use karat::value::Quad;
+use karat::unstable::value::Quad;
 
 fn check(text: &str) -> Package {
     Package::from_source("f", text)
@@ -294,9 +294,9 @@ struct Bins {
     count: [u32; 3],
 }
 
-impl karat::value::Mirror for Bins {
-    fn shape() -> karat::value::Shape {
-        use karat::value::{Scalar, Shape};
+impl karat::unstable::value::Mirror for Bins {
+    fn shape() -> karat::unstable::value::Shape {
+        use karat::unstable::value::{Scalar, Shape};
         let count = Shape::Array { element: Box::new(Shape::Scalar(Scalar::U32)), length: 3 };
         let total = ("total".to_owned(), Shape::Scalar(Scalar::U32));
         Shape::Struct { name: "Bins".to_owned(), members: vec![total, ("count".to_owned(), count)] }

@@ -450,7 +450,7 @@ fn a_path_that_compiles_nothing_is_declared() {
     let check = || package.function("f").with("shadow", depths()).over(Integers(0..=1_u32));
     let reference = |i: u32| f64::from(i) / 4.0;
     let plain = check().unrecorded().try_agrees_with(reference, Abs(0.0));
-    let paths = karat::path::selected().expect("some path opens");
+    let paths = karat::unstable::path::selected().expect("some path opens");
     if !paths.contains(&Path::GL) {
         plain.expect("nothing refuses it without GL");
         return;
@@ -555,7 +555,7 @@ fn narrow_matrices_are_right_or_refused() {
     let bytes: Vec<f32> = vec![1.0, 2.0, 3.0, 4.0, 7.0, 0.0];
     let uniform = package.function("uniform_").with("g", Buffer::from_pod(&bytes));
     let result = uniform.over(()).unrecorded().try_agrees_with(|| 407.0, Abs(0.0));
-    let on_gl = karat::path::selected().expect("paths").contains(&Path::GL);
+    let on_gl = karat::unstable::path::selected().expect("paths").contains(&Path::GL);
     match (result, on_gl) {
         (Ok(_), false) => {}
         (Err(error), true) => {

@@ -234,7 +234,7 @@ fn a_failure_that_is_declared_leaves_nothing_to_be_looked_at() {
         .expect_err("no golden");
     project.accept(case);
     let wrong = curve("2.5");
-    let paths = karat::path::selected().expect("paths");
+    let paths = karat::unstable::path::selected().expect("paths");
     let check = paths
         .iter()
         .fold(over(&wrong), |check, path| check.fails_on(*path, "the bug of this test"));

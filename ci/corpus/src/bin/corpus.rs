@@ -29,7 +29,7 @@ use karat::Package;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
-use karat::value::Shape;
+use karat::unstable::value::Shape;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use serde::Serialize;
 

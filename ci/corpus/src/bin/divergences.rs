@@ -11,12 +11,13 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use glam::{DVec2, DVec3, Vec2};
-use karat::check::{Agreement, CaseFailure, Failure, PathDisagreement};
+use karat::check::{Agreement, Failure};
 use karat::domain::{Integers, OneOf};
-use karat::path::Adapter;
 use karat::prelude::*;
-use karat::tolerance::SpecTolerance;
-use karat::value::Scalar;
+use karat::unstable::check::{CaseFailure, PathDisagreement};
+use karat::unstable::path::Adapter;
+use karat::unstable::tolerance::SpecTolerance;
+use karat::unstable::value::Scalar;
 
 /// An operator or a builtin function, what is asked of it, and what it should give.
 struct Question {

@@ -224,9 +224,11 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
-    let mut paths = karat::path::named("--path", &named)?;
+    let mut paths = karat::unstable::path::named("--path", &named)?;
     let required = match std::env::var("KARAT_REQUIRE") {
-        Ok(names) if !names.trim().is_empty() => karat::path::named("KARAT_REQUIRE", &names)?,
+        Ok(names) if !names.trim().is_empty() => {
+            karat::unstable::path::named("KARAT_REQUIRE", &names)?
+        }
         _ => Vec::new(),
     };
     paths.extend(required.iter().copied().filter(|path| !paths.contains(path)).collect::<Vec<_>>());

@@ -50,7 +50,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
-    let paths = karat::path::named("--paths", &args.paths)?;
+    let paths = karat::unstable::path::named("--paths", &args.paths)?;
     ensure!(!paths.is_empty(), "--paths names no path");
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all: Vec<Compared> = Vec::new();

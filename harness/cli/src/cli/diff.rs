@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use karat::Image;
-use karat::image::{ImageError, ImageFormat};
-use karat::metric::{ExposureRange, Mask, Pair, PairError};
+use karat::image::ImageError;
+use karat::metric::Mask;
 use karat::unstable::golden::Provenance;
 use karat::unstable::image::ExrFile;
+use karat::unstable::image::ImageFormat;
+use karat::unstable::metric::{ExposureRange, Pair, PairError};
 
 use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
 use super::heatmap::{self, Heatmap};

@@ -7,8 +7,8 @@ pub(super) mod profile;
 use std::io::Write;
 
 use karat::Path;
-use karat::path::{Adapter, Api, Via};
 use karat::unstable::golden::Profile;
+use karat::unstable::path::{Adapter, Api, Via};
 use karat::unstable::settings::{Variable, variables};
 use karat::unstable::tint::{self, Tint};
 use karat_translate::{Missing, Target, Tool};
@@ -156,13 +156,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .collect::<Result<_, _>>()?;
     if let Some(folder) = &args.package {
         for path in &required {
-            karat::path::adapter(*path)?;
+            karat::unstable::path::adapter(*path)?;
         }
         return package::run(folder, args.write, args.json, out);
     }
     // A required path is looked at even where the platform can't have it, and so is one of a driver.
     let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
-    let mut all: Vec<Path> = usual.chain([Path::CPU]).chain(karat::path::programs()?).collect();
+    let mut all: Vec<Path> =
+        usual.chain([Path::CPU]).chain(karat::unstable::path::programs()?).collect();
     for path in &required {
         if !all.contains(path) {
             all.push(*path);
@@ -170,7 +171,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let paths: Vec<PathReport> = all
         .into_iter()
-        .map(|path| match karat::path::adapter(path) {
+        .map(|path| match karat::unstable::path::adapter(path) {
             Ok(adapter) => PathReport {
                 path: path.name(),
                 profile: Some(Profile::of(&adapter).to_string()),
@@ -192,7 +193,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let opens = |path: &Path| {
         paths.iter().any(|report| report.path == path.name() && report.adapter.is_some())
     };
-    let selected = karat::path::selected();
+    let selected = karat::unstable::path::selected();
     let good = selected.is_ok() && required.iter().all(opens);
     let report = Report {
         karat: env!("CARGO_PKG_VERSION"),

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use karat::Image;
 use karat::image::Precision;
-use karat::metric::{Flip, FlipFailure, Pair, Rect};
+use karat::metric::{Flip, Rect};
 use karat::unstable::image::write_whole;
 use karat::unstable::metric::ErrorMap;
+use karat::unstable::metric::{FlipFailure, Pair};
 
 use self::canvas::Canvas;
 use self::legend::Legend;

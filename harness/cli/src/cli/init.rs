@@ -16,7 +16,7 @@ use karat::unstable::package::FunctionItem;
 use karat::unstable::probe::Probed;
 use karat::unstable::record::Recorded;
 use karat::unstable::reflect::{Program, Stage};
-use karat::value::Shape;
+use karat::unstable::value::Shape;
 
 use super::doctor::profile::unoptimised;
 use super::goldens::CiArgs;

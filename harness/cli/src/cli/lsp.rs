@@ -58,7 +58,7 @@ enum Event {
 }
 
 pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
-    let paths = karat::path::named("--paths", &args.paths)?;
+    let paths = karat::unstable::path::named("--paths", &args.paths)?;
     let paths = paths.iter().map(ToString::to_string).collect();
     let (sender, events) = channel();
     let heard = sender.clone();

@@ -240,7 +240,7 @@ impl<'a> Asked<'a> {
         for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
             // A variable that is set to nothing counts as not set.
             let names = names.as_deref().filter(|names| !names.trim().is_empty());
-            names.map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
+            names.map_or(Ok(Vec::new()), |names| karat::unstable::path::named(option, names))?;
         }
         let (what, filter) = (args.what.as_deref(), args.filter.as_deref());
         let named = what.map(Path::new).filter(|path| path.exists());

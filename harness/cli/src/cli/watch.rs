@@ -174,7 +174,7 @@ pub(super) struct Lane {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // A variable that is set to nothing counts as not set.
     let names = if args.paths.trim().is_empty() { PATHS } else { &args.paths };
-    let names = karat::path::named("--paths", names)?;
+    let names = karat::unstable::path::named("--paths", names)?;
     if let Some(folder) = &args.folder {
         expect_filter(folder, args.filter.as_deref())?;
     }
@@ -496,7 +496,7 @@ fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
         Source::Shaders(folder) => Package::open(folder).ok(),
         Source::Cargo(_) => None,
     });
-    let places = shaders.flat_map(|package| package.places());
+    let places = shaders.flat_map(|package| karat::unstable::package::places(&package));
     let mut places: Vec<PathBuf> = places.filter_map(|place| place.canonicalize().ok()).collect();
     places.sort();
     for place in places {

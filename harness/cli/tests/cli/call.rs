@@ -340,7 +340,7 @@ fn a_path_that_is_required_is_not_left_out() {
     let required = output(command(folder.path(), &call).env("KARAT_REQUIRE", "gl"));
     assert!(free.code == Some(0) && free.out.contains("vulkan   0.5"), "{free:?}");
     assert_eq!(required.code, Some(2), "{required:?}");
-    let (told, refused) = match karat::path::adapter(karat::Path::GL) {
+    let (told, refused) = match karat::unstable::path::adapter(karat::Path::GL) {
         Ok(_) => ("note: path `gl` can't bind", "error: no result on gl: path `gl` can't bind"),
         Err(_) => ("", "error: no result on gl: execution path `gl` is unavailable"),
     };

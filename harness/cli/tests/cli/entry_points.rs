@@ -165,7 +165,7 @@ fn slope(x: f32) -> f32 {
     // Neighbours that are discarded have values for derivatives on each path.
     let table = "x.value,x.dx,x.dy\n0.75,0.5,-0.25\n0.625,0.5,-0.25\n0.375,0.5,-0.25\n";
     write(folder.path(), "in.csv", table);
-    let gl = karat::path::adapter(karat::Path::GL).is_ok();
+    let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
     for path in ["cpu", "vulkan", "gl"].into_iter().filter(|path| gl || *path != "gl") {
         let table = ["call", "o::slope", "--table", "in.csv", "--bind", nodes, "--path", path];
         let left = karat(folder.path(), &table).good();

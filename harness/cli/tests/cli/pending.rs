@@ -6,8 +6,8 @@ use std::io::Write;
 
 use karat::Image;
 use karat::image::Precision;
-use karat::path::Adapter;
 use karat::unstable::golden::Provenance;
+use karat::unstable::path::Adapter;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::*;

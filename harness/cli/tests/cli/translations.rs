@@ -87,7 +87,7 @@ fn what_cannot_be_translated_says_so() {
 /// The columns of these that run here: not each machine has GL.
 #[cfg(target_os = "linux")]
 pub(super) fn run_here<'c>(columns: impl IntoIterator<Item = &'c str>) -> Vec<&'c str> {
-    let gl = karat::path::adapter(karat::Path::GL).is_ok();
+    let gl = karat::unstable::path::adapter(karat::Path::GL).is_ok();
     let of_gl = |column: &str| column == "gl" || column.starts_with("gl:");
     columns.into_iter().filter(|column| gl || !of_gl(column)).collect()
 }
@@ -1005,7 +1005,8 @@ mod planted {
             );
             write(&folder.path().join("shaders"), "karat.toml", &text);
         };
-        let adapter = karat::path::adapter(karat::Path::VULKAN).expect("it opens").family();
+        let adapter =
+            karat::unstable::path::adapter(karat::Path::VULKAN).expect("it opens").family();
         for column in ["vulkan:hlsl", ":hlsl", &format!("vulkan:hlsl@{adapter}")] {
             declare("maths::blend", column, "agrees", "the compiler is wrong");
             let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);

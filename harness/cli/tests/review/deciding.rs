@@ -123,7 +123,10 @@ fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> 
 #[test]
 fn a_failing_frame_is_accepted_in_the_page_and_passes() {
     let project = Project::new();
-    assert!(Path::ALL.into_iter().any(|path| karat::path::adapter(path).is_ok()), "a path opens");
+    assert!(
+        Path::ALL.into_iter().any(|path| karat::unstable::path::adapter(path).is_ok()),
+        "a path opens"
+    );
     for (red, because) in [("1.0", "the first one"), ("2.0", "twice as red, as planned")] {
         let failure = rendered(&project, red).expect_err("not accepted yet").to_string();
         assert!(failure.contains("review_loop"), "{failure}");

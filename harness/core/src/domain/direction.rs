@@ -13,7 +13,7 @@ use super::{Domain, Emptiness, Source, shrink};
 /// ```
 /// use karat::{Domain, UnitVector};
 ///
-/// let n = UnitVector.draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// let n = UnitVector.draw(&mut karat::unstable::domain::Source::new(1, 0)).unwrap();
 /// assert!(n.is_normalized());
 /// ```
 #[derive(Clone, Copy, Debug)]

@@ -181,7 +181,7 @@ impl Words for Beside {
 ///
 /// ```
 /// use karat::unstable::domain::Part;
-/// use karat::value::Scalar;
+/// use karat::unstable::value::Scalar;
 ///
 /// let fraction = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
 /// assert_eq!(fraction.width(), 1);
@@ -211,7 +211,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert!(Part::range(Scalar::U32, 0.0..=7.0).is_some());
     /// assert!(Part::range(Scalar::U32, -1.0..=7.0).is_none());
@@ -257,7 +257,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// let axes = Part::listed(
     ///     vec![Scalar::I32; 2],
@@ -277,7 +277,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Part::any(Scalar::U32).width(), 1);
     /// ```
@@ -298,7 +298,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// assert_eq!(Part::plausible(Scalar::F32).width(), 1);
     /// ```
@@ -416,7 +416,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// let part = Part::range(Scalar::U32, 1.0..=8.0).expect("whole numbers");
     /// assert_eq!(part.described(), "from 1 to 8");
@@ -475,7 +475,7 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 /// ```
 /// # use karat::unstable::domain::{Dynamic, Part};
 /// # use karat::prelude::*;
-/// # use karat::value::{Scalar, Shape};
+/// # use karat::unstable::value::{Scalar, Shape};
 /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
 /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
 /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
@@ -516,7 +516,7 @@ impl Dynamic {
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
     /// let parameters = [("n".to_owned(), direction), ("i".to_owned(), Shape::Scalar(Scalar::U32))];
@@ -537,7 +537,7 @@ impl Dynamic {
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
     /// let parameters = ["n", "t"].map(|name| (name.to_owned(), direction.clone()));
@@ -567,7 +567,7 @@ impl Dynamic {
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
-    /// use karat::value::{Scalar, Shape};
+    /// use karat::unstable::value::{Scalar, Shape};
     ///
     /// let index = |name: &str| (name.to_owned(), Shape::Scalar(Scalar::U32));
     /// let small = || vec![Part::range(Scalar::U32, 0.0..=3.0).expect("whole")];
@@ -606,7 +606,7 @@ impl Dynamic {
     /// ```
     /// # use karat::unstable::domain::{Dynamic, Part};
     /// # use karat::prelude::*;
-    /// # use karat::value::{Scalar, Shape};
+    /// # use karat::unstable::value::{Scalar, Shape};
     /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
     /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
     /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
@@ -630,7 +630,7 @@ impl Dynamic {
     /// ```
     /// # use karat::unstable::domain::{Dynamic, Part};
     /// # use karat::prelude::*;
-    /// # use karat::value::{Scalar, Shape};
+    /// # use karat::unstable::value::{Scalar, Shape};
     /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
     /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
     /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
@@ -899,7 +899,7 @@ impl Part {
     ///
     /// ```
     /// use karat::unstable::domain::Part;
-    /// use karat::value::Scalar;
+    /// use karat::unstable::value::Scalar;
     ///
     /// let half = Part::just(Scalar::F32, 0.5_f32.to_bits());
     /// assert_eq!(half.width(), 1);

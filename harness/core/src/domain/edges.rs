@@ -171,7 +171,7 @@ edges! {
 /// ```
 /// use karat::{AnyF32, Domain};
 ///
-/// let x = AnyF32::finite().draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// let x = AnyF32::finite().draw(&mut karat::unstable::domain::Source::new(1, 0)).unwrap();
 /// assert!(x.is_finite());
 /// ```
 #[derive(Clone, Debug, PartialEq)]

@@ -23,7 +23,7 @@ impl Emptiness {
     /// A whole domain is empty: `what` names it in a word, and `fault` goes on with a verb.
     ///
     /// ```
-    /// use karat::domain::Emptiness;
+    /// use karat::unstable::domain::Emptiness;
     ///
     /// let emptiness = Emptiness::of("table", "has no rows");
     /// assert_eq!((emptiness.part, emptiness.what), (None, "table"));

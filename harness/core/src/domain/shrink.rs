@@ -14,7 +14,7 @@ use super::{Domain, Source};
 /// Where a case of a domain comes from, in the order of its cases.
 ///
 /// ```
-/// use karat::domain::{Origin, Source};
+/// use karat::unstable::domain::{Origin, Source};
 /// use karat::prelude::*;
 ///
 /// let domain = 0.0..=4.0;
@@ -36,7 +36,7 @@ pub enum Origin<'s> {
 /// A value of a domain, and the simpler ones next to it.
 ///
 /// ```
-/// use karat::domain::Shrinkable;
+/// use karat::unstable::domain::Shrinkable;
 ///
 /// let value = Shrinkable::of(&(0.0..=4.0), 2.7182817);
 /// let simpler: Vec<f32> = value.simpler().iter().map(|one| *one.value()).collect();
@@ -63,7 +63,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// A value; `simpler` lists simpler ones, the simplest first.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]);
     /// assert_eq!(*two.simpler()[0].value(), 1);
@@ -75,7 +75,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// A value that is simplified by [`Domain::shrink`] alone.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// assert_eq!(*Shrinkable::of(&(0.0..=4.0), 2.5).value(), 2.5);
     /// ```
@@ -88,7 +88,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// The value.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// assert_eq!(*Shrinkable::new(2, Vec::new).value(), 2);
     /// ```
@@ -99,7 +99,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// Simpler values, the simplest first.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// assert!(Shrinkable::new(2, Vec::new).simpler().is_empty());
     /// ```
@@ -111,7 +111,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// The same, with `map` applied to the value and to the simpler ones.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// let double = |x: i32| 2 * x;
     /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]).map(&double);
@@ -126,7 +126,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// The same without the simpler values that `keep` rejects.
     ///
     /// ```
-    /// use karat::domain::Shrinkable;
+    /// use karat::unstable::domain::Shrinkable;
     ///
     /// let even = |x: &i32| x % 2 == 0;
     /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]).filter(&even);

@@ -6,7 +6,7 @@ use rand_pcg::rand_core::Rng;
 /// Random numbers for one case. The stream is determined by the seed and the case's index.
 ///
 /// ```
-/// use karat::domain::Source;
+/// use karat::unstable::domain::Source;
 ///
 /// // The same case draws the same numbers.
 /// assert_eq!(Source::new(7, 3).bits(), Source::new(7, 3).bits());
@@ -21,7 +21,7 @@ impl Source {
     /// The stream of case `index` under `seed`.
     ///
     /// ```
-    /// use karat::domain::Source;
+    /// use karat::unstable::domain::Source;
     ///
     /// assert_ne!(Source::new(7, 3).bits(), Source::new(7, 4).bits());
     /// ```
@@ -34,7 +34,7 @@ impl Source {
     /// 32 random bits.
     ///
     /// ```
-    /// use karat::domain::Source;
+    /// use karat::unstable::domain::Source;
     ///
     /// let seed: u32 = Source::new(7, 0).bits();
     /// # let _ = seed;
@@ -47,7 +47,7 @@ impl Source {
     /// Uniform in `[0, 1)`, a multiple of 2^-32.
     ///
     /// ```
-    /// use karat::domain::Source;
+    /// use karat::unstable::domain::Source;
     ///
     /// assert!((0.0..1.0).contains(&Source::new(7, 0).unit()));
     /// ```
@@ -59,7 +59,7 @@ impl Source {
     /// Uniform in `0..count`; 0 if `count` is 0.
     ///
     /// ```
-    /// use karat::domain::Source;
+    /// use karat::unstable::domain::Source;
     ///
     /// let die = 1 + Source::new(7, 0).below(6);
     /// assert!((1..=6).contains(&die));
@@ -75,7 +75,7 @@ impl Source {
     /// toward an edge, down to the last bit of an `f32` near 1.
     ///
     /// ```
-    /// use karat::domain::Source;
+    /// use karat::unstable::domain::Source;
     ///
     /// // Close to the pole, often very close.
     /// let z = 1.0 - Source::new(7, 0).log_distance();

@@ -7,7 +7,7 @@ use crate::diagnostic::shown;
 /// A format of image files.
 ///
 /// ```
-/// assert_eq!(karat::image::ImageFormat::Png.to_string(), "PNG");
+/// assert_eq!(karat::unstable::image::ImageFormat::Png.to_string(), "PNG");
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]

@@ -44,6 +44,8 @@ impl Image {
     ///
     /// # Errors
     /// As for [`read`](Self::read).
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {
         Self::read_as(path, Samples::Data)
     }

@@ -13,7 +13,7 @@ use crate::image::luminance;
 /// firefly can move by six stops. And black pixels don't count, because they may be more than half.
 ///
 /// ```
-/// use karat::metric::ExposureRange;
+/// use karat::unstable::metric::ExposureRange;
 ///
 /// assert_eq!(ExposureRange { start: -2.0, stop: 2.0 }.count(), 4);
 /// ```
@@ -52,7 +52,7 @@ impl ExposureRange {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::ExposureRange;
+    /// use karat::unstable::metric::ExposureRange;
     ///
     /// // A brighter picture is looked at with less exposure.
     /// let of = |light: f32| ExposureRange::of(&Image::new(1, 1, vec![[light, light, light, 1.0]]));
@@ -83,7 +83,7 @@ impl ExposureRange {
     /// among them.
     ///
     /// ```
-    /// use karat::metric::ExposureRange;
+    /// use karat::unstable::metric::ExposureRange;
     ///
     /// assert_eq!(ExposureRange { start: 0.0, stop: 3.0 }.count(), 3);
     /// ```

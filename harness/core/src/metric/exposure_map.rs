@@ -9,7 +9,8 @@ use super::pair::Pair;
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Flip, Pair};
+/// use karat::metric::Flip;
+/// use karat::unstable::metric::Pair;
 ///
 /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
 /// let (golden, actual) = (grey(0.5), grey(0.6));
@@ -40,7 +41,8 @@ impl ExposureMap {
     ///
     /// ```
     /// # use karat::Image;
-    /// use karat::metric::{Flip, Pair, Rect};
+    /// use karat::metric::{Flip, Rect};
+    /// use karat::unstable::metric::Pair;
     ///
     /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// # let (golden, actual) = (grey(0.5), grey(0.6));
@@ -58,7 +60,8 @@ impl ExposureMap {
     ///
     /// ```
     /// # use karat::Image;
-    /// # use karat::metric::{Flip, Pair};
+    /// # use karat::metric::Flip;
+    /// # use karat::unstable::metric::Pair;
     /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// # let (golden, actual) = (grey(0.5), grey(0.6));
     /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
@@ -79,7 +82,8 @@ impl ExposureMap {
     ///
     /// ```
     /// # use karat::Image;
-    /// # use karat::metric::{Flip, Pair};
+    /// # use karat::metric::Flip;
+    /// # use karat::unstable::metric::Pair;
     /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// # let (golden, actual) = (grey(0.5), grey(0.6));
     /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;

@@ -24,13 +24,14 @@ use crate::image::Image;
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Flip, Metric, Pair};
+/// use karat::metric::Flip;
+/// use karat::unstable::metric::{Metric, Pair};
 ///
 /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
 /// let (golden, actual) = (grey(0.5), grey(0.6));
 /// let flip = Flip::MEAN;
 /// assert!(flip.measure(&Pair::new(&golden, &actual)?).value > 0.01);
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
@@ -112,7 +113,8 @@ impl Flip {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Flip, Pair};
+    /// use karat::metric::Flip;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// let (golden, actual) = (grey(0.5), grey(0.6));
@@ -123,6 +125,8 @@ impl Flip {
     ///
     /// # Errors
     /// If a difference is one that FLIP doesn't see, or it can't be computed.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
@@ -134,7 +138,8 @@ impl Flip {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Flip, Pair};
+    /// use karat::metric::Flip;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// let (golden, actual) = (grey(0.5), grey(0.6));
@@ -145,6 +150,8 @@ impl Flip {
     ///
     /// # Errors
     /// As for [`map`](Self::map).
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.exposures)
     }
@@ -185,7 +192,8 @@ impl Flip {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Flip, Pair};
+    /// use karat::metric::Flip;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let grey = Image::new(32, 32, vec![[0.5, 0.5, 0.5, 1.0]; 1024]);
     /// let map = Flip::MEAN.whole(&Pair::new(&grey, &grey)?)?;
@@ -195,6 +203,8 @@ impl Flip {
     ///
     /// # Errors
     /// If it can't be computed.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
         let found = self.part(pair, whole, pair.exposures())?;

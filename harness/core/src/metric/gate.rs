@@ -23,14 +23,14 @@ const CLEAR: f32 = 0.01;
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Gate, Pair};
+/// use karat::unstable::metric::{Gate, Pair};
 ///
 /// let golden = Image::new(1, 1, vec![[1.0; 4]]);
 /// let actual = Image::new(1, 1, vec![[1.0, 1.0, 1.01, 1.0]]);
 /// let pair = Pair::new(&golden, &actual)?;
 /// assert!(Gate { relative: 0.1, absolute: None }.passes(&pair).is_some());
 /// assert!(Gate { relative: 1e-3, absolute: None }.passes(&pair).is_none());
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
@@ -45,12 +45,12 @@ pub struct Gate {
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Gate, Pair};
+/// use karat::unstable::metric::{Gate, Pair};
 ///
 /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.6; 4]]));
 /// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("it is 0.6");
 /// assert_eq!((outliers.count, outliers.worst.actual), (1, 0.6));
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outliers {
@@ -69,12 +69,12 @@ pub struct Outliers {
 ///
 /// ```
 /// # use karat::Image;
-/// # use karat::metric::{Gate, Pair};
+/// # use karat::unstable::metric::{Gate, Pair};
 /// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.6; 4]]));
 /// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("it is 0.6");
 /// let worst = outliers.worst;
 /// assert_eq!((worst.x, worst.y, worst.golden, worst.actual), (0, 0, 0.5, 0.6));
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorstPixel {
@@ -116,11 +116,11 @@ impl Gate {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Gate, Pair};
+    /// use karat::unstable::metric::{Gate, Pair};
     ///
     /// let image = Image::new(1, 1, vec![[1.0; 4]]);
     /// assert_eq!(Gate::default().passes(&Pair::new(&image, &image)?), Some(0.0));
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn passes(&self, pair: &Pair<'_>) -> Option<f32> {
@@ -145,7 +145,7 @@ impl Gate {
     /// ```
     /// use karat::Image;
     /// use karat::image::Precision;
-    /// use karat::metric::Gate;
+    /// use karat::unstable::metric::Gate;
     ///
     /// let image = Image::new(1, 1, vec![[0.3; 4]]);
     /// assert_eq!(Gate::default().precision_for(&image, None), Precision::Half);
@@ -168,13 +168,13 @@ impl Gate {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Gate, Pair};
+    /// use karat::unstable::metric::{Gate, Pair};
     ///
     /// let golden = Image::new(2, 1, vec![[1.0; 4]; 2]);
     /// let actual = Image::new(2, 1, vec![[1.0; 4], [0.5; 4]]);
     /// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("one pixel is off");
     /// assert_eq!((outliers.count, outliers.rect.left), (1, 1));
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn outliers(&self, pair: &Pair<'_>) -> Option<Outliers> {

@@ -16,7 +16,8 @@ impl Flip {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Flip, Pair};
+    /// use karat::metric::Flip;
+    /// use karat::unstable::metric::Pair;
     ///
     /// // On a display both are white.
     /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
@@ -28,6 +29,8 @@ impl Flip {
     ///
     /// # Errors
     /// If it can't be computed.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let failed = |error: FlipError| FlipFailure::Parameters(error.to_string());
         let Some(bounds) = bounds(pair) else {

@@ -140,6 +140,8 @@ impl Mask {
     /// let left = Mask::image(Image::new(2, 1, vec![[1.0; 4], [0.0; 4]]));
     /// # let _ = left;
     /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))
@@ -207,6 +209,8 @@ impl Mask {
     ///
     /// # Errors
     /// If it can't be used for this size, or leaves no pixel.
+    ///
+    /// *Unstable*: for programs around tests.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
         let value = |compared: bool| if compared { 1.0 } else { 0.0 };
         let flags = self.flags(width, height)?.into_iter().map(value);

@@ -58,13 +58,14 @@ const BLACK: f64 = 0.01;
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::{Metric, Noise, Pair};
+/// use karat::metric::Noise;
+/// use karat::unstable::metric::{Metric, Pair};
 ///
 /// let image = |value| Image::new(32, 32, vec![[value, value, value, 1.0]; 1024]);
 /// let (golden, brighter, variance) = (image(0.5), image(0.6), image(1e-4));
 /// let noise = Noise { golden: &variance, actual: &variance };
 /// assert!(noise.measure(&Pair::new(&golden, &brighter)?).value > 1.0);
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Noise<'a> {

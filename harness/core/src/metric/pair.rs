@@ -20,12 +20,12 @@ pub(super) const STRIP: usize = 512;
 ///
 /// ```
 /// use karat::Image;
-/// use karat::metric::Pair;
+/// use karat::unstable::metric::Pair;
 ///
 /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
 /// let pair = Pair::new(&golden, &actual)?;
 /// assert_eq!((pair.compared_count(), pair.is_identical()), (2, false));
-/// # Ok::<(), karat::metric::PairError>(())
+/// # Ok::<(), karat::unstable::metric::PairError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Pair<'a> {
@@ -78,7 +78,7 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (small, large) = (Image::new(1, 1, vec![[1.0; 4]]), Image::new(2, 1, vec![[1.0; 4]; 2]));
     /// assert!(Pair::new(&small, &large).is_err());
@@ -96,12 +96,13 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Mask, Pair, Rect};
+    /// use karat::metric::{Mask, Rect};
+    /// use karat::unstable::metric::Pair;
     ///
     /// let image = Image::new(4, 4, vec![[1.0; 4]; 16]);
     /// let pair = Pair::masked(&image, &image, &Mask::only(&[Rect::new(0, 0, 2, 2)]))?;
     /// assert_eq!(pair.compared_count(), 4);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     ///
     /// # Errors
@@ -176,12 +177,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{ExposureRange, Pair};
+    /// use karat::unstable::metric::{ExposureRange, Pair};
     ///
     /// let image = Image::new(1, 1, vec![[1.0; 4]]);
     /// let pair = Pair::new(&image, &image)?.with_exposures(ExposureRange { start: 0.0, stop: 4.0 });
     /// assert_eq!(pair.exposures().count(), 4);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn with_exposures(mut self, exposures: ExposureRange) -> Self {
@@ -194,12 +195,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert_eq!(pair.golden().pixels()[0], [1.0; 4]);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn golden(&self) -> &Image {
@@ -210,12 +211,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert_eq!(pair.actual().pixels()[0], [0.5; 4]);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn actual(&self) -> &Image {
@@ -226,12 +227,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert!(!pair.is_identical());
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn is_identical(&self) -> bool {
@@ -242,12 +243,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert!(pair.is_compared(1, 0)); // no mask leaves it out
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn is_compared(&self, x: u32, y: u32) -> bool {
@@ -259,12 +260,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert_eq!(pair.compared_count(), 2);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn compared_count(&self) -> usize {
@@ -275,11 +276,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Pair, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let image = Image::new(2, 2, vec![[0.5; 4]; 4]);
     /// assert_eq!(Pair::new(&image, &image)?.compared_in(Rect::new(0, 0, 2, 1)), 2);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn compared_in(&self, rect: Rect) -> usize {
@@ -301,12 +303,12 @@ impl<'a> Pair<'a> {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::Pair;
+    /// use karat::unstable::metric::Pair;
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
     /// assert!(pair.exposures().count() >= 2);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {

@@ -142,13 +142,14 @@ impl ErrorMap {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Pair, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::Pair;
     /// use karat::unstable::metric::ErrorMap;
     ///
     /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
     /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);
     /// assert_eq!(map.mean(&Pair::new(&image, &image)?), 0.5);
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
@@ -163,14 +164,15 @@ impl ErrorMap {
     ///
     /// ```
     /// use karat::Image;
-    /// use karat::metric::{Pair, Rect};
+    /// use karat::metric::Rect;
+    /// use karat::unstable::metric::Pair;
     /// use karat::unstable::metric::ErrorMap;
     ///
     /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
     /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);
     /// let (error, tile) = map.largest_tile(&Pair::new(&image, &image)?);
     /// println!("{error} in {tile}");
-    /// # Ok::<(), karat::metric::PairError>(())
+    /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
     pub fn largest_tile(&self, pair: &Pair<'_>) -> (f64, Rect) {

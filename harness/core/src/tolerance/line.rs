@@ -5,10 +5,10 @@
 /// `-0` and `+0` are the same point, and the line has no gap at zero or at a binade's end.
 ///
 /// ```
-/// assert_eq!(karat::tolerance::ulp_distance(-0.0, 0.0), Some(0));
-/// assert_eq!(karat::tolerance::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
-/// assert_eq!(karat::tolerance::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
-/// assert_eq!(karat::tolerance::ulp_distance(f32::NAN, f32::NAN), None);
+/// assert_eq!(karat::unstable::tolerance::ulp_distance(-0.0, 0.0), Some(0));
+/// assert_eq!(karat::unstable::tolerance::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
+/// assert_eq!(karat::unstable::tolerance::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
+/// assert_eq!(karat::unstable::tolerance::ulp_distance(f32::NAN, f32::NAN), None);
 /// ```
 #[must_use]
 pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {

@@ -187,7 +187,7 @@ impl fmt::Display for SpecTolerance {
 /// What a result is judged by.
 ///
 /// ```
-/// use karat::tolerance::Criterion;
+/// use karat::unstable::tolerance::Criterion;
 /// use karat::{Spec, Ulp};
 ///
 /// let criteria: [Criterion; 2] = [Ulp(4.0).into(), Spec.into()];

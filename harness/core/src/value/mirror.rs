@@ -12,7 +12,7 @@ use super::{Scalar, Shape};
 /// Integers and booleans are their own mirrors.
 ///
 /// ```
-/// use karat::value::Mirror;
+/// use karat::unstable::value::Mirror;
 ///
 /// let mut lanes = Vec::new();
 /// (glam::DVec2::new(0.5, 1.0)).lanes(&mut lanes);

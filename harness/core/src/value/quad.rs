@@ -10,7 +10,7 @@ use super::{Mirror, Shape, Shareable};
 ///
 /// ```
 /// use karat::prelude::*;
-/// use karat::value::Quad;
+/// use karat::unstable::value::Quad;
 ///
 /// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(2.0 * x); }");
 /// let x = (0.0..=1.0_f32, 0.0..=0.5_f32).map(|(value, dx)| Quad { value, dx, dy: 0.0 });

@@ -224,7 +224,7 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
 /// none.
 ///
 /// ```
-/// use karat::value::{Arguments, Scalar, Shape};
+/// use karat::unstable::value::{Arguments, Scalar, Shape};
 ///
 /// let float = Shape::Scalar(Scalar::F32);
 /// assert_eq!(<(f32, u32)>::shapes(), [float, Shape::Scalar(Scalar::U32)]);

@@ -3,7 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use karat::path::{Api, Path, Via};
+use karat::path::Path;
+use karat::unstable::path::{Api, Via};
 use karat_translate::Target;
 
 /// A language that naga writes, and the execution path that runs it, if there is one.

@@ -1,12 +1,13 @@
 //! Compute entry points: run on each column, and what they wrote compared.
 
 use karat::fixture::{self, Fixture};
-use karat::path::{Api, Path, Via};
+use karat::path::Path;
 use karat::unstable::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use karat::unstable::executor;
 use karat::unstable::fixture::{bytes, laid_out, levels};
 use karat::unstable::interpret::{Runner, dispatch_briefly, strays};
 use karat::unstable::path::{self, Device};
+use karat::unstable::path::{Api, Via};
 use karat::unstable::probe::ProbeError;
 use karat::unstable::reflect::{Binding, BindingKind, Texels, Watched};
 use karat_core::diagnostic::Diagnostic;

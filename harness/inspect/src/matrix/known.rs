@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use karat::path::{Path, Selector, adapter};
+use karat::path::{Path, Selector};
+use karat::unstable::path::adapter;
 use karat::unstable::path::{expect_sound, selects};
 use karat_core::diagnostic::nearest;
 use serde::Serialize;

@@ -100,8 +100,9 @@ mod tests {
 
     use super::*;
     use karat::package::Package;
-    use karat::path::{Adapter, Path};
+    use karat::path::Path;
     use karat::unstable::executor::Executor;
+    use karat::unstable::path::Adapter;
     use karat::unstable::probe::{Call, Prepared, ProbeError, Probed, Started};
     use karat_core::domain::{Dynamic, Part};
     use karat_core::tolerance::{Abs, Tolerance};

@@ -197,7 +197,7 @@ fn results<'p>(
     endless: &mut Option<String>,
 ) -> Result<(Caller<'p>, Vec<u32>), Stop> {
     // A path that isn't here is one thing, a function that doesn't run there another.
-    karat::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
+    karat::unstable::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
         if let ProbeError::Rounds { .. } = error {
             *endless = Some(format!("on `{path}` a loop of it doesn't end for these inputs"));
@@ -285,8 +285,9 @@ mod tests {
     fn matrix(text: &str, columns: &[&str]) -> Matrix {
         let columns =
             columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
-        let here =
-            columns.filter(|one| one.path().is_some_and(|path| karat::path::adapter(path).is_ok()));
+        let here = columns.filter(|one| {
+            one.path().is_some_and(|path| karat::unstable::path::adapter(path).is_ok())
+        });
         crate::matrix(&Package::from_source("m", text)).columns(here).run().expect("it is made")
     }
 

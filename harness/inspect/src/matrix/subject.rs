@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use karat::path::Via;
 use karat::unstable::package::{FunctionItem, for_validating};
+use karat::unstable::path::Via;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError, parsed_with};
 use karat_translate::{Shader, TranslateError, Translation};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use karat::package::{Package, PackageError};
-use karat::path::{self, PathError};
+use karat::path::PathError;
 use karat::unstable::package::{FunctionItem, KnownRows, known_rows};
 use karat::unstable::reflect::Program;
 use karat_core::diagnostic::nearest;
@@ -237,7 +237,7 @@ fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
 }
 
 fn head(column: &Column) -> Head {
-    let opened = column.path().map(path::adapter);
+    let opened = column.path().map(karat::unstable::path::adapter);
     let (adapter, unavailable) = match opened {
         None => (None, Some(column.without_path())),
         Some(Ok(adapter)) => (Some(format!("{}, {}", adapter.name, adapter.driver)), None),

@@ -127,7 +127,8 @@ pub struct ConfigurationRejection {
 /// What is wrong with samples.
 ///
 /// ```
-/// use karat::check::{Failure, Finding};
+/// use karat::check::Failure;
+/// use karat::unstable::check::Finding;
 /// # use karat::prelude::*;
 ///
 /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");

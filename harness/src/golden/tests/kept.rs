@@ -1,6 +1,7 @@
 //! What is kept with goldens and pending frames.
 
 use super::*;
+use crate::golden::tolerance::FrameCriterion;
 
 #[test]
 fn large_goldens_are_warned_of_and_refused() {

@@ -1,6 +1,7 @@
 //! What is compared, and what the message says.
 
 use super::*;
+use crate::golden::tolerance::FrameCriterion;
 
 /// Some pixels of an edge, a hole, and what to do about them.
 #[test]

@@ -4,7 +4,7 @@ use anyhow::{Context, anyhow, bail, ensure};
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::output::counted;
 use karat::unstable::reflect::Function;
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
 
 /// Points of a sweep, at most.

@@ -9,7 +9,7 @@ use karat::fixture::Fixtures;
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::probe::Probed;
 use karat::unstable::reflect::{BindingKind, Program};
-use karat::value::Scalar;
+use karat::unstable::value::Scalar;
 use karat_inspect::made_up::MadeUp;
 use toml::Value;
 

@@ -12,8 +12,8 @@ use karat::unstable::image::write_whole;
 use karat::unstable::output::counted;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::Function;
+use karat::unstable::value::{Scalar, Shape};
 use karat::unstable::value::{format_f32, format_lane, hexfloat};
-use karat::value::{Scalar, Shape};
 use karat::{Path, Tolerance};
 use karat_suite::{Wanted, begins_with_mark, head_of};
 

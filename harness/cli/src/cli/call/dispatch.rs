@@ -109,7 +109,7 @@ fn shown(content: &Content) -> String {
 
 #[cfg(test)]
 mod tests {
-    use karat::value::{Scalar, Shape};
+    use karat::unstable::value::{Scalar, Shape};
 
     use super::{Content, differ};
 

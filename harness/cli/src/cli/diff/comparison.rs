@@ -4,8 +4,9 @@ use std::path::Path;
 
 use karat::Image;
 use karat::golden::FrameTolerance;
-use karat::metric::{
-    DEFAULT_RELATIVE, ExposureRange, Flip, FlipFailure, Gate, Metric, Outliers, Pair, Rect,
+use karat::metric::{Flip, Rect};
+use karat::unstable::metric::{
+    DEFAULT_RELATIVE, ExposureRange, FlipFailure, Gate, Metric, Outliers, Pair,
 };
 use serde::{Serialize, Serializer};
 

@@ -3,8 +3,9 @@
 use std::io::Write;
 
 use karat::Path;
-use karat::path::{Api, PathError};
+use karat::path::PathError;
 use karat::unstable::output::visible;
+use karat::unstable::path::Api;
 use karat_inspect::conform::{Answer, Answered, Report, conform};
 
 use super::super::table::{BAD, DIM, GOOD, HEAD};

@@ -3,7 +3,7 @@
 use karat::Package;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, TextureKind};
-use karat::value::{Scalar, Shape};
+use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::Usual;
 
 /// Elements of arrays without a length, at least.

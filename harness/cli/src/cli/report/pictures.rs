@@ -9,8 +9,8 @@ use std::time::{Duration, SystemTime};
 
 use super::Names;
 use anyhow::Context;
-use karat::metric::Pair;
 use karat::unstable::golden::Pending;
+use karat::unstable::metric::Pair;
 use karat::unstable::record::{Record, Subject, Time};
 use karat::{Goldens, Image};
 use karat_review::Case;

@@ -304,7 +304,7 @@ fn percentage(ratio: f64) -> String {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use karat::path::Adapter;
+    use karat::unstable::path::Adapter;
     use karat::unstable::record;
 
     use super::*;
