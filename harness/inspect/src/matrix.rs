@@ -23,6 +23,7 @@ mod reduce;
 mod reference;
 mod row;
 mod subject;
+mod suspect;
 mod table;
 
 use std::collections::BTreeMap;
@@ -172,6 +173,8 @@ pub struct Cell {
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.
     pub divergence: Option<Divergence>,
+    /// Where the results differ, the column that is alone with its own: two others or more agree against it there.
+    pub suspect: Option<String>,
     /// Whether the results are what WGSL allows, where Karat's engine knows that.
     pub allowed: Option<Allowed>,
     /// What the function's own tests found on this path; see [`Matrix::judge_by`].

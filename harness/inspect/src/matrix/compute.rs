@@ -15,6 +15,7 @@ use karat_core::tolerance::Tolerance;
 use karat_core::value::Scalar;
 
 use super::execute::{Comparison, conclude, flushed, not_run};
+use super::suspect::{self, Side};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::limits::ORDERS;
 
@@ -115,6 +116,17 @@ pub(super) fn run_entry_point_on_each(
                 actual[*place],
                 expected[*place]
             )));
+            let is_near = |was: u32, is: u32| same_word(was, is, &request.within);
+            let side = |(index, words): &(usize, Vec<u32>)| {
+                let own = words[*place];
+                let side = match (is_near(expected[*place], own), is_near(actual[*place], own)) {
+                    (true, false) => Side::First,
+                    (false, true) => Side::Other,
+                    _ => Side::Neither,
+                };
+                (request.columns[*index].to_string(), side)
+            };
+            suspect::name(cell, &ran.iter().map(side).collect::<Vec<_>>());
         } else if compared == 0 {
             let none = "WGSL leaves open what each word that it leaves is".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));

@@ -17,6 +17,7 @@ use super::execute::{Comparison, Judge, Ran, conclude, not_run};
 use super::leeway::{Latitude, Leeway};
 use super::reduce::Pair;
 use super::subject::{About, Ready};
+use super::suspect::{self, Side};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::limits::REPEATED;
 use crate::made_up::{self, Content, Ranges};
@@ -267,6 +268,24 @@ fn compare_all(
                 found.sentence(&request.columns[other.column].to_string())
             )));
             cell.divergence = Some(found);
+            let width = results.len();
+            let of = |ran: &Ran<'_>| ran.results[case * width..(case + 1) * width].to_vec();
+            let (was, is) = (of(first), of(other));
+            // Against both columns, by the same rule as they were compared with each other.
+            let agrees = |one: &[u32], with: &[u32]| {
+                let latitude = latitude.map(|all| all.case(*case, width));
+                !judge.case(with, one, latitude).differs
+            };
+            let side = |ran: &Ran<'_>| {
+                let own = of(ran);
+                let side = match (agrees(&own, &was), agrees(&own, &is)) {
+                    (true, false) => Side::First,
+                    (false, true) => Side::Other,
+                    _ => Side::Neither,
+                };
+                (request.columns[ran.column].to_string(), side)
+            };
+            suspect::name(cell, &ran.iter().map(side).collect::<Vec<_>>());
         } else {
             cell.status = Some(Status::Agrees);
             agreeing.get_or_insert(seen);
@@ -360,6 +379,9 @@ mod tests {
                 assert_eq!(cell.differs(), is_gl, "{name}: {:?}", cell.stopped);
                 let said = cell.stopped.as_ref().map_or("", Stop::text);
                 assert_eq!(said.contains("where samplers repeat"), is_gl, "{said}");
+                // The two others agree against it.
+                let suspect = (is_gl && made.columns.len() == 3).then_some("gl");
+                assert_eq!(cell.suspect.as_deref(), suspect, "{said}");
             }
             let plain =
                 sampled(name, &format!("textureSampleLevel(image, {name}, 3.0 * uv - 1.0, 0.0)"));

@@ -1,0 +1,70 @@
+//! Who agrees with whom where two columns differ: two that agree against one name the suspect.
+
+use super::{Cell, Stop};
+
+/// How a column's result compares with those of two columns that differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    /// As the first column's.
+    First,
+    /// As that of the column that differs from it.
+    Other,
+    /// As neither, or as both.
+    Neither,
+}
+
+/// Names the suspect of a cell that differs from the first column, if one of both is alone: a column with its name, and the
+/// sides that all columns take, these two among them.
+pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
+    let of = |side: Side| -> Vec<&str> {
+        sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()
+    };
+    let (first, other) = (of(Side::First), of(Side::Other));
+    let (alone, agreeing) = match (&*first, &*other) {
+        ([alone], [_, _, ..]) => (alone, &other),
+        ([_, _, ..], [alone]) => (alone, &first),
+        _ => return,
+    };
+    if let Some(Stop::Differs(text)) = &mut cell.stopped {
+        let names: Vec<String> = agreeing.iter().map(|name| format!("`{name}`")).collect();
+        text.push_str(&format!("; {} agree there, so `{alone}` is the suspect", and(&names)));
+        cell.suspect = Some((*alone).to_owned());
+    }
+}
+
+/// Names in a sentence: `a`, `b` and `c`.
+fn and(names: &[String]) -> String {
+    match names {
+        [all @ .., last] if !all.is_empty() => format!("{} and {last}", all.join(", ")),
+        names => names.concat(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_against_two_is_the_suspect() {
+        use Side::{First, Neither, Other};
+        let told = |sides: &[Side]| {
+            let mut cell =
+                Cell { stopped: Some(Stop::Differs("1 differs".to_owned())), ..Cell::default() };
+            let names = ["cpu", "vulkan", "gl", "dx12"].map(str::to_owned);
+            let sides: Vec<_> = names.into_iter().zip(sides.iter().copied()).collect();
+            name(&mut cell, &sides);
+            let text = cell.stopped.as_ref().map_or("", Stop::text).to_owned();
+            (cell.suspect, text)
+        };
+        assert_eq!(told(&[First, Other]), (None, "1 differs".to_owned()), "one against one");
+        let (suspect, text) = told(&[First, Other, First]);
+        assert_eq!(suspect.as_deref(), Some("vulkan"));
+        assert_eq!(text, "1 differs; `cpu` and `gl` agree there, so `vulkan` is the suspect");
+        let (suspect, text) = told(&[First, Other, Other, Other]);
+        assert_eq!(suspect.as_deref(), Some("cpu"));
+        assert!(text.contains("`vulkan`, `gl` and `dx12` agree there, so `cpu`"), "{text}");
+        for undecided in [&[First, Other, First, Other][..], &[First, Other, Neither, Neither]] {
+            assert_eq!(told(undecided).0, None, "{undecided:?}");
+        }
+    }
+}
