@@ -239,9 +239,19 @@ impl Package {
     /// The shaders of a crate, where a crate that they import from has its modules in another folder than Karat
     /// finds, relative to that crate's own.
     ///
+    /// ```no_run
+    /// use karat::Package;
+    ///
+    /// let viewer = Package::open_crate(".".as_ref(), "wgpu-3dgs-viewer@0.8.0", None)?;
+    /// let viewer = viewer.with_root_of("wgpu_3dgs_core", "src/shader")?;
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
     /// # Errors
     /// If the package isn't a crate's, or no crate of that name ships shaders to it from that folder.
-    pub(crate) fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
             let reason = "a folder's `karat.toml` names its dependencies, and their `root`";
@@ -508,9 +518,22 @@ impl Package {
     /// builds are left out, and each folder is entered once. Of a package of one file they are those in its
     /// folder; text in memory has none.
     ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// std::fs::write(folder.path().join("brdf.wgsl"), "fn f() {}")?;
+    /// std::fs::write(folder.path().join("brdf.test.toml"), "")?;
+    /// let beside = Package::open(folder.path())?.files_beside()?;
+    /// assert_eq!(beside, [folder.path().join("brdf.test.toml")]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If a folder can't be read, or holds what can't be a module.
-    pub(crate) fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
         let root = self.root();
         let mut files = match &self.origin {
             Origin::Crate { .. } => return self.found()?.files_beside(),

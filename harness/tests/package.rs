@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use karat::check::Failure;
-use karat::unstable::package::unsaved;
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::{Package, Ulp};
 
@@ -312,11 +311,11 @@ fn texts_that_are_not_saved_stand_in_for_their_files() {
     let saved = Package::open(folder.path().join("a")).expect("a package").depends_on("b", &math);
     // Through `.`, as another program may call it.
     let edited =
-        unsaved(&saved, &folder.path().join("b/./math.wgsl"), "\nfn f() -> f32 { return y; }\n");
+        saved.unsaved(&folder.path().join("b/./math.wgsl"), "\nfn f() -> f32 { return y; }\n");
     let invalid = edited.try_is_valid().expect_err("there is no y").to_string();
     assert!(invalid.contains("math.wgsl:2:24"), "{invalid}");
     assert!(saved.try_is_valid().is_ok());
-    let again = unsaved(&edited, &file, "fn h() {}\n\nfn f() -> f32 { return 2.0; }\n");
+    let again = edited.unsaved(&file, "fn h() {}\n\nfn f() -> f32 { return 2.0; }\n");
     assert!(again.try_is_valid().is_ok());
     let line = |package: &Package| {
         let functions = package.functions_in("math").expect("it can be read");
@@ -324,11 +323,11 @@ fn texts_that_are_not_saved_stand_in_for_their_files() {
     };
     assert_eq!(line(&math).as_deref(), Some("1"));
     assert_eq!(
-        line(&unsaved(&math, &file, "\n\nfn f() -> f32 { return 2.0; }\n")).as_deref(),
+        line(&math.unsaved(&file, "\n\nfn f() -> f32 { return 2.0; }\n")).as_deref(),
         Some("3")
     );
     // What is no file of the package changes nothing.
-    assert!(unsaved(&saved, Path::new("nowhere.wgsl"), "no WGSL").try_is_valid().is_ok());
+    assert!(saved.unsaved(Path::new("nowhere.wgsl"), "no WGSL").try_is_valid().is_ok());
 }
 
 /// A folder without Rust says in `karat.toml` what its modules import from.
@@ -422,8 +421,5 @@ fn links_lead_to_each_folder_once() {
     link(outer.path(), "other");
     let package = Package::open(path).expect("a package");
     assert_eq!(package.modules().expect("modules"), ["other::o", "z::inner::n", "z::m"]);
-    assert_eq!(
-        karat::unstable::package::files_beside(&package).expect("files"),
-        [path.join("z/rows.csv")]
-    );
+    assert_eq!(package.files_beside().expect("files"), [path.join("z/rows.csv")]);
 }

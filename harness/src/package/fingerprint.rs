@@ -26,8 +26,18 @@ type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
 
 impl Package {
     /// A fingerprint of each of some functions: `brdf::schlick`. Of one that can't be linked there is none.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let of = |text| Package::from_source("m", text).fingerprints(&["half".to_owned()].into());
+    /// let half = of("fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// assert_eq!(half, of("fn half(x: f32) -> f32 { return 0.5 * x; } fn other() {}"));
+    /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
-    pub(crate) fn fingerprints(&self, functions: &BTreeSet<String>) -> BTreeMap<String, String> {
+    pub fn fingerprints(&self, functions: &BTreeSet<String>) -> BTreeMap<String, String> {
         let mut modules: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for function in functions {
             let (module, item) = function.rsplit_once("::").unwrap_or(("", function));

@@ -1,7 +1,6 @@
 //! The parts of a package that programs need which look into functions without a test.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
 
 use super::accepted::{Hazards, KnownRows};
 use super::feature::Feature;
@@ -42,68 +41,6 @@ impl Package {
 #[must_use]
 pub fn for_validating(package: &Package, module: &str) -> Package {
     package.for_validating(module)
-}
-
-/// A fingerprint of each of some functions: `brdf::schlick`. Of one that can't be linked there is none.
-///
-/// ```
-/// use karat::Package;
-/// use karat::unstable::package::fingerprints;
-///
-/// let of = |text| fingerprints(&Package::from_source("m", text), &["half".to_owned()].into());
-/// let half = of("fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// assert_eq!(half, of("fn half(x: f32) -> f32 { return 0.5 * x; } fn other() {}"));
-/// ```
-#[must_use]
-pub fn fingerprints(package: &Package, functions: &BTreeSet<String>) -> BTreeMap<String, String> {
-    package.fingerprints(functions)
-}
-
-/// The folders and files that a package is made of, with those of its dependencies. Files of crates don't change, and text
-/// in memory has none.
-#[must_use]
-pub fn places(package: &Package) -> Vec<PathBuf> {
-    package.places()
-}
-
-/// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
-#[must_use]
-pub fn is_printed(package: &Package) -> bool {
-    package.is_printed()
-}
-
-/// The package with the text of a file that isn't saved yet, as an editor has it. It is read in place of the file, here and
-/// in packages that this one depends on. A file that is in none of them changes nothing.
-///
-/// ```
-/// use karat::prelude::*;
-/// use karat::unstable::package::unsaved;
-///
-/// let package = Package::open("examples/shaders")?;
-/// let file = package.root().join("srgb.wgsl");
-/// let edited = unsaved(&package, &file, "fn half(x: f32) -> f32 { return 0.5 * x; }");
-/// edited.function("srgb::half").over(0.0..=1.0).stays_within(0.0..=0.5);
-/// # Ok::<(), karat::package::PackageError>(())
-/// ```
-#[must_use]
-pub fn unsaved(package: &Package, file: &Path, text: &str) -> Package {
-    package.unsaved(file, text)
-}
-
-/// A crate's package where a crate that it uses ships its shaders in a folder that no manifest names.
-///
-/// # Errors
-/// If the package isn't a crate's, or no crate of that name ships shaders to it from that folder.
-pub fn with_root_of(package: &Package, krate: &str, root: &str) -> Result<Package, PackageError> {
-    package.with_root_of(krate, root)
-}
-
-/// The files of a package that are no modules: its tests in TOML, tables, images.
-///
-/// # Errors
-/// If a folder can't be read, or holds what can't be a module.
-pub fn files_beside(package: &Package) -> Result<Vec<PathBuf>, PackageError> {
-    package.files_beside()
 }
 
 /// Whether it is a crate's.

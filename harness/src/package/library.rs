@@ -383,8 +383,18 @@ impl Library {
 impl Package {
     /// The folders and files of this package and of all that its modules can import from. Crates, whose
     /// files don't change, and text in memory have none.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::open("examples/shaders")?;
+    /// assert_eq!(package.places(), [package.root()]);
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
-    pub(crate) fn places(&self) -> Vec<PathBuf> {
+    pub fn places(&self) -> Vec<PathBuf> {
         let Ok(library) = Library::open(self) else { return vec![self.root()] };
         let packages = library.all().into_iter().map(|index| library.package(index));
         let on_disk = |package: &Rc<Package>| {

@@ -139,8 +139,14 @@ impl Package {
     }
 
     /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
+    ///
+    /// ```
+    /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
+    /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
-    pub(crate) fn is_printed(&self) -> bool {
+    pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())
     }
 }

@@ -156,8 +156,19 @@ impl Package {
     /// The package with the text of a file that isn't saved yet, as an editor has it. It is read in
     /// place of the file, here and in packages that this one depends on. A file that is in none of
     /// them changes nothing.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::open("examples/shaders")?;
+    /// let file = package.root().join("srgb.wgsl");
+    /// let edited = package.unsaved(&file, "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// edited.function("srgb::half").over(0.0..=1.0).stays_within(0.0..=0.5);
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
+    /// *Unstable*: for programs around tests.
     #[must_use]
-    pub(crate) fn unsaved(&self, file: &Path, text: &str) -> Self {
+    pub fn unsaved(&self, file: &Path, text: &str) -> Self {
         let mut own = self.clone();
         let place = file.canonicalize().unwrap_or_else(|_| file.to_owned());
         own.unsaved.retain(|(known, _)| *known != place);

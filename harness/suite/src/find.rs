@@ -155,7 +155,7 @@ pub fn is_meant(file: &Path) -> bool {
 fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
     let root = package.root();
     let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());
-    let mut files = karat::unstable::package::files_beside(package).map_err(FindError::Package)?;
+    let mut files = package.files_beside().map_err(FindError::Package)?;
     files.retain(|file| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         match &own {

@@ -92,7 +92,7 @@ impl Suite {
                     names.insert(assertion.of_module(reference));
                 }
             }
-            karat::unstable::package::fingerprints(&self.package, &names)
+            self.package.fingerprints(&names)
         });
         all.get(function).map(String::as_str)
     }

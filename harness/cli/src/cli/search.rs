@@ -74,7 +74,7 @@ impl Project {
             let own = own.first().map(|root| root.as_str());
             let mut package = Package::open_crate(self.root(), name, own)?;
             for (krate, root) in of_others.iter().filter_map(|root| root.split_once('=')) {
-                package = karat::unstable::package::with_root_of(&package, krate, root)?;
+                package = package.with_root_of(krate, root)?;
             }
             found.push(Found::stated(package));
         } else if let Some(folder) = &args.package {
@@ -196,10 +196,7 @@ impl Project {
 fn is_empty(package: &Package) -> bool {
     let is_for_karat = |file: &PathBuf| file.ends_with(MANIFEST) || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
-        && !karat::unstable::package::files_beside(package)
-            .unwrap_or_default()
-            .iter()
-            .any(is_for_karat)
+        && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
 /// The folder that a folder without Cargo stands for: its `shaders`, where all of its modules lie, if that
@@ -240,9 +237,7 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
                 match package.modules() {
                     Ok(_) => all.packages.push(package),
                     Err(_) => {
-                        let beside = karat::unstable::package::files_beside(&package)
-                            .unwrap_or_default()
-                            .into_iter();
+                        let beside = package.files_beside().unwrap_or_default().into_iter();
                         all.files.extend(beside.filter(|file| karat_suite::is_meant(file)));
                     }
                 }

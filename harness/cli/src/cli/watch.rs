@@ -496,7 +496,7 @@ fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
         Source::Shaders(folder) => Package::open(folder).ok(),
         Source::Cargo(_) => None,
     });
-    let places = shaders.flat_map(|package| karat::unstable::package::places(&package));
+    let places = shaders.flat_map(|package| package.places());
     let mut places: Vec<PathBuf> = places.filter_map(|place| place.canonicalize().ok()).collect();
     places.sort();
     for place in places {

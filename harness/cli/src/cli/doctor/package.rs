@@ -219,8 +219,7 @@ impl<'p> Trial<'p> {
 
     /// The words of `karat check` on the file with these lines, where each module is whole.
     fn refused(&self) -> Option<String> {
-        let package =
-            karat::unstable::package::unsaved(self.package, &self.file, &self.with(&self.lines));
+        let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {
             Err(Invalid::Package(error)) => Some(error.to_string()),
             _ => None,
@@ -228,8 +227,7 @@ impl<'p> Trial<'p> {
     }
 
     fn errors(&self, lines: &[Line]) -> Vec<(String, ReflectError)> {
-        let package =
-            karat::unstable::package::unsaved(self.package, &self.file, &self.with(lines));
+        let package = self.package.unsaved(&self.file, &self.with(lines));
         let error = |module: &String| {
             let whole = Program::of_module(&package, module);
             whole.err().map(|error| (module.clone(), error))

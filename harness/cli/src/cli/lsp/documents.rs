@@ -56,7 +56,7 @@ impl Documents {
     pub(super) fn applied(&self, package: &Package) -> Package {
         let mut package = package.clone();
         for (file, document) in self.unsaved() {
-            package = karat::unstable::package::unsaved(&package, file, &document.text);
+            package = package.unsaved(file, &document.text);
         }
         package
     }

@@ -122,7 +122,7 @@ fn answer(
     })?;
     latest.take_own(concerned.iter().map(|test| &*test.name));
     let broken = suite.broken.iter().chain(&unsound).map(|broken| broken.wrong.clone()).collect();
-    let reads = match karat::unstable::package::is_printed(&suite.package) {
+    let reads = match suite.package.is_printed() {
         true => Reads::Any,
         false => Reads::These(suite.reads().iter().map(|file| resolved(file)).collect()),
     };
