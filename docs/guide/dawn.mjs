@@ -3,7 +3,8 @@
 //   KARAT_EXECUTORS='dawn=node dawn.mjs node_modules/webgpu' KARAT_PATHS=process@dawn cargo test
 //
 // The first line that it writes is a greeting; then it reads a job a line, and writes an answer a line.
-// The data are described at `karat::unstable::job`.
+// `jobs.schema.json` describes the data, and `karat doctor --executor dawn` asks it jobs with known answers. Where Dawn
+// finds no adapter, VK_ICD_FILENAMES names the driver: /usr/lib/chromium/vk_swiftshader_icd.json is SwiftShader's.
 
 import { spawn } from 'node:child_process';
 import { writeSync } from 'node:fs';

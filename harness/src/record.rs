@@ -248,6 +248,9 @@ pub struct Run {
     /// Modules that aren't valid, whether or not a test uses them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
+    /// What is wrong with them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<ModuleError>,
     /// Packages that aren't valid, and of which no module is to blame: one that requires Tint's verdict and has none, or one
     /// without a module.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -263,6 +266,15 @@ pub struct Run {
     pub stopped: bool,
 }
 
+/// An error of a module that isn't valid.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ModuleError {
+    /// `file:line:column`; empty if it has no place.
+    pub place: String,
+    /// What is wrong.
+    pub message: String,
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
 fn is_none(count: &u64) -> bool {
     *count == 0
@@ -272,6 +284,7 @@ impl Default for Run {
     /// Of every test, which passed.
     fn default() -> Self {
         let (selected, failed, invalid, invalid_packages, remarks) = Default::default();
+        let errors = Vec::new();
         let (schema, passed, not_run, stopped) = (SCHEMA, true, 0, false);
         Self {
             schema,
@@ -279,6 +292,7 @@ impl Default for Run {
             passed,
             failed,
             invalid,
+            errors,
             invalid_packages,
             remarks,
             not_run,

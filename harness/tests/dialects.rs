@@ -488,6 +488,11 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
 /// What Karat doesn't expand says so, and what to do.
 #[test]
 fn other_preprocessors_are_named() {
+    let said = error(&one("fn f() -> f32 { return f32(#RADIUS); }"), "f");
+    assert!(
+        said.contains("= `[features]` and a line `RADIUS = 3` in karat.toml give it a value"),
+        "{said}"
+    );
     assert_snapshot!(error(&one("#use Mode::Fast\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
     error: `#use` isn't WGSL: a preprocessor expands it
       --> <s>:1:1
@@ -649,8 +654,14 @@ fn texts_that_a_host_joins_are_joined() {
     let package = || Package::open(folder.path()).expect("a folder");
     let said = error(&package(), "material::shade");
     assert!(said.contains("material.wgsl:1:34"), "{said}");
-    let note = "`tone` declares `tone`: write `import package::tone::tone;`; or, if your host joins both texts, [join] material = [\"tone\"]";
-    assert!(said.contains(note), "{said}");
+    let note = "`tone` declares `tone`: write `import package::tone::tone;`; or, if your host joins both texts, \
+                write in karat.toml beside the modules:";
+    assert!(said.contains(note) && said.contains("[join]\n"), "{said}");
+    assert!(said.contains("material = [\"tone\"]\n"), "{said}");
+    // What is joined already stays in the list.
+    write("karat.toml", "[join]\nmaterial = [\"tone\"]\n");
+    let said = error(&package(), "material::shade");
+    assert!(said.contains("material = [\"tone\", \"light\"]"), "{said}");
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
     package().function("material::shade").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
     package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
@@ -879,7 +890,8 @@ fn values_stand_for_placeholders() {
     package().function("a::f").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x + 64.5, Ulp(1.0));
     write("b.wgsl", "fn g(x: f32) -> f32 { return {N} + y; }\n");
     let said = error(&package(), "b::g");
-    assert!(said.contains("b.wgsl, with its values>:1:3"), "{said}");
+    // The column of `y` in the author's line, which has a placeholder before it.
+    assert!(said.contains("b.wgsl:1:36"), "{said}");
     for (text, message) in [
         ("[values]\nN = [1]\n", "the value of `N` is a text, a number"),
         ("[values]\nN = \"a\\nb\"\n", "the value of `N` is of one line"),

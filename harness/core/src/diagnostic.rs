@@ -7,6 +7,7 @@ mod blame;
 mod excerpt;
 mod mend;
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -27,6 +28,17 @@ pub struct SourceFile {
     pub name: String,
     /// Whole text.
     pub text: String,
+    /// The places of values that stand in it for the author's placeholders, in order. None has a line's end.
+    pub values: Vec<Value>,
+}
+
+/// A value in a text, and what its author wrote there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Value {
+    /// Its bytes in the text.
+    pub at: Range<usize>,
+    /// The author's text: `{{ N }}`.
+    pub placeholder: String,
 }
 
 /// The name alone: `expect` on an error would print the whole text.
@@ -37,18 +49,59 @@ impl fmt::Debug for SourceFile {
 }
 
 impl SourceFile {
+    /// A text as its author wrote it.
+    #[must_use]
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), text: text.into(), values: Vec::new() }
+    }
+
+    /// The author's text.
+    #[must_use]
+    pub fn written(&self) -> Cow<'_, str> {
+        if self.values.is_empty() {
+            return Cow::Borrowed(&self.text);
+        }
+        let (mut written, mut done) = (String::with_capacity(self.text.len()), 0);
+        for Value { at, placeholder } in &self.values {
+            written.push_str(&self.text[done..at.start]);
+            written.push_str(placeholder);
+            done = at.end;
+        }
+        written.push_str(&self.text[done..]);
+        Cow::Owned(written)
+    }
+
+    /// The byte of the author's text that a byte of this text comes from; of a value the beginning of its placeholder.
+    #[must_use]
+    pub fn written_at(&self, offset: usize) -> usize {
+        let (mut text, mut written) = (0, 0);
+        for Value { at, placeholder } in &self.values {
+            if offset < at.start {
+                break;
+            }
+            written += at.start - text;
+            if offset < at.end {
+                return written;
+            }
+            written += placeholder.len();
+            text = at.end;
+        }
+        written + (offset - text)
+    }
+
     /// The file, unless the text is in memory, whose name is in brackets.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
-        (!self.name.starts_with('<')).then(|| FileRead::of(file, self.text.as_bytes()))
+        (!self.name.starts_with('<')).then(|| FileRead::of(file, self.written().as_bytes()))
     }
 
     /// Line and column of a byte offset, both counted from 1; columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
-        let offset = self.text.floor_char_boundary(offset);
-        let before = &self.text[..offset];
+        let written = self.written();
+        let offset = written.floor_char_boundary(self.written_at(offset.min(self.text.len())));
+        let before = &written[..offset];
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
         (line, before[start..].chars().count() + 1)
@@ -65,6 +118,13 @@ pub struct Span {
 }
 
 impl Span {
+    /// The author's text of its file, and the range in it.
+    #[must_use]
+    pub fn written(&self) -> (Cow<'_, str>, Range<usize>) {
+        let range = self.file.written_at(self.range.start)..self.file.written_at(self.range.end);
+        (self.file.written(), range)
+    }
+
     /// The part on its first line: the head of what would fill a screen.
     #[doc(hidden)]
     pub fn first_line(&self) -> Self {
@@ -302,9 +362,31 @@ pub fn one_line(text: &str) -> String {
 mod tests {
     use super::*;
 
+    /// A place behind values is the author's, and so is the text that a file is known by.
+    #[test]
+    fn places_behind_values_are_the_authors() {
+        let value = |at, placeholder: &str| Value { at, placeholder: placeholder.to_owned() };
+        let values = vec![value(0..3, "{N}"), value(6..7, "{{ LONG }}"), value(16..20, "é")];
+        let file = SourceFile { values, ..SourceFile::new("a.wgsl", "2.0 + 8;\nreturn 1.25;\n") };
+        assert_eq!(file.written(), "{N} + {{ LONG }};\nreturn é;\n");
+        for (byte, place) in [
+            (0, (1, 1)),
+            (2, (1, 1)),
+            (4, (1, 5)),
+            (6, (1, 7)),
+            (7, (1, 17)),
+            (9, (2, 1)),
+            (19, (2, 8)),
+            (20, (2, 9)),
+        ] {
+            assert_eq!(file.line_column(byte), place, "byte {byte}");
+        }
+        assert_eq!(file.line_column(file.text.len()), (3, 1));
+    }
+
     #[test]
     fn lines_and_columns_count_characters_from_one() {
-        let file = SourceFile { name: "a".into(), text: "é = 1\nx\n".into() };
+        let file = SourceFile::new("a", "é = 1\nx\n");
         assert_eq!(file.line_column(0), (1, 1));
         assert_eq!(file.line_column(3), (1, 3));
         assert_eq!(file.line_column(7), (2, 1));
@@ -328,7 +410,7 @@ mod tests {
     }
 
     fn at(text: &str, range: Range<usize>) -> Diagnostic {
-        let file = Arc::new(SourceFile { name: "a.wgsl".into(), text: text.into() });
+        let file = Arc::new(SourceFile::new("a.wgsl", text));
         Diagnostic::new("it is wrong").at(Span { file, range }, "here")
     }
 
@@ -351,7 +433,7 @@ mod tests {
         let hostile = "\u{1b}[2J\u{9b}\u{202e}";
         let mut diagnostic = at(&format!("// {hostile} bad\n"), 12..15).note(hostile);
         diagnostic.message.push_str(hostile);
-        let file = SourceFile { name: format!("a\n{hostile}"), text: String::new() };
+        let file = SourceFile::new(format!("a\n{hostile}"), "");
         let span = Span { file: Arc::new(file), range: 0..0 };
         let text = diagnostic.at(span, hostile).to_string();
         assert!(!text.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{text:?}");

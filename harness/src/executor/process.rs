@@ -21,11 +21,14 @@ impl Executor for Process {
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let line = serde_json::to_string(job).expect("a job is plain data");
         self.ask(&line, |answer| {
-            let read: Answer = serde_json::from_str(answer)
-                .map_err(|error| format!("its answer is none: {} ({error})", one_line(answer)))?;
+            let read: Answer = serde_json::from_str(answer).map_err(|error| {
+                format!("its line is no answer: {} ({error})", one_line(answer))
+            })?;
             match read.id == job.id {
                 true => Ok(read.reply),
-                false => Err(format!("it answers job {}, and not job {}", read.id, job.id)),
+                false => {
+                    Err(format!("it answers job {}, and it was asked job {}", read.id, job.id))
+                }
             }
         })
     }

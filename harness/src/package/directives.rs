@@ -237,6 +237,14 @@ impl Reader<'_> {
             }
             let shown = &text[at..at + 1 + word_end];
             let mut error = unknown(self.file, whole, &format!("`{shown}`"), "a preprocessor");
+            if let PackageError::Shader(diagnostic) = &mut error
+                && !first
+                && word.starts_with(|c: char| c.is_uppercase())
+            {
+                let value =
+                    format!("`[features]` and a line `{word} = 3` in karat.toml give it a value");
+                diagnostic.notes.insert(0, value);
+            }
             if let (PackageError::Shader(diagnostic), Some(near)) =
                 (&mut error, nearest(word, KNOWN).filter(|_| first))
             {

@@ -497,6 +497,11 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
+    /// The modules that `karat.toml` joins with one. A file that can't be read has been told of.
+    pub(crate) fn joined_with(&self, module: &str) -> Vec<String> {
+        Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
+    }
+
     /// The modules that declare a name, and the one that a file is.
     pub(crate) fn declaring(&self, name: &str, file: &str) -> (Vec<String>, Option<String>) {
         let (mut declaring, mut own) = (Vec::new(), None);
@@ -551,7 +556,7 @@ impl Package {
         match self.find(components) {
             Some(Place::Memory(name, text)) => {
                 let name = if name.is_empty() { self.name() } else { name.to_owned() };
-                Ok(SourceFile { name: format!("<{name}>"), text: text.to_owned() })
+                Ok(SourceFile::new(format!("<{name}>"), text))
             }
             Some(Place::File(path)) => {
                 let path = overlay.file(path);

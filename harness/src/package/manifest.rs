@@ -546,15 +546,9 @@ impl Manifest {
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
         let source = self.printed(root, path, source)?;
-        if values::used(&source.text, &self.values).is_empty() {
-            return Ok(source);
-        }
-        // In brackets, as texts are that are in no file: columns are those behind the values.
-        let name = match source.name.strip_prefix('<').and_then(|name| name.strip_suffix('>')) {
-            Some(printed) => format!("<{printed}, with its values>"),
-            None => format!("<{}, with its values>", source.name),
-        };
-        Ok(SourceFile { name, text: values::substituted(&source.text, &self.values) })
+        // Lines are the author's, since no value has an end of a line; columns are mapped back.
+        let (text, values) = values::substituted(&source.text, &self.values);
+        Ok(SourceFile { name: source.name, text, values })
     }
 
     fn printed(
@@ -569,7 +563,7 @@ impl Manifest {
         // In brackets, as texts are that are in no file.
         let name = format!("<{}, as `{program}` prints it>", source.name);
         if let Some(text) = workspace::get::<Printed>(&key) {
-            return Ok(SourceFile { name, text });
+            return Ok(SourceFile::new(name, text));
         }
         let error = |reason: String| {
             let (file, program) = (shown(path), program.clone());
@@ -585,7 +579,7 @@ impl Manifest {
             return Err(error("it prints nothing".to_owned()));
         }
         workspace::keep::<Printed>(key, text.clone());
-        Ok(SourceFile { name, text })
+        Ok(SourceFile::new(name, text))
     }
 }
 

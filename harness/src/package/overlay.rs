@@ -86,7 +86,7 @@ impl Overlay {
         // Most packages have no such text, and then no link is followed.
         let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
         match place.and_then(|place| self.unsaved.get(&place)) {
-            Some(text) => Ok(SourceFile { name: shown(file), text: text.to_string() }),
+            Some(text) => Ok(SourceFile::new(shown(file), text.to_string())),
             None => read_utf8(file),
         }
     }
@@ -220,7 +220,7 @@ pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
         read_file(path).map_err(|cause| PackageError::Unreadable { file: file.clone(), cause })?;
     match String::from_utf8(bytes) {
         Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),
-        Ok(text) => Ok(SourceFile { name: file, text }),
+        Ok(text) => Ok(SourceFile::new(file, text)),
         Err(error) => {
             let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
             let line = valid.iter().filter(|byte| **byte == b'\n').count() + 1;

@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     fn file(text: &str) -> Arc<SourceFile> {
-        Arc::new(SourceFile { name: "f.wgsl".into(), text: text.into() })
+        Arc::new(SourceFile::new("f.wgsl", text))
     }
 
     fn spliced(original: &str) -> Spliced {

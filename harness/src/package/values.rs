@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::lexer::{Kind, Token, lex};
+use crate::diagnostic::Value;
 
 /// Texts by the names that they stand for.
 pub(super) type Values = BTreeMap<String, String>;
@@ -41,15 +42,18 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
 /// A text with its values: for each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and for the
 /// bare name. These stay, whatever they are called: comments, directives, conditions, imports, attributes, members,
 /// and what is declared.
-pub(super) fn substituted(text: &str, values: &Values) -> String {
-    let (mut result, mut done) = (String::with_capacity(text.len()), 0);
+pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
+    let (mut result, mut done, mut all) = (String::with_capacity(text.len()), 0, Vec::new());
     for (range, name) in places(text, &lex(text), values) {
         result.push_str(&text[done..range.start]);
+        let start = result.len();
         result.push_str(&values[name]);
+        let placeholder = text[range.clone()].to_owned();
+        all.push(Value { at: start..result.len(), placeholder });
         done = range.end;
     }
     result.push_str(&text[done..]);
-    result
+    (result, all)
 }
 
 /// The values that a text has a place for.
@@ -301,7 +305,7 @@ mod tests {
                 "#import a::{\n b,\n N,\n}\nconst d = f(N, 1);",
             ),
         ] {
-            assert_eq!(substituted(text, &values), expected);
+            assert_eq!(substituted(text, &values).0, expected);
         }
     }
 }

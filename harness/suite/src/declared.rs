@@ -462,7 +462,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnosti
     let text = String::from_utf8(bytes).map_err(|error| unread(&error))?;
     // Windows' editors write a mark of order first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
-    let source = Arc::new(SourceFile { name, text });
+    let source = Arc::new(SourceFile::new(name, text));
     let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let (mut text, mut wrong) = (source.text.clone(), Vec::new());
     let parsed: File = loop {

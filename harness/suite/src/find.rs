@@ -91,7 +91,7 @@ fn unread(file: &Path) -> Diagnostic {
 
 /// A message about a whole file, at its beginning: editors show what has a place.
 pub(crate) fn of_whole(file: &Path, message: String) -> Diagnostic {
-    let source = SourceFile { name: shown(file), text: String::new() };
+    let source = SourceFile::new(shown(file), "");
     let start = Span { file: Arc::new(source), range: 0..0 };
     Diagnostic::new(message).at(start, "")
 }

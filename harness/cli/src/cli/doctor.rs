@@ -30,8 +30,8 @@ pub(super) struct Args {
     /// Fail unless these paths open
     #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
     require: Vec<String>,
-    /// Ask a program that KARAT_EXECUTORS names jobs with known answers, and fail if one is wrong
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["package", "require"])]
+    /// Ask a program that KARAT_EXECUTORS names, or another path, jobs with known answers, and fail if one is wrong
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["package", "write"])]
     executor: Option<String>,
     /// Print JSON
     #[arg(long)]

@@ -245,7 +245,8 @@ impl OutputArgs {
             write(file, &html::page(records, run, sum, &beside))?;
         }
         if self.github || (github::runs_here() && !self.short) {
-            github::write(records, sum, project, out)?;
+            let errors = run.map_or(&[][..], |run| &run.errors);
+            github::write(records, (sum, errors), project, out)?;
         }
         // Behind GitHub's, which clears pictures that this one names.
         if let Some(file) = &self.junit {

@@ -158,6 +158,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         passed: passed && invalid.is_empty(),
         failed: progress.failed().iter().map(|test| name(test).into_owned()).collect(),
         invalid: modules,
+        errors: short::errors(&invalid),
         invalid_packages: without_modules,
         remarks: remarks(left_out, &opinion),
         ..Run::default()

@@ -49,4 +49,10 @@ fn what_is_not_valid_is_a_line_and_what_passes_none() {
         out.ends_with(&format!("1 module isn't valid: bad; 3 checks passed{UNASKED}\n")),
         "{out}"
     );
+    // A reviewer on GitHub sees it at its line, too, and so does who reports the run later.
+    let start = "::error file=shaders/bad.wgsl,line=2,col=24,title=invalid module::";
+    let out = tested(folder.path(), &["--github"]);
+    assert!(out.lines().any(|line| line.starts_with(start)), "{out}");
+    let report = karat(folder.path()).args(["report", "--github"]).output().expect("it runs");
+    assert!(String::from_utf8_lossy(&report.stdout).contains(start), "{report:?}");
 }

@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     fn excerpt(text: &str, places: &[(usize, usize)], check: impl Fn(&Excerpt<'_>)) -> String {
-        let file = SourceFile { name: "a".to_owned(), text: text.to_owned() };
+        let file = SourceFile::new("a", text);
         let excerpt = Excerpt::new(
             &file,
             &places.iter().map(|(start, end)| *start..*end).collect::<Vec<_>>(),

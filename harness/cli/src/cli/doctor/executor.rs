@@ -4,54 +4,64 @@ use std::io::Write;
 
 use karat::Path;
 use karat::path::PathError;
+use karat::unstable::diagnostic::one_line;
 use karat::unstable::output::visible;
-use karat::unstable::path::Api;
-use karat_inspect::conform::{Answer, Answered, Report, conform};
+use karat::unstable::path::{adapter, programs};
+use karat_inspect::conform::{Answer, Answered, conform};
 
-use super::super::table::{BAD, DIM, GOOD, HEAD};
+use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::super::{Ending, Outcome, write_json};
 
-/// A path by its name, or that of a program that KARAT_EXECUTORS names.
+/// The path of a program that KARAT_EXECUTORS names, or else the path of this name.
 fn path(name: &str) -> Result<Path, PathError> {
-    name.parse().or_else(|_| format!("{}@{name}", Api::Process.name()).parse())
+    if let Some(own) = programs()?.into_iter().find(|path| path.driver() == Some(name)) {
+        return Ok(own);
+    }
+    name.parse().or_else(|_| format!("process@{name}").parse())
 }
 
 pub(super) fn run(name: &str, json: bool, out: &mut dyn Write) -> Outcome {
     let path = path(name)?;
-    let report = conform(path)?;
+    let about = adapter(path)?;
+    if !json {
+        let [name, driver] = [&about.name, &about.driver].map(|text| one_line(text));
+        let driver = if driver.is_empty() { driver } else { format!(", {driver}") };
+        writeln!(out, "{HEAD}{path}{HEAD:#}: {}{}\n", visible(&name), visible(&driver))?;
+    }
+    // What can't be written ends the command behind the questions.
+    let mut written = Ok(());
+    let report = conform(path, &mut |one| {
+        if !json && written.is_ok() {
+            written = write_answer(one, out).and_then(|()| out.flush());
+        }
+    })?;
+    written?;
+    let wrong = report.count(Answer::Wrong);
     if json {
         write_json(&report, out)?;
     } else {
-        write_text(path, &report, out)?;
+        let [right, refused, unasked] =
+            [Answer::Right, Answer::Refused, Answer::NotAsked].map(|answer| report.count(answer));
+        let colour = if wrong == 0 { GOOD } else { BAD };
+        writeln!(
+            out,
+            "\n{colour}{right} right, {wrong} wrong{colour:#}, {refused} refused, {unasked} of {} not asked",
+            report.answers.len()
+        )?;
     }
-    Ok(if report.wrong() == 0 { Ending::Good } else { Ending::Bad })
+    Ok(if wrong == 0 { Ending::Good } else { Ending::Bad })
 }
 
-fn write_text(path: Path, report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
-    let (name, driver) = (visible(&report.adapter.name), visible(&report.adapter.driver));
-    let space = if driver.is_empty() { "" } else { " " };
-    writeln!(out, "{HEAD}{path}{HEAD:#} {name}{space}{driver}\n")?;
-    for Answered { name, rule, answer } in &report.answers {
-        match answer {
-            Answer::Right => {
-                writeln!(out, "{GOOD}right     {GOOD:#} {name:<10} {DIM}{rule}{DIM:#}")?
-            }
-            Answer::NotAsked(ability) => {
-                writeln!(
-                    out,
-                    "not asked  {name:<10} {DIM}its greeting doesn't say {ability}{DIM:#}"
-                )?;
-            }
-            Answer::Wrong(how) => {
-                writeln!(out, "{BAD}wrong     {BAD:#} {name:<10} {rule}")?;
-                for line in visible(how).lines() {
-                    writeln!(out, "           {line}")?;
-                }
-            }
+fn write_answer(one: &Answered, out: &mut dyn Write) -> std::io::Result<()> {
+    let Answered { name, rule, answer, why } = one;
+    let why = visible(why);
+    match answer {
+        Answer::Right => writeln!(out, "{GOOD}right    {GOOD:#}  {name:<10} {DIM}{rule}{DIM:#}"),
+        Answer::NotAsked => writeln!(out, "not asked  {name:<10} {DIM}{why}{DIM:#}"),
+        Answer::Refused => writeln!(out, "{KNOWN}refused  {KNOWN:#}  {name:<10} {why}"),
+        Answer::Wrong => {
+            writeln!(out, "{BAD}wrong    {BAD:#}  {name:<10} {rule}")?;
+            why.lines().try_for_each(|line| writeln!(out, "           {line}"))
         }
     }
-    let (all, wrong, unasked) = (report.answers.len(), report.wrong(), report.unasked());
-    let right = all - wrong - unasked;
-    let colour = if wrong == 0 { GOOD } else { BAD };
-    writeln!(out, "\n{colour}{right} right, {wrong} wrong{colour:#}, {unasked} of {all} not asked")
 }

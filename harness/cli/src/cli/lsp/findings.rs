@@ -73,12 +73,12 @@ fn placed(found: &karats::Diagnostic) -> Option<(PathBuf, Diagnostic)> {
         }
     }
     let related = found.labels[1..].iter().filter_map(|(span, remark)| {
-        let range = place::range(&span.file.text, &span.range);
+        let range = place::of(span);
         let location = Location { uri: place::uri(&file_of(span)?)?, range };
         Some(DiagnosticRelatedInformation { location, message: remark.clone() })
     });
     let related: Vec<_> = related.collect();
-    let mut diagnostic = error(place::range(&span.file.text, &span.range), message);
+    let mut diagnostic = error(place::of(span), message);
     diagnostic.related_information = (!related.is_empty()).then_some(related);
     Some((file, diagnostic))
 }

@@ -1,5 +1,6 @@
 //! A line beside each function: what is known of it, and a way to run its tests.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -126,10 +127,13 @@ impl Subjects {
         let mut lenses = Vec::new();
         let current = Records::of(&self.package, &known.verdicts.current);
         let stale = Records::of(&self.package, &known.verdicts.stale);
+        let written: BTreeMap<&str, Cow<'_, str>> =
+            self.all.iter().map(|(_, span)| (&*span.file.name, span.file.written())).collect();
         let mut texts: BTreeMap<&str, Lines<'_>> = BTreeMap::new();
         for (name, span) in &self.all {
             let lines = texts.entry(&span.file.name);
-            let range = lines.or_insert_with(|| Lines::of(&span.file.text)).range(&span.range);
+            let lines = lines.or_insert_with(|| Lines::of(&written[&*span.file.name]));
+            let range = lines.range(&span.written().1);
             let mut lens = |title: String, command: &str| {
                 let arguments = Some(vec![json!(uri), json!(name)]);
                 let command = Some(Command { title, command: command.to_owned(), arguments });

@@ -4,6 +4,7 @@ use std::ops::Range as Bytes;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use karat::unstable::diagnostic::Span;
 use lsp_types::{Position, Range, Uri};
 
 /// The file of a URI, if it is one, with its links resolved where it is there.
@@ -62,9 +63,10 @@ pub(super) fn uri(file: &Path) -> Option<Uri> {
     Uri::from_str(&text).ok()
 }
 
-/// The place of bytes in a text, of which one is asked for; see [`Lines`] for many.
-pub(super) fn range(text: &str, bytes: &Bytes<usize>) -> Range {
-    Lines::of(text).range(bytes)
+/// The place of a span in its author's text.
+pub(super) fn of(span: &Span) -> Range {
+    let (text, bytes) = span.written();
+    Lines::of(&text).range(&bytes)
 }
 
 /// A text in which places are found without reading all that stands before them.
@@ -163,11 +165,11 @@ mod tests {
     #[test]
     fn columns_count_units_of_utf16() {
         let text = "a\n\u{1f980}b c\n";
-        let found = range(text, &(6..7));
+        let found = Lines::of(text).range(&(6..7));
         assert_eq!((found.start.line, found.start.character, found.end.character), (1, 2, 3));
         let rest = rest_of_line(text, 2, 2);
         assert_eq!((rest.start.line, rest.start.character, rest.end.character), (1, 2, 5));
-        let behind = range(text, &(90..99));
+        let behind = Lines::of(text).range(&(90..99));
         assert_eq!((behind.start, behind.end.line), (behind.end, 2));
         let none = rest_of_line(text, 9, 9);
         assert_eq!((none.start.line, none.start.character, none.end.character), (8, 0, 0));

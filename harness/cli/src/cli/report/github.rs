@@ -7,11 +7,11 @@ use std::io::Write;
 
 use anyhow::Context;
 use karat::unstable::output::{counted, markdown, visible};
-use karat::unstable::record::{Record, Subject};
+use karat::unstable::record::{ModuleError, Record, Subject};
 
 use super::short::{self, Finding};
 use super::tables::{is_failure, share};
-use super::{Names, Place, Sum, pictures, place, replays, workspace};
+use super::{Names, Place, Sum, located, pictures, place, replays, workspace};
 use crate::cli::project::Project;
 
 /// GitHub takes a MiB of summary for each step, and drops more.
@@ -49,13 +49,13 @@ impl Held {
 
 pub(super) fn write(
     records: &[Record],
-    sum: &Sum,
+    (sum, errors): (&Sum, &[ModuleError]),
     project: &Project,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let failures: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
     let names = &Names::of(records);
-    for annotation in annotations(&failures, sum, names, project) {
+    for annotation in annotations(&failures, (sum, errors), names, project) {
         writeln!(out, "{annotation}")?;
     }
     out.flush()?;
@@ -76,10 +76,21 @@ pub(super) fn write(
 }
 
 /// A line for each failure; of too many the last one stands for all that are left.
-fn annotations(failures: &[&Record], sum: &Sum, names: &Names, project: &Project) -> Vec<String> {
+fn annotations(
+    failures: &[&Record],
+    (sum, errors): (&Sum, &[ModuleError]),
+    names: &Names,
+    project: &Project,
+) -> Vec<String> {
     let reasons = sum.reasons();
-    let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty());
     let workspace = workspace(project.root());
+    // Modules that aren't valid first, since tests fail by them; half of the room is for tests.
+    let errors = errors.iter().take(MOST_ANNOTATIONS / 2).map(|ModuleError { place, message }| {
+        let place = located(place, project.root(), &workspace);
+        annotation(place.as_ref(), "invalid module", message)
+    });
+    let errors: Vec<String> = errors.collect();
+    let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty()) - errors.len();
     // Each expectation that fails is shown where it stands.
     let of = |record: &&Record| {
         let title = names.subject(record);
@@ -106,6 +117,7 @@ fn annotations(failures: &[&Record], sum: &Sum, names: &Names, project: &Project
         lines.extend(own);
     }
     lines.truncate(shown);
+    lines.splice(0..0, errors);
     if !rest.is_empty() {
         let title = format!("{} failed", counted(rest.len(), "more check"));
         let message = format!("the log has their messages:\n{}", rest.join("\n"));

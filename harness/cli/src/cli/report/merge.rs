@@ -20,6 +20,12 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
         passed: runs.iter().all(|run| run.passed),
         failed: sorted(runs.iter().flat_map(|run| run.failed.clone()).collect()),
         invalid: sorted(runs.iter().flat_map(|run| run.invalid.clone()).collect()),
+        errors: runs
+            .iter()
+            .flat_map(|run| run.errors.clone())
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect(),
         invalid_packages: sorted(
             runs.iter().flat_map(|run| run.invalid_packages.clone()).collect(),
         ),

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use karat::unstable::diagnostic::shown;
 use karat::unstable::output::{headline as headline_of, one_line};
-use karat::unstable::record::{ExpectationDetails, PathRecord, Record, Subject};
-use karat::unstable::reflect::{Invalid, Opinion};
+use karat::unstable::record::{ExpectationDetails, ModuleError, PathRecord, Record, Subject};
+use karat::unstable::reflect::{Invalid, Opinion, ReflectError};
 
 use super::{Place, Sum, failing, is_failure, located, place};
 
@@ -34,18 +34,13 @@ pub(in crate::cli) fn write(
         lines.push(format!("{}error: {message}", place.unwrap_or_default()));
     }
     for (package, invalid) in invalid {
-        let Invalid::Modules { errors, .. } = invalid else {
+        if !matches!(invalid, Invalid::Modules { .. }) {
             lines.push(format!("error: {package}: {}", headline_of(&invalid.to_string())));
-            continue;
-        };
-        for (_, error) in errors {
-            let diagnostic = error.diagnostic();
-            let place =
-                diagnostic.and_then(|found| found.location()).map(|span| format!("{span}: "));
-            let message =
-                diagnostic.map_or_else(|| error.to_string(), |found| found.message.clone());
-            lines.push(format!("{}error: {}", place.unwrap_or_default(), headline_of(&message)));
         }
+    }
+    for ModuleError { place, message } in errors(invalid) {
+        let place = if place.is_empty() { place } else { format!("{place}: ") };
+        lines.push(format!("{place}error: {}", headline_of(&message)));
     }
     for remark in opinion.remarks() {
         let place = remark.location().map(|span| format!("{span}: ")).unwrap_or_default();
@@ -54,6 +49,21 @@ pub(in crate::cli) fn write(
     lines.iter().try_for_each(|line| writeln!(out, "{}", one_line(line)))?;
     let more = if sum.outside().is_empty() { "" } else { "; leave --short out to see it" };
     writeln!(out, "{}{}{more}", sum.line(), sum.remarks())
+}
+
+/// The errors of modules that aren't valid.
+pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> {
+    let of = |(_, invalid): &(String, Invalid)| match invalid {
+        Invalid::Modules { errors, .. } => errors.iter().map(|(_, error)| one(error)).collect(),
+        _ => Vec::new(),
+    };
+    fn one(error: &ReflectError) -> ModuleError {
+        let found = error.diagnostic();
+        let place = found.and_then(|found| found.location()).map(ToString::to_string);
+        let message = found.map_or_else(|| error.to_string(), |found| found.message.clone());
+        ModuleError { place: place.unwrap_or_default(), message }
+    }
+    invalid.iter().flat_map(of).collect()
 }
 
 /// What a failure says in a line: of a function in WGSL that has expectations, each that fails, where it
