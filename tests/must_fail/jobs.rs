@@ -68,7 +68,11 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ("few", "it returned outputs of [] words, and [", "it returned outputs of [] words, and ["),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         ("fails", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
-        ("garbage", "its line is no answer: all went well", "its line is no answer: all went well"),
+        (
+            "garbage",
+            "it wrote a line that isn't an answer: all went well",
+            "it wrote a line that isn't an answer: all went well",
+        ),
         (
             "dies",
             "it ended (exit status: 3): out of memory",
@@ -108,13 +112,17 @@ fn a_program_that_hangs_is_ended() {
 fn a_line_belongs_to_its_job() {
     let text = piped("cpu", "noisy");
     assert!(
-        text.contains("function: the driver of path `process@mine` reports: its line is no answer"),
+        text.contains("function: the driver of path `process@mine` reports: it wrote a line that isn't an answer"),
         "{text}"
     );
     // Another process is started, and it is noisy, too.
-    assert_eq!(text.matches("its line is no answer: by the way").count(), 4, "{text}");
+    assert_eq!(
+        text.matches("it wrote a line that isn't an answer: by the way").count(),
+        4,
+        "{text}"
+    );
     let text = piped("cpu", "other");
-    assert_eq!(text.matches("reports: it answers job ").count(), 4, "{text}");
+    assert_eq!(text.matches("reports: it answered job ").count(), 4, "{text}");
     let text = piped("cpu", "late");
     assert!(!text.contains(": agrees"), "{text}");
     let text = piped("cpu", "backwards");

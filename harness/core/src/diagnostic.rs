@@ -28,7 +28,7 @@ pub struct SourceFile {
     pub name: String,
     /// Whole text.
     pub text: String,
-    /// The places of values that stand in it for the author's placeholders, in order. None has a line's end.
+    /// The places of values that stand in it for the author's placeholders, in order. No value contains a line break.
     pub values: Vec<Value>,
 }
 
@@ -71,7 +71,7 @@ impl SourceFile {
         Cow::Owned(written)
     }
 
-    /// The byte of the author's text that a byte of this text comes from; of a value the beginning of its placeholder.
+    /// The byte of the author's text that a byte of this text comes from; inside a value: the start of its placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);

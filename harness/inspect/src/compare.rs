@@ -359,7 +359,10 @@ impl Request {
             if is_same {
                 continue;
             }
-            match self.overrides_of(module) {
+            // A module that came or went is told by its functions.
+            let overrides =
+                if has == [true; 2] { self.overrides_of(module) } else { Ok(Vec::new()) };
+            match overrides {
                 Ok(overrides) if overrides.is_empty() => {}
                 Ok(overrides) => drop(all.insert(name_of(module), Pair::Overrides(overrides))),
                 // A module that isn't valid has its functions compared all the same, but not what a host sees of it.
@@ -381,6 +384,7 @@ impl Request {
                     (Ok(old), Ok(new)) => (old, new),
                     // Features that can't be on together say nothing.
                     (Err(_), Err(_)) => continue,
+                    _ if own[0] != own[1] => continue,
                     (old, new) => {
                         let [was, is] = [old.err(), new.err()].map(|error| {
                             let on = features.join(", ");
@@ -917,8 +921,10 @@ impl Both {
         fixtures: &[Fixtures; 2],
         (count, rows): (usize, [Cow<'_, [u32]>; 2]),
     ) {
+        let mut ran = [false; 2];
         for (at, reach) in self.sides.iter_mut().enumerate() {
             let added = reach.add_calls(sides[at], &fixtures[at], (count, &rows[at]));
+            ran[at] = added.is_ok();
             note(&mut self.measured[at], added.map_err(|error| error.to_string()));
         }
         let [before, after] = &self.sides;
@@ -930,8 +936,8 @@ impl Both {
             (Ok(before), Ok(after)) => {
                 self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
             }
-            // What comes from outside decides whether a loop of it ends.
-            (Ok(_), Err(ProbeError::Rounds { .. })) => self.strays = true,
+            // It ran with the usual values: others from outside decide whether a loop of it ends.
+            (Ok(_), Err(ProbeError::Rounds { .. })) if ran[1] => self.strays = true,
             (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
     }
@@ -1936,12 +1942,12 @@ mod tests {
         note(&mut both.measured[after], Ok(()));
         note(&mut both.measured[after], Err("another content".to_owned()));
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
-        // Nor is a silence on indices outside a proof where the engine ended.
+        // If the engine stopped early, finding no index outside proves nothing.
         both.unknown = Some("it ran too long".to_owned());
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// Text that isn't read, under a condition or in a module that isn't valid, is no text that stayed.
+    /// Text that can't be read, under a condition or in a module that isn't valid, must not count as unchanged.
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {

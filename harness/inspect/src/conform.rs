@@ -9,7 +9,9 @@ use std::ops::Range;
 use std::time::Instant;
 
 use karat::compute::ComputeError;
+use karat::draw::DrawError;
 use karat::fixture::{Compare, Fixture};
+use karat::frame::FrameError;
 use karat::path::PathError;
 use karat::unstable::dispatch::DispatchError;
 use karat::unstable::executor::{self, Executor};
@@ -528,8 +530,13 @@ const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
 /// The bits of the pixels that a frame has.
-fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, String> {
-    let image = frame.render(executor.path()).map_err(|error| error.to_string())?;
+fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
+    let image = frame.render(executor.path()).map_err(|error| match &error {
+        FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {
+            Stop::Refused(message.clone())
+        }
+        error => Stop::Wrong(error.to_string()),
+    })?;
     Ok(image.pixels().iter().flatten().map(|channel| channel.to_bits()).collect())
 }
 

@@ -173,7 +173,7 @@ pub struct Cell {
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.
     pub divergence: Option<Divergence>,
-    /// Where the results differ, the column that is alone with its own: two others or more agree against it there.
+    /// The only column with its result, where two others or more agree against it.
     pub suspect: Option<String>,
     /// Whether the results are what WGSL allows, where Karat's engine knows that.
     pub allowed: Option<Allowed>,

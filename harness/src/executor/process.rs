@@ -22,13 +22,11 @@ impl Executor for Process {
         let line = serde_json::to_string(job).expect("a job is plain data");
         self.ask(&line, |answer| {
             let read: Answer = serde_json::from_str(answer).map_err(|error| {
-                format!("its line is no answer: {} ({error})", one_line(answer))
+                format!("it wrote a line that isn't an answer: {} ({error})", one_line(answer))
             })?;
             match read.id == job.id {
                 true => Ok(read.reply),
-                false => {
-                    Err(format!("it answers job {}, and it was asked job {}", read.id, job.id))
-                }
+                false => Err(format!("it answered job {} instead of job {}", read.id, job.id)),
             }
         })
     }

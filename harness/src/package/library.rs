@@ -216,7 +216,7 @@ impl Library {
 
     /// What was read, with `root`, which may be no module that can be parsed.
     pub(super) fn sources(&self, root: &ModulePath, file: &SourceFile) -> Sources {
-        let hash = |file: &SourceFile| blake3::hash(file.text.as_bytes());
+        let hash = hash_of;
         let modules = self.modules.borrow();
         let mut texts: BTreeMap<ModulePath, Hash> =
             modules.iter().map(|(path, module)| (path.clone(), hash(&module.file))).collect();
@@ -238,7 +238,7 @@ impl Library {
             LinkedModule {
                 name: self.shown(path),
                 file: file.read().map(|read| read.file),
-                hash: text_hash(file.text.as_bytes()),
+                hash: text_hash(file.written().as_bytes()),
             }
         });
         let linked = linked.collect();
@@ -448,9 +448,19 @@ impl Sources {
         Ok(self.texts.iter().all(|(path, hash)| {
             let (manifest, package) = &self.packages[path.package];
             let file = package.load(&path.components, &overlay, manifest);
-            file.is_ok_and(|file| blake3::hash(file.text.as_bytes()) == *hash)
+            file.is_ok_and(|file| hash_of(&file) == *hash)
         }))
     }
+}
+
+/// The hash of a text, and of what its author wrote for its values: places are the author's.
+fn hash_of(file: &SourceFile) -> Hash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(file.text.as_bytes());
+    if !file.values.is_empty() {
+        hasher.update(&[0]).update(file.written().as_bytes());
+    }
+    hasher.finalize()
 }
 
 /// Parsed modules by their names and texts, and features.
@@ -466,7 +476,7 @@ impl Kind for Modules {
 /// A parsed module; once in a process for the same file and features.
 fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(file.name.as_bytes()).update(&[0]).update(file.text.as_bytes());
+    hasher.update(file.name.as_bytes()).update(&[0]).update(hash_of(file).as_bytes());
     let key = (hasher.finalize(), features);
     if let Some(module) = workspace::get::<Modules>(&key) {
         return Ok(module);

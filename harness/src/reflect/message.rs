@@ -82,11 +82,16 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     let also = others.iter().map(|other| format!(", and so does `{other}`")).collect::<String>();
     // Those that are joined with it already stay.
     let mut list = package.joined_with(&own);
+    let how = if list.is_empty() {
+        "write in karat.toml beside the modules:\n[join]"
+    } else {
+        "its line in karat.toml is:"
+    };
     list.push(first.clone());
     let key = if own.contains("::") { format!("{own:?}") } else { own };
     let note = format!(
         "`{first}` declares `{name}`{also}: write `import package::{first}::{name};`; or, if your host joins both texts, \
-         write in karat.toml beside the modules:\n[join]\n{key} = {list:?}"
+         {how}\n{key} = {list:?}"
     );
     let mend = Some(Mend::Elsewhere(note.clone()));
     ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))

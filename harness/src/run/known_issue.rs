@@ -384,7 +384,7 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Values first, whose text has a place; then settings.
+/// Prefers failures whose text names a place, then those about a setting.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);

@@ -26,7 +26,7 @@ pub struct Blame<'f> {
 /// The place of a failure's cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum At<'f> {
-    /// The text of the failure has it: a function, or a line of a shader.
+    /// The failure's text already names the place: a function, or a line of a shader.
     Text,
     /// A setting of the test: the first of these that it has, or else the test as a whole.
     Setting(&'f [&'static str]),

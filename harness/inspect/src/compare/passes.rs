@@ -58,6 +58,7 @@ impl Request {
         let mut words = 0;
         let (mut brought, mut mended) = (Brought::default(), Brought::default());
         let mut covered = Both::default();
+        let mut unwatched = None;
         for (content, invocations) in runs {
             // Several workgroups may not be meant: they count where nothing else tells the edit.
             let is_more = invocations != usual;
@@ -98,7 +99,7 @@ impl Request {
                 compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                 continue;
             }
-            let is_whole = expect_watched(&seen_old, &seen_new)?;
+            let is_whole = watched(&seen_old, &seen_new, &mut unwatched);
             brought.add(content, [&seen_old, &seen_new], &renamed);
             if is_whole {
                 mended.add(content, [&seen_new, &seen_old], &renamed);
@@ -142,6 +143,9 @@ impl Request {
         compared.violations = brought.told(!paths.is_empty());
         compared.mended = mended.told(!paths.is_empty() || !compared.violations.is_empty());
         if paths.is_empty() && compared.violations.is_empty() {
+            if let Some(reason) = unwatched {
+                return Err(reason);
+            }
             compared.uncovered = covered.uncovered(&compared.location);
         }
         let each = words / self.paths.len().max(1);
@@ -163,11 +167,12 @@ impl Request {
     ) -> Result<(Vec<Violation>, Vec<Violation>), String> {
         let ranges = self.ranges()?;
         let (mut brought, mut mended) = (Brought::default(), Brought::default());
+        let mut unwatched = None;
         for content in Content::OF_PASSES {
             let of = |package| passes::of_pixels(package, name, false, &ranges, (content, None));
             let ((old, _), (new, made)) = (of(&self.before)?, of(&self.after)?);
             let (old, new) = (examine_made_up(&old), examine_made_up(&new));
-            let is_whole = expect_watched(&old, &new)?;
+            let is_whole = watched(&old, &new, &mut unwatched);
             brought.add(content, [&old, &new], renamed);
             if is_whole {
                 mended.add(content, [&new, &old], renamed);
@@ -176,18 +181,22 @@ impl Request {
                 break;
             }
         }
-        Ok((brought.told(false), mended.told(false)))
+        let (brought, mended) = (brought.told(false), mended.told(false));
+        match unwatched {
+            Some(reason) if brought.is_empty() => Err(reason),
+            _ => Ok((brought, mended)),
+        }
     }
 }
 
-/// True if the sanitizer saw both sides whole. It is an error if it saw the one before the edit alone: what the edit
-/// brings isn't known then.
-fn expect_watched(before: &Examined, after: &Examined) -> Result<bool, String> {
+/// True if the sanitizer saw both sides whole. Where it saw the one before the edit alone, it isn't known what the edit brings:
+/// then the reason is kept, for an edit that nothing else tells.
+fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
-    match was.is_empty() && !is.is_empty() {
-        true => Err(format!("after the edit its invocations can't be watched: {is}")),
-        false => Ok(was.is_empty() && is.is_empty()),
+    if was.is_empty() && !is.is_empty() {
+        unwatched.get_or_insert(format!("after the edit its invocations can't be watched: {is}"));
     }
+    was.is_empty() && is.is_empty()
 }
 
 /// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their

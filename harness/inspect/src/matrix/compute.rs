@@ -78,13 +78,13 @@ pub(super) fn run_entry_point_on_each(
     let Some(((first, expected), others)) = ran.split_first() else { return };
     let (steps, floats) =
         passes.map_or_else(|_| Default::default(), |all| (steps(all), floats(all)));
-    let differs = |at: &usize, actual: &[u32]| {
-        let (was, is) = (expected[*at], actual[*at]);
+    let are_apart = |at: &usize, was: u32, is: u32| {
         let step = steps.get(*at).copied().unwrap_or_default();
         let is_float = floats.get(*at).copied().unwrap_or_default();
         let [was, is] = [was, is].map(|word| if is_float { flushed(word) } else { word });
         !same_word(was, is, &request.within) && !is_next(was, is, step)
     };
+    let differs = |at: &usize, actual: &[u32]| are_apart(at, expected[*at], actual[*at]);
     // The same resources were read back on each. Only where they differ is it asked what may.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
@@ -102,21 +102,18 @@ pub(super) fn run_entry_point_on_each(
             .partition(|at| open.as_ref().is_ok_and(|open| open[*at]));
         let compared = expected.len() - left_open.len();
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
-        if let (Err(reason), false) = (&open, places.is_empty()) {
-            let words = places.len();
-            cell.stopped = Some(Stop::NothingToCompare(format!(
-                "{words} of {compared} words that it leaves differ from `{baseline}`, and it isn't known what WGSL \
-                 leaves open of them: {reason}"
-            )));
-        } else if let Some(place) = places.first() {
+        if let Some(place) = places.first() {
+            let unknown = open.as_ref().err().map_or_else(String::new, |reason| {
+                format!("; it isn't known what WGSL leaves open of them: {reason}")
+            });
             cell.stopped = Some(Stop::Differs(format!(
                 "{} of {compared} words that it leaves differ from `{baseline}`: word {place} is \
-                 {:#010x}, there {:#010x}",
+                 {:#010x}, there {:#010x}{unknown}",
                 places.len(),
                 actual[*place],
                 expected[*place]
             )));
-            let is_near = |was: u32, is: u32| same_word(was, is, &request.within);
+            let is_near = |was: u32, is: u32| !are_apart(place, was, is);
             let side = |(index, words): &(usize, Vec<u32>)| {
                 let own = words[*place];
                 let side = match (is_near(expected[*place], own), is_near(actual[*place], own)) {

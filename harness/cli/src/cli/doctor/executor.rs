@@ -28,7 +28,7 @@ pub(super) fn run(name: &str, json: bool, out: &mut dyn Write) -> Outcome {
         let driver = if driver.is_empty() { driver } else { format!(", {driver}") };
         writeln!(out, "{HEAD}{path}{HEAD:#}: {}{}\n", visible(&name), visible(&driver))?;
     }
-    // What can't be written ends the command behind the questions.
+    // A write error is returned after all questions are asked.
     let mut written = Ok(());
     let report = conform(path, &mut |one| {
         if !json && written.is_ok() {

@@ -37,11 +37,11 @@ impl Latest {
     /// Takes what this process recorded since it was last asked, and empties its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
-        let records = match record::read(Path::new(&folder)) {
-            Ok(records) => records,
-            // The next run may read what this one can't, so that nothing is forgotten.
-            Err(error) => return tell(&format!("warning: {error}")),
-        };
+        // Tests whose records can't be read have none, rather than old ones.
+        let records = record::read(Path::new(&folder)).unwrap_or_else(|error| {
+            tell(&format!("warning: {error}"));
+            Vec::new()
+        });
         self.take(tests, records, str::to_owned);
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
         // It is appended to, so that it goes on at its start.
