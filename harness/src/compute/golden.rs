@@ -91,7 +91,7 @@ impl After<'_> {
             };
             let Some(golden) = golden else {
                 let function = self.last_entry_point();
-                let identity = Identity::of(function, "after.matches")?;
+                let identity = Identity::of(function, &self.check("matches"))?;
                 let replayed = Replayed { case: 0, steps: &[], input: None };
                 let again = identity.replay(None, 0, function, &identity.check, replayed);
                 self.expect_each_order(None, &passes, report, &again)?;

@@ -281,13 +281,18 @@ impl After<'_> {
         let subject = Subject::Function {
             package: self.compute.package.root().display().to_string(),
             function: self.last_entry_point().to_owned(),
-            check: format!("after.{verb}"),
+            check: self.check(verb),
             assertion: text,
             location: place.to_string(),
             domain: String::new(),
             seed: 0,
         };
         reported(subject, &|| self.recorded, judge)
+    }
+
+    /// The name of a check of the resource.
+    pub(super) fn check(&self, verb: &str) -> String {
+        format!("after.{}.{verb}", self.variable)
     }
 
     pub(super) fn last_entry_point(&self) -> &str {
@@ -303,8 +308,7 @@ impl After<'_> {
     ) -> Result<ComputeAgreement, ComputeError> {
         let function = self.last_entry_point();
         let compute = &self.compute;
-        let verb = format!("after.{verb}");
-        let identity = Identity::of(function, &verb)?;
+        let identity = Identity::of(function, &self.check(verb))?;
         if identity.case(function, &identity.check).is_some() {
             replay::done();
         }

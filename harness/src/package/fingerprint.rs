@@ -20,6 +20,7 @@ use super::syntax::Module;
 use super::test_items::TestItem;
 use super::workspace::{self, Kind};
 use super::{Package, PackageError};
+use crate::diagnostic::Diagnostic;
 
 /// The tests of a module with their fingerprints.
 type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
@@ -68,6 +69,12 @@ impl Package {
         described.keep(modules);
         Ok((found, library.features(0)))
     }
+}
+
+/// Whether the text that an error is in has tests: it can't be parsed, so the word alone says so.
+fn may_have_tests(error: &Diagnostic) -> bool {
+    let text = error.location().map_or("@test", |place| &place.file.text);
+    text.split('@').skip(1).any(|mark| mark.trim_start().starts_with("test"))
 }
 
 /// What is known of some modules and their declarations.
@@ -148,8 +155,15 @@ impl<'a> Described<'a> {
 
     fn tests(&mut self, module: &str) -> TestItems {
         let root = ModulePath::root(module);
-        let own = self.own_library(&root)?;
-        let parsed = own.as_ref().unwrap_or(self.library).module(&root)?;
+        let read = self.own_library(&root).and_then(|own| {
+            let parsed = own.as_ref().unwrap_or(self.library).module(&root)?;
+            Ok((own, parsed))
+        });
+        let (own, parsed) = match read {
+            // Validation tells what is wrong with it.
+            Err(PackageError::Shader(found)) if !may_have_tests(&found) => return Ok(Vec::new()),
+            read => read?,
+        };
         let items = TestItem::all_of(module, &parsed)?;
         if items.is_empty() {
             return Ok(Vec::new());

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use karat::check::HazardKind;
 use karat::compute::{Compute, ComputeAgreement, ComputeError};
 use karat::unstable::compute::{self as untyped, Broken, Content, Element, Place};
-use karat::unstable::diagnostic::{read_file, shown};
 use karat::unstable::dispatch::DispatchError;
 use karat::unstable::reflect::{Program, Stage};
 use karat::unstable::value::{Scalar, Shape};
@@ -21,6 +20,7 @@ use crate::fixtures::fixture;
 use crate::numbers::Wanted;
 use crate::range::Range;
 use crate::run::wide;
+use crate::table;
 use crate::tolerances::tolerance;
 use crate::wrong::Misdeclared;
 
@@ -353,6 +353,20 @@ impl Assertion {
         }
     }
 
+    /// Where the row of a table stands that the first element isn't.
+    pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
+        let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
+            return None;
+        };
+        let first = found.paths.first()?.shown.first()?;
+        match first.place {
+            Place::Element { index, .. } if !self.up_to_order => {
+                table::told("first element", &self.folder.join(file), index as u64)
+            }
+            _ => None,
+        }
+    }
+
     /// The tolerance; where none is needed exact.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
@@ -369,27 +383,36 @@ impl Assertion {
         let mut bound: BTreeMap<&str, bool> =
             self.declared.with.keys().map(|name| (&**name, false)).collect();
         let mut known = Vec::new();
+        // Of a pass that isn't there nobody knows what it reads.
+        let mut unread = false;
         let count = self.passes.len();
         for (index, (name, groups)) in self.passes.iter().enumerate() {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
             // The dispatch reports an entry point that isn't there, or isn't valid. What else its module has may be invalid.
-            let Ok(program) = Program::of_items(package, module, &[own]) else { continue };
-            for binding in program.entry_point_bindings(Stage::Compute, own).unwrap_or_default() {
+            let program = Program::of_items(package, module, &[own]).ok();
+            let bindings = program.as_ref().and_then(|program| {
+                Some((program, program.entry_point_bindings(Stage::Compute, own)?))
+            });
+            let Some((program, bindings)) = bindings else {
+                unread = true;
+                continue;
+            };
+            for binding in bindings {
                 known.push(binding.name().to_owned());
                 let is_it = |name: &&String| *name == binding.name() || **name == binding.path;
                 let Some(name) = self.declared.with.keys().find(is_it) else { continue };
                 if bound.insert(name, true) == Some(true) {
                     continue;
                 }
-                let fixture = fixture(&program, &binding, &self.declared.with[name], &self.folder)
+                let fixture = fixture(program, &binding, &self.declared.with[name], &self.folder)
                     .map_err(Misdeclared::of_resource(name))?;
                 compute = compute.with(name, fixture);
             }
         }
         if let Some((idle, _)) = bound.iter().find(|(_, is_bound)| !**is_bound)
-            && !known.is_empty()
+            && !unread
             // A reference needn't use all that the passes do.
             && last.is_none()
         {
@@ -464,9 +487,10 @@ impl Assertion {
                 concluded(untyped::agrees_with(&after, expected, tolerance))
             }
             What::Table(file) => {
-                let content = self.content(compute)?;
-                let expected = table(&self.folder.join(file), content.element())?;
-                concluded(untyped::agrees_with(&after, expected, self.tolerance()?))
+                let (content, tolerance) = (self.content(compute)?, self.tolerance()?);
+                let (file, near) = (self.folder.join(file), Wanted::from(&tolerance));
+                let expected = table::elements(&file, content.element(), near)?;
+                concluded(untyped::agrees_with(&after, expected, tolerance))
             }
             What::Golden(name) => {
                 let goldens = Goldens::open(&self.folder.join(GOLDEN));
@@ -736,41 +760,4 @@ fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     };
     let failures = wrong.len().max(usize::from(missing.is_some()));
     (failures > 0).then(|| Broken { failures, first: Some(named(at, "", actual, expected)) })
-}
-
-/// The rows of a table, whose columns are the components of an element.
-fn table(file: &Path, element: &Shape) -> Result<Vec<f64>, Misdeclared> {
-    let name = shown(file);
-    let text = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
-    let names = element.lane_names();
-    let wanted: Vec<String> = names
-        .iter()
-        .map(|name| {
-            if name.is_empty() {
-                "value".to_owned()
-            } else {
-                name.trim_start_matches('.').to_owned()
-            }
-        })
-        .collect();
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&*text);
-    let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
-    if head.iter().ne(wanted.iter().map(String::as_str)) {
-        let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
-        let message =
-            format!("the first line of `{name}` has to be `{wanted}`, and it is `{there}`");
-        return Err(Misdeclared::at_line(file, 1, message));
-    }
-    let mut all = Vec::new();
-    for (row, record) in reader.records().enumerate() {
-        let wrong =
-            |text: &str| Misdeclared::at_line(file, row + 2, format!("`{text}` is no number"));
-        let record =
-            record.map_err(|error| Misdeclared::at_line(file, row + 2, error.to_string()))?;
-        for field in &record {
-            let number = crate::hexadecimal(field).or_else(|| field.parse().ok());
-            all.push(number.ok_or_else(|| wrong(field))?);
-        }
-    }
-    Ok(all)
 }

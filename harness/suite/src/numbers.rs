@@ -58,22 +58,40 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// What a cell of a table expects of a component; `None` if it is no finite number, `true` or `false`.
+/// Whether a component may hold a number: integers and `bool` hold some alone, and floats are near to each.
+pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
+    match scalar {
+        Scalar::I32 => f64::from(number as i32) == number,
+        Scalar::U32 => f64::from(number as u32) == number,
+        Scalar::Bool => number == 0.0 || number == 1.0,
+        _ => true,
+    }
+}
+
+/// What a cell of a table expects of a component: a finite number, `true` or `false`.
 ///
 /// A decimal that an `f32` is printed as stands for that `f32`, and so does each other one where
 /// results have to equal it.
-#[must_use]
-pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Option<f64> {
-    match cell {
+///
+/// # Errors
+/// Why nothing can be compared with it: no number, or one that the component can't hold.
+pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, String> {
+    let decimal = || {
+        let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+        value.map(|value| meant(scalar, value, wanted))
+    };
+    let value = match cell {
         "true" => Some(1.0),
         "false" => Some(0.0),
-        cell => match hexadecimal(cell) {
-            Some(value) => Some(value),
-            None => {
-                let value = cell.parse().ok().filter(|value: &f64| value.is_finite())?;
-                Some(meant(scalar, value, wanted))
-            }
-        },
+        cell => hexadecimal(cell).or_else(decimal),
+    };
+    let none = || {
+        format!("`{cell}` is no finite number, and WGSL leaves open what becomes of any other one")
+    };
+    let value = value.ok_or_else(none)?;
+    match fits(scalar, value) {
+        true => Ok(value),
+        false => Err(format!("`{cell}` is no {}, and the result is one", scalar.wgsl())),
     }
 }
 
@@ -102,7 +120,7 @@ mod tests {
     fn what_an_f32_prints_is_that_f32() {
         let expected = |scalar, cell: &str| expected(scalar, cell, Wanted::Near);
         for value in [0.1_f32, 1.9999999, 1e-40, f32::MAX, -3.0, 16_777_216.0] {
-            assert_eq!(expected(Scalar::F32, &format_f32(value)), Some(value.into()), "{value}");
+            assert_eq!(expected(Scalar::F32, &format_f32(value)), Ok(value.into()), "{value}");
             assert_eq!(argument(Scalar::F32, &format_f32(value)), Some(value.to_bits()));
         }
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
@@ -110,13 +128,18 @@ mod tests {
         // What has to be equal is the nearest f32, however many digits it has.
         let third =
             super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
-        assert_eq!(third, Some(f64::from(1.0_f32 / 3.0)));
+        assert_eq!(third, Ok(f64::from(1.0_f32 / 3.0)));
         assert_eq!(meant(Scalar::F32, 1e39, Wanted::Equal), 1e39, "no f32 is as large");
         assert_eq!(meant(Scalar::I32, 16_777_217.0, Wanted::Equal), 16_777_217.0);
-        assert_eq!(expected(Scalar::F32, "0x1.8p-1"), Some(0.75));
+        assert_eq!(expected(Scalar::F32, "0x1.8p-1"), Ok(0.75));
         assert_eq!(argument(Scalar::F32, "0x1.8p-1"), Some(0.75_f32.to_bits()));
         assert_eq!(argument(Scalar::F32, "0x1.00000001p+0"), None, "no f32");
-        assert_eq!(expected(Scalar::U32, "4294967295"), Some(4_294_967_295.0));
+        assert_eq!(expected(Scalar::U32, "4294967295"), Ok(4_294_967_295.0));
+        for (scalar, cell) in
+            [(Scalar::U32, "5.5"), (Scalar::I32, "-2147483649"), (Scalar::Bool, "2")]
+        {
+            assert!(expected(scalar, cell).is_err_and(|why| why.contains("the result is one")));
+        }
         assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));
         assert!(argument(Scalar::F32, "nan").is_some_and(|lane| f32::from_bits(lane).is_nan()));
         for (scalar, cell) in
@@ -125,7 +148,7 @@ mod tests {
             assert_eq!(argument(scalar, cell), None, "{cell}");
         }
         for none in ["", "nan", "inf", "x"] {
-            assert_eq!(expected(Scalar::F32, none), None, "{none}");
+            assert!(expected(Scalar::F32, none).is_err(), "{none}");
         }
     }
 }

@@ -10,7 +10,7 @@ use karat::fixture::FixtureError;
 use karat::frame::{FrameAgreement, FrameError};
 use karat::golden::FrameTolerance;
 use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
-use karat::unstable::diagnostic::{Diagnostic, Span, shown};
+use karat::unstable::diagnostic::{Diagnostic, Span};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::record::Subject;
@@ -196,8 +196,9 @@ impl Suite {
                 let of = |error: &ComputeError| {
                     let entry = |name: &str| Some(assertion.key_of_entry(name));
                     let own = place_of(None).unwrap_or_else(|| whole.clone());
-                    let wrong = blamed(error, &entry, &|key| place_of(Some(key)), &own);
-                    Wrong { violations: violations_of(error), ..wrong }
+                    let mut wrong = blamed(error, &entry, &|key| place_of(Some(key)), &own);
+                    wrong.message += &assertion.row_of(error).unwrap_or_default();
+                    Wrong { common: violations_of(error).or(wrong.common), ..wrong }
                 };
                 match assertion.judged(&self.package) {
                     Ok(_) => Ok(()),
@@ -242,12 +243,7 @@ fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -
     // A row is a case where nobody asks for another number of them.
     let worst =
         &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
-    let file = folder.join(file);
-    Some(format!(
-        "  row of the worst case: {}:{}:1\n",
-        shown(&file),
-        table::line(&file, worst.case)?
-    ))
+    table::told("worst case", &folder.join(file), worst.case)
 }
 
 /// Tests that one kernel counts: see [`Suite::groups`].
@@ -590,13 +586,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     if switches && !scalars.contains(&Scalar::Bool) {
         return Err(format!("{value} isn't a number, and the result is one"));
     }
-    // No integer equals another number.
-    let fits = |scalar: &Scalar, number: f64| match scalar {
-        Scalar::I32 => f64::from(number as i32) == number,
-        Scalar::U32 => f64::from(number as u32) == number,
-        _ => true,
-    };
-    let expect = |scalar: &Scalar, number: f64| match fits(scalar, number) {
+    let expect = |scalar: &Scalar, number: f64| match numbers::fits(*scalar, number) {
         true => Ok(meant((scalar, number))),
         false => Err(format!("{number} is no {}, and the result is one", scalar.wgsl())),
     };

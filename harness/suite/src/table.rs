@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::unstable::diagnostic::{nearest, read_file};
+use karat::unstable::diagnostic::{nearest, read_file, shown};
 use karat::unstable::domain::Part;
 use karat::unstable::value::{Scalar, Shape};
 
@@ -102,9 +102,8 @@ pub(crate) fn read(
         for (column, scalar) in &results {
             let cell = &record[*column];
             let value = numbers::expected(*scalar, cell, compared);
-            let what =
-                "is no finite number, and nothing else passes: WGSL leaves open what it becomes";
-            lanes.push(value.ok_or_else(|| wrong(*column, what))?);
+            let column = &head[*column];
+            lanes.push(value.map_err(|why| at(format!("column `{column}`: {why}")))?);
         }
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
@@ -117,6 +116,43 @@ pub(crate) fn read(
         return Err(format!("`{name}` has no row, so nothing would be compared").into());
     }
     Ok(Table { rows, expected })
+}
+
+/// Reads a table of what the elements of a resource hold: a row each, with the columns `x,y,z` or `value`.
+pub(crate) fn elements(
+    file: &Path,
+    element: &Shape,
+    compared: Wanted,
+) -> Result<Vec<f64>, Misdeclared> {
+    let name = shown(file);
+    let text = read_file(file).map_err(|error| format!("can't read `{name}`: {error}"))?;
+    let own = |name: String| match &*name {
+        "" => "value".to_owned(),
+        lane => lane.trim_start_matches('.').to_owned(),
+    };
+    let wanted: Vec<String> = element.lane_names().into_iter().map(own).collect();
+    let mut reader = reader(&text);
+    let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?;
+    if head.iter().ne(wanted.iter().map(String::as_str)) {
+        let (wanted, there) = (wanted.join(","), head.iter().collect::<Vec<_>>().join(","));
+        let message =
+            format!("the first line of `{name}` has to be `{wanted}`, and it is `{there}`");
+        return Err(Misdeclared::at_line(file, 1, message));
+    }
+    let (scalars, mut all) = (element.lanes(), Vec::new());
+    for record in reader.records() {
+        let position = match &record {
+            Ok(record) => record.position(),
+            Err(error) => error.position(),
+        };
+        let line = line_of(&text, begins(&text, position));
+        let at = |message: String| Misdeclared::at_line(file, line, message);
+        let record = record.map_err(|error| at(error.to_string()))?;
+        for (scalar, cell) in scalars.iter().zip(&record) {
+            all.push(numbers::expected(*scalar, cell, compared).map_err(at)?);
+        }
+    }
+    Ok(all)
 }
 
 impl Table {
@@ -133,11 +169,12 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The line of a row, from 0, of a table that can be [`read`].
-pub(crate) fn line(file: &Path, row: u64) -> Option<usize> {
+/// Where a row stands, from 0, in a table that can be read: the end of a message.
+pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
-    Some(line_of(&text, begins(&text, record.position())))
+    let line = line_of(&text, begins(&text, record.position()));
+    Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
 /// Where a reader stood in the text before a record.
@@ -205,7 +242,27 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("t.csv");
         std::fs::write(&file, "# facts\nx,result\n1,2\n\n3,4\n").expect("a file");
-        assert_eq!([0, 1, 2].map(|row| line(&file, row)), [Some(3), Some(5), None]);
+        let line = |row| Some(told("row", &file, row)?.rsplitn(3, ':').nth(1)?.to_owned());
+        assert_eq!([0, 1, 2].map(line), [Some("3".to_owned()), Some("5".to_owned()), None]);
+    }
+
+    #[test]
+    fn elements_are_numbers_that_the_resource_holds() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("t.csv");
+        let of = |text: &str, scalar| {
+            std::fs::write(&file, text).expect("a file");
+            elements(&file, &Shape::Scalar(scalar), Wanted::Equal)
+        };
+        assert_eq!(of("value\n1\n2\n", Scalar::U32).expect("it reads"), [1.0, 2.0]);
+        for (text, scalar) in [
+            ("value\n1\n\n5.5\n", Scalar::U32),
+            ("value\n1\n\nnan\n", Scalar::F32),
+            ("value\n1\n\nx\n", Scalar::F32),
+        ] {
+            let wrong = of(text, scalar).expect_err("nothing equals it");
+            assert!(wrong.place.is_some_and(|place| place.ends_with(":4:1")), "{text}");
+        }
     }
 
     #[test]
@@ -219,7 +276,7 @@ mod tests {
             ),
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
-            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else passes"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and WGSL leaves open"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),

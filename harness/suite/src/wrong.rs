@@ -21,9 +21,10 @@ pub struct Wrong {
     pub place: Option<String>,
     /// All of it, with an excerpt of the file.
     pub message: String,
-    /// The violations of passes, a line each: all assertions of these passes fail by them.
+    /// What other tests may fail by, too: violations of passes, a line each, or why a test can't begin. `None` of values, which
+    /// are this test's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub violations: Option<String>,
+    pub common: Option<String>,
 }
 
 impl fmt::Display for Wrong {
@@ -36,7 +37,7 @@ impl Wrong {
     /// A message without a place, or whose text has it. Its first line says what is wrong.
     #[must_use]
     pub fn of(message: String) -> Self {
-        Self { headline: headline(&message).to_owned(), place: None, message, violations: None }
+        Self { headline: headline(&message).to_owned(), place: None, message, common: None }
     }
 
     /// The same once it is in the record of the run: no check has put it there.
@@ -45,9 +46,11 @@ impl Wrong {
         self.clone()
     }
 
+    /// Of a test that can't begin.
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
-        Self { headline, place, message, violations: None }
+        let common = Some(headline.clone());
+        Self { headline, place, message, common }
     }
 }
 
@@ -63,7 +66,9 @@ pub(crate) fn blamed(
     let span = match blame.at {
         At::Text => {
             let place = blame.message.and_then(Diagnostic::location).map(ToString::to_string);
-            return Wrong { place, ..Wrong::of(failure.to_string()) };
+            let own = Wrong::of(failure.to_string());
+            let common = blame.message.map(|_| own.headline.clone());
+            return Wrong { place, common, ..own };
         }
         At::Setting(keys) => keys.iter().find_map(|key| place_of(key)),
         At::EntryPoint(name) => key_of_entry(name).and_then(|key| place_of(&key)),

@@ -91,7 +91,7 @@ fn what_differs_is_told() {
         "<scan>:7:1",
         "192 of 256 elements differ (75.000%)",
         "first: [64]",
-        "KARAT_CASE=blocks/after.agrees_with/0",
+        "KARAT_CASE=blocks/after.data.agrees_with/0",
     ] {
         assert!(text.contains(part), "{part} in:\n{text}");
     }

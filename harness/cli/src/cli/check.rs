@@ -47,7 +47,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let good = valid && broken.is_empty();
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
-    let are = if valid { "valid" } else { "looked at, and not all valid" };
+    let are = match (valid, broken.len()) {
+        (false, _) => "looked at, and not all valid".to_owned(),
+        (true, 0) => "valid".to_owned(),
+        (true, errors) => format!("valid, with {} in files of tests", counted(errors, "error")),
+    };
     let opinion_of = match opinion.to_string() {
         text if text.is_empty() => text,
         text => format!("; {text}"),

@@ -403,8 +403,8 @@ impl Place {
     }
 }
 
-/// The function in WGSL, or the golden's facts, or the test that has none. Files are relative to
-/// the workspace.
+/// The function in WGSL, or the test that draws the frame, or else the golden's facts. Files are relative to the
+/// workspace.
 fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let located = |location: &str, package| {
         located(location, package, workspace).or_else(|| of_read(location, record, workspace))
@@ -412,11 +412,12 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     match &record.subject {
         Subject::Function { location, package, .. } => located(location, Path::new(package)),
         Subject::Frame { golden, folder, location } => {
-            let facts = Path::new(folder).join(format!("{golden}.toml"));
-            if !folder.is_empty() && facts.is_file() {
-                return Some(Place { file: relative(&facts, workspace), line: 1, column: 1 });
-            }
-            located(location, root)
+            let facts = || {
+                let facts = Path::new(folder).join(format!("{golden}.toml"));
+                let is_there = !folder.is_empty() && facts.is_file();
+                is_there.then(|| Place { file: relative(&facts, workspace), line: 1, column: 1 })
+            };
+            located(location, root).or_else(facts)
         }
     }
 }

@@ -120,13 +120,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
-        // A race fails each assertion of its passes, and one message says it.
+        // A race fails each assertion of its passes, and a path that doesn't open each test: one message says it.
         let mut told: HashMap<&str, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;
-            let first = wrong.violations.as_deref().map(|all| *told.entry(all).or_insert(name));
+            let first = wrong.common.as_deref().map(|common| *told.entry(common).or_insert(name));
             match first.filter(|first| *first != name) {
-                Some(first) => writeln!(out, "error: {}\n  as under `{first}`\n", wrong.headline)?,
+                Some(first) => {
+                    let place = wrong.place.iter().map(|place| format!("  --> {place}\n"));
+                    let place: String = place.collect();
+                    writeln!(out, "error: {}\n{place}  as under `{first}`\n", wrong.headline)?;
+                }
                 None => writeln!(out, "{}\n", wrong.message.trim_end())?,
             }
         }

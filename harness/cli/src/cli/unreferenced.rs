@@ -77,12 +77,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.delete {
         args.ci.check("delete")?;
     }
-    let folder = args.folder.path()?;
     let record = match &args.record {
         Some(folder) => folder.clone(),
         None => Project::last_tested()?.record(),
     };
-    let (record, evidence) = Evidence::of(&record, &folder)?;
+    let (record, records) = whole_run(&record)?;
+    let folder = args.folder.path()?;
+    let evidence = Evidence::gather(&records, &folder);
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
@@ -221,32 +222,32 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     )
 }
 
-impl Evidence {
-    /// The record of the last run, and what it compared with goldens of a folder.
-    fn of(record: &Path, golden: &Path) -> anyhow::Result<(PathBuf, Self)> {
-        let none =
-            |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
-        let recorded = Recorded::read(record)?;
-        let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
-        let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
-        let shown = folder.display();
-        let run = run
-            .ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
-        if !run.selected.is_empty() {
-            let selected = run.selected.join(" ");
-            return Err(none(format!("the last run left tests out (`{selected}`)")).into());
-        }
-        if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
-            return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
-        }
-        if !run.passed {
-            let why = "a test failed in the last run, and what it would have compared afterwards is \
-                       unknown; mend it, or accept its frames";
-            return Err(none(why.to_owned()).into());
-        }
-        Ok((folder, Self::gather(&records, golden)))
+/// The records of the last run, which has to be one of all tests.
+fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
+    let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
+    let recorded = Recorded::read(record)?;
+    let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
+    let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
+    let shown = folder.display();
+    let run =
+        run.ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
+    if !run.selected.is_empty() {
+        let selected = run.selected.join(" ");
+        return Err(none(format!("the last run left tests out (`{selected}`)")).into());
     }
+    if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
+        return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
+    }
+    if !run.passed {
+        let why = "a test failed in the last run, and what it would have compared afterwards is \
+                   unknown; mend it, or accept its frames";
+        return Err(none(why.to_owned()).into());
+    }
+    Ok((folder, records))
+}
 
+impl Evidence {
+    /// What records say was compared with goldens of a folder.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();

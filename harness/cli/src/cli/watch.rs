@@ -33,6 +33,8 @@ pub(super) use worker::{Reads, Request, Said};
 
 /// How long a shader may take here, unless KARAT_TIMEOUT says: who waits has an editor open.
 const DEADLINE: &str = "10";
+/// Lines by which a page is scrolled: half of a usual terminal.
+const PAGE: isize = 12;
 /// Paths, unless KARAT_PATHS says.
 const PATHS: &str = "cpu,vulkan";
 
@@ -264,6 +266,7 @@ impl Watch {
                     }
                     self.changed = files.iter().map(|file| shown(file, &self.folder)).collect();
                     self.screen.say_changed(&self.changed, out)?;
+                    self.screen.rewind();
                     for index in 0..self.lanes.len() {
                         self.ask(index, Request { changed: files.clone(), ..Request::default() })?;
                     }
@@ -429,6 +432,11 @@ impl Watch {
                 frames => self.typing = Some(Typing::Reason(frames, String::new())),
             },
             KeyCode::Char('o') => self.ask_for_records(),
+            KeyCode::Char('n') => self.screen.turn(),
+            KeyCode::Up | KeyCode::Char('k') => self.screen.scroll(-1),
+            KeyCode::Down | KeyCode::Char('j') => self.screen.scroll(1),
+            KeyCode::PageUp => self.screen.scroll(-PAGE),
+            KeyCode::PageDown | KeyCode::Char(' ') => self.screen.scroll(PAGE),
             _ => {}
         }
         Ok(true)

@@ -350,7 +350,7 @@ fn github_gets_annotations_a_summary_and_pictures() {
     let start = "::error file=shaders/calc.wgsl,line=4,col=1,title=calc%3A%3Adouble agrees_with::\
                  error: `calc::double` fails, 50%25: <b>%0A  worst";
     assert!(annotations[0].starts_with(start), "{annotations:?}");
-    let frame = "::error file=golden/furnace/scene.toml,line=1,col=1,title=frame furnace/scene::\
+    let frame = "::error file=tests/frames.rs,line=7,col=3,title=frame furnace/scene::\
                  frame differs%0A  by 100%25";
     assert_eq!(annotations[1], frame, "{annotations:?}");
     let new = "::error file=tests/frames.rs,line=7,col=3,title=frame new::";

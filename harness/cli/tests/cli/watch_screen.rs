@@ -173,6 +173,39 @@ fn keys_do_what_the_last_line_says() {
     let _ = &terminal.master;
 }
 
+/// On 80 x 24 each failure can be reached, and each of its lines.
+#[test]
+fn failures_are_turned_and_scrolled() {
+    let mut terminal = Terminal::start(80);
+    terminal.until("cpu: 1 test passes; 1 ran");
+    let more: String = ["again", "other"]
+        .iter()
+        .map(|name| format!("@test fn {name}() {{ expect_near(half(3.0), 1.25, 0.0); }}\n"))
+        .collect();
+    terminal.edit("calc_test.wgsl", &format!("{TESTS}{more}"));
+    let first = terminal.until("1 of 2: calc_test::again on cpu");
+    assert!(first.contains("n next"), "{first}");
+    terminal.press("n");
+    terminal.until("2 of 2: calc_test::other on cpu");
+    terminal.press("n");
+    terminal.until("1 of 2: calc_test::again on cpu");
+    // A message that is longer than the screen.
+    let lines: String =
+        (0..40).map(|at| format!("    expect_near(half(3.0), {at}.0, 0.0);\n")).collect();
+    terminal.edit("calc_test.wgsl", &format!("{TESTS}@test fn long() {{\n{lines}}}\n"));
+    let top = terminal.until("calc_test::long on cpu");
+    assert!(top.contains("\u{2191}\u{2193} scroll") && top.lines().count() <= 24, "{top}");
+    terminal.press("\u{1b}[B\u{1b}[B");
+    let below = terminal.until("calc_test::long on cpu");
+    assert!(below != top && below.contains("q quit"), "{below}");
+    // Behind the last line nothing is scrolled.
+    terminal.press(&" ".repeat(30));
+    let end = terminal.until("calc_test::long on cpu");
+    terminal.press("k");
+    let above = terminal.until("calc_test::long on cpu");
+    assert!(above != end, "one line up is seen at once:\n{end}");
+}
+
 /// A frame that is new is accepted with a reason, and compared from then on.
 #[test]
 fn a_pending_frame_is_accepted() {

@@ -412,8 +412,7 @@ fn read(
         let wanted = wanted.map(|((place, name), scalar)| {
             let word = record[*place].trim();
             let value = karat_suite::expected(scalar, word, near);
-            let wrong = || format!("`{word}` is no finite number, so nothing is compared with it");
-            value.with_context(wrong).with_context(|| at(name))
+            value.map_err(anyhow::Error::msg).with_context(|| at(name))
         });
         table.expected.push(wanted.collect::<anyhow::Result<_>>()?);
         for ((_, place), (_, words)) in places.others.iter().zip(&mut table.others) {

@@ -181,7 +181,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     format!("{verdict}{issues}{}, {cases}", worst(paths()).unwrap_or_default())
 }
 
-/// The worst error, of what it may be, and its path; `None` where nothing is measured.
+/// The worst error, what was asserted of it, and its path; `None` where nothing is measured.
 fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     // Without a ratio a path that fails is infinitely far off.
     let ratio = |path: &PathRecord| match path.ratio {
@@ -190,10 +190,6 @@ fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     };
     let measured = paths.filter(|path| path.worst.contains(|c: char| c.is_ascii_digit()));
     let worst = measured.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
-    let (error, unit) = worst.worst.rsplit_once(' ').unwrap_or((&*worst.worst, ""));
-    // `0.42 of 4 ulp`: a unit is told once.
-    let error = if worst.asserted.ends_with(unit) { error } else { &*worst.worst };
-    // Of a statement with a tolerance, `increasing in x, 4 ulp`, that is what the error is of.
-    let allowed = worst.asserted.rsplit(", ").next().unwrap_or_default();
-    Some(format!(", worst {error} of {allowed} on {}", worst.adapter.path))
+    let PathRecord { worst: error, asserted, adapter, .. } = worst;
+    Some(format!(", worst {error} ({asserted}) on {}", adapter.path))
 }

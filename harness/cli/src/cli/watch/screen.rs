@@ -1,6 +1,7 @@
 //! What is shown: a screen on a terminal, lines elsewhere.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -31,18 +32,47 @@ pub(super) struct Screen {
     full: bool,
     /// The last line that was printed, but for messages.
     last: RefCell<String>,
+    /// Which of the failures is shown.
+    failure: Cell<usize>,
+    /// Its first line that is seen.
+    top: Cell<usize>,
+}
+
+/// What fails: a title, and what is said of it.
+struct Failure {
+    title: String,
+    message: String,
 }
 
 impl Screen {
     pub(super) fn lines() -> Self {
-        Self { full: false, last: RefCell::default() }
+        Self { full: false, last: RefCell::default(), failure: Cell::new(0), top: Cell::new(0) }
     }
 
     /// Takes the terminal, until it is dropped.
     pub(super) fn full() -> std::io::Result<Self> {
         terminal::enable_raw_mode()?;
         execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
-        Ok(Self { full: true, last: RefCell::default() })
+        let mut screen = Self::lines();
+        screen.full = true;
+        Ok(screen)
+    }
+
+    /// Shows the next failure. Behind the last one comes the first.
+    pub(super) fn turn(&self) {
+        self.failure.set(self.failure.get() + 1);
+        self.top.set(0);
+    }
+
+    /// Shows later lines of the failure, or earlier ones.
+    pub(super) fn scroll(&self, lines: isize) {
+        self.top.set(self.top.get().saturating_add_signed(lines));
+    }
+
+    /// Shows the first failure from its first line.
+    pub(super) fn rewind(&self) {
+        self.failure.set(0);
+        self.top.set(0);
     }
 
     pub(super) fn say_changed(
@@ -136,22 +166,27 @@ impl Screen {
             lines.extend(notice.lines().flat_map(|line| wrapped(&visible(line), columns)));
         }
         lines.push(String::new());
-        let worst = view.lanes.iter().find_map(|lane| {
-            let broken = lane.verdicts.broken.as_ref().or(lane.verdicts.invalid.as_ref());
-            let broken = broken.map(|why| (lane.name.clone(), why.clone()));
-            broken.or_else(|| {
-                let (name, wrong) = lane.resident.failing.first_key_value()?;
-                Some((format!("{name} on {}", lane.name), wrong.message.clone()))
-            })
-        });
-        if let Some((title, message)) = worst {
+        let failures = failures(view.lanes);
+        let room = rows.saturating_sub(lines.len() + 1);
+        let mut hidden = false;
+        if !failures.is_empty() {
+            self.failure.set(self.failure.get() % failures.len());
+            let Failure { title, message } = &failures[self.failure.get()];
+            let title = match failures.len() {
+                1 => title.clone(),
+                count => format!("{} of {count}: {title}", self.failure.get() + 1),
+            };
             lines.push(styled(BAD, &cut(&title, columns)));
-            lines.extend(message.lines().flat_map(|line| wrapped(&visible(line), columns)));
+            let body = message.lines().flat_map(|line| wrapped(&visible(line), columns));
+            let body: Vec<String> = body.collect();
+            let seen = room.saturating_sub(1).max(1);
+            hidden = body.len() > seen;
+            self.top.set(self.top.get().min(body.len().saturating_sub(seen)));
+            lines.extend(body.into_iter().skip(self.top.get()));
         }
         let keys = match &view.prompt {
             Some(prompt) => prompt.clone(),
-            None if columns < 50 => "r all  f filter  a accept  o open  q quit".to_owned(),
-            None => "r run all   f filter   a accept   o report   q quit".to_owned(),
+            None => keys(failures.len() > 1, hidden, columns),
         };
         lines.truncate(rows.saturating_sub(1));
         // Without colours the output strips every command, and those of the screen are needed all the same. Rows that
@@ -176,6 +211,41 @@ impl Drop for Screen {
             drop(execute!(std::io::stdout(), cursor::Show, terminal::LeaveAlternateScreen));
             drop(terminal::disable_raw_mode());
         }
+    }
+}
+
+/// What has no verdict or isn't valid, and then each test that fails, once for all paths on which it does: with what the
+/// first of them says.
+fn failures(lanes: &[Lane]) -> Vec<Failure> {
+    let broken = lanes.iter().filter_map(|lane| {
+        let Verdicts { broken, invalid, .. } = &lane.verdicts;
+        let message = broken.as_ref().or(invalid.as_ref())?.clone();
+        Some(Failure { title: lane.name.clone(), message })
+    });
+    let mut tests: BTreeMap<&str, (Vec<&str>, &str)> = BTreeMap::new();
+    for lane in lanes {
+        for (name, wrong) in &lane.resident.failing {
+            let known = tests.entry(name).or_insert((Vec::new(), &wrong.message));
+            known.0.push(&lane.name);
+        }
+    }
+    let tests = tests.into_iter().map(|(name, (paths, message))| Failure {
+        title: format!("{name} on {}", paths.join(", ")),
+        message: message.to_owned(),
+    });
+    broken.chain(tests).collect()
+}
+
+/// What keys do, as far as they do something: in short, where the line has no room for more.
+fn keys(several: bool, hidden: bool, columns: usize) -> String {
+    // These come first, since the end of a line that is too long isn't seen.
+    let now = [(several, "n next"), (hidden, "\u{2191}\u{2193} scroll")];
+    let now: Vec<&str> = now.into_iter().filter_map(|(does, key)| does.then_some(key)).collect();
+    let join = |always: [&'static str; 5], gap| [&*now, &always].concat().join(gap);
+    let long = join(["r run all", "f filter", "a accept", "o report", "q quit"], "   ");
+    match long.chars().count() <= columns {
+        true => long,
+        false => join(["r all", "f filter", "a accept", "o open", "q quit"], "  "),
     }
 }
 
