@@ -46,7 +46,7 @@ pub use find::{FindError, is_meant};
 pub use fixtures::fixture;
 pub use json::{json, lanes_of_json};
 pub use numbers::{Wanted, expected, hexadecimal};
-pub use rows::{begins_with_mark, head_of};
+pub use rows::{Places, begins_with_mark, head_of, line_of};
 pub use run::Groups;
 pub use tolerances::tolerance;
 pub use wrong::Wrong;

@@ -1,7 +1,68 @@
-//! Rows of tables, and the comments above them.
+//! Rows of tables, the columns of their heads, and the comments above them.
 //!
 //! Comments are the lines above a table's head that begin with `#`. Below it such a line may as well be a row
 //! whose first cell begins so, and a row that is left out is one that isn't compared: it is an error.
+
+use karat::unstable::diagnostic::nearest;
+
+/// The places of a table's columns.
+#[derive(Debug)]
+pub struct Places {
+    /// Those of the arguments, in their order.
+    pub arguments: Vec<usize>,
+    /// Those of what is expected.
+    pub expected: Vec<usize>,
+    /// The others, which are notes, by their names.
+    pub others: Vec<(String, usize)>,
+}
+
+impl Places {
+    /// By a head, which names the columns in any order.
+    ///
+    /// # Errors
+    /// A column that is missing, that there are two of, or that looks like a part of a value and is none: the type has
+    /// changed. It is the end of a sentence about the table.
+    pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
+        let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
+        if let Some((_, column)) = head.iter().enumerate().find(twice) {
+            return Err(format!(
+                "has two columns `{column}`, and it isn't clear which is meant: rename or remove one"
+            ));
+        }
+        let wanted = || arguments.iter().chain(expected).copied();
+        let find = |name: &&str| {
+            head.iter().position(|column| column == name).ok_or_else(|| {
+                let near = nearest(name, head.iter().copied());
+                let near = near.map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                format!("has no column `{name}`{near}; it has {}", head.join(","))
+            })
+        };
+        let arguments = arguments.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let stem = |name: &str| name.split(['.', '[']).next().map(str::to_owned);
+        let is_part = |column: &&&str| {
+            wanted().all(|name| name != **column) && wanted().any(|name| stem(name) == stem(column))
+        };
+        if let Some(foreign) = head.iter().find(is_part) {
+            let wanted = wanted().collect::<Vec<_>>().join(",");
+            return Err(format!(
+                "has a column `{foreign}`, which is no part of what the function takes and returns: {wanted}"
+            ));
+        }
+        let expected = expected.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let used = |place: &usize| arguments.contains(place) || expected.contains(place);
+        let others = head.iter().enumerate().filter(|(place, _)| !used(place));
+        let others = others.map(|(place, name)| ((*name).to_owned(), place)).collect();
+        Ok(Self { arguments, expected, others })
+    }
+}
+
+/// The line of a record, from 1, by the byte at which its reader stood before it: blank lines are skipped.
+#[must_use]
+pub fn line_of(text: &[u8], begins: usize) -> usize {
+    let (before, rest) = text.split_at(begins.min(text.len()));
+    let skipped = rest.split(|byte| *byte == b'\n').take_while(|line| line.trim_ascii().is_empty());
+    1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
+}
 
 /// Where a table's head begins, in bytes: behind comments and blank lines.
 #[must_use]

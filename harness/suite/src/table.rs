@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::unstable::diagnostic::{nearest, read_file, shown};
+use karat::unstable::diagnostic::{read_file, shown};
 use karat::unstable::domain::Part;
 use karat::unstable::value::{Scalar, Shape};
 
 use crate::numbers::{self, Wanted};
-use crate::rows::{MARKED, begins_with_mark, head_of};
+use crate::rows::{MARKED, Places, begins_with_mark, head_of, line_of};
 use crate::wrong::Misdeclared;
 
 /// Arguments with what is expected of them.
@@ -37,42 +37,17 @@ pub(crate) fn read(
     let argument = |(name, shape): &(String, Shape)| columns(name, shape);
     let arguments: Vec<(String, Scalar)> = parameters.iter().flat_map(argument).collect();
     let results = columns(RESULT, result);
-    let wanted = || arguments.iter().chain(&results).map(|(name, _)| name.as_str());
-    // Other columns are notes, unless one of these is missing: then one of those may be misspelt.
-    if let Some(missing) = wanted().find(|name| head.iter().all(|column| column != *name)) {
-        let others = head.iter().filter(|column| wanted().all(|name| name != *column));
-        let near = nearest(missing, others);
-        let near = near.map_or_else(String::new, |n| format!("; is it `{n}`, misspelt?"));
-        return Err(format!("`{name}`: the column `{missing}` is missing{near}").into());
+    fn names(columns: &[(String, Scalar)]) -> Vec<&str> {
+        columns.iter().map(|(name, _)| &**name).collect()
     }
-    if let Some((_, twice)) = head
-        .iter()
-        .enumerate()
-        .find(|(at, column)| head.iter().take(*at).any(|earlier| earlier == *column))
-    {
-        return Err(
-            format!("`{name}` has two columns `{twice}`: one of them would be ignored").into()
-        );
-    }
-    // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
-    let stems = || parameters.iter().map(|(name, _)| name.as_str()).chain([RESULT]);
-    let is_part = |column: &&str| {
-        let stem = column.split(['.', '[']).next().unwrap_or_default();
-        stems().any(|known| known == stem) && wanted().all(|name| name != *column)
+    let own: Vec<&str> = head.iter().collect();
+    let places = Places::of_head(&own, &names(&arguments), &names(&results))
+        .map_err(|why| format!("`{name}` {why}"))?;
+    let placed = |places: Vec<usize>, columns: Vec<(String, Scalar)>| {
+        places.into_iter().zip(columns.into_iter().map(|(_, scalar)| scalar)).collect::<Vec<_>>()
     };
-    if let Some(foreign) = head.iter().find(is_part) {
-        let columns = wanted().collect::<Vec<_>>().join(", ");
-        return Err(format!(
-            "`{name}`: the column `{foreign}` is no part of what the function takes and returns: {columns}"
-        ).into());
-    }
-    let place = |(column, scalar): &(String, Scalar)| {
-        let place = head.iter().position(|known| known == column);
-        let missing = || format!("`{name}`: the column `{column}` is missing");
-        Ok((place.ok_or_else(missing)?, *scalar))
-    };
-    let arguments = arguments.iter().map(place).collect::<Result<Vec<_>, String>>()?;
-    let results = results.iter().map(place).collect::<Result<Vec<_>, String>>()?;
+    let (arguments, results) =
+        (placed(places.arguments, arguments), placed(places.expected, results));
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
     for record in reader.records() {
         let position = match &record {
@@ -183,13 +158,6 @@ fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     (head_of(text) + below).min(text.len())
 }
 
-/// The line of a record, which begins where the one before it ends: blank lines are skipped.
-fn line_of(text: &[u8], begins: usize) -> usize {
-    let (before, rest) = text.split_at(begins);
-    let skipped = rest.split(|byte| *byte == b'\n').take_while(|line| line.trim_ascii().is_empty());
-    1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
-}
-
 /// A reader of what stands below the comments. A golden has its facts there.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
@@ -222,7 +190,10 @@ mod tests {
             ("a,v.x,v.y,result,result.x", "result.x"),
         ] {
             let error = of(&format!("{head}\n1,2,3,4,5\n")).expect_err("another type");
-            assert!(error.contains(&format!("the column `{column}` is no part of")), "{error}");
+            assert!(
+                error.contains(&format!("has a column `{column}`, which is no part of")),
+                "{error}"
+            );
         }
         of("a,v.x,v.y,result,note,vx\n1,2,3,4,5,6\n").expect("others are notes");
     }
@@ -269,11 +240,8 @@ mod tests {
     fn what_a_table_lacks_is_told() {
         for (text, part) in [
             ("a,v.x,v.y,result\n", "has no row"),
-            ("a,v.x,v.y\n1,2,3\n", "the column `result` is missing"),
-            (
-                "a,v.x,v.y,resul\n1,2,3,4\n",
-                "the column `result` is missing; is it `resul`, misspelt?",
-            ),
+            ("a,v.x,v.y\n1,2,3\n", "has no column `result`"),
+            ("a,v.x,v.y,resul\n1,2,3,4\n", "has no column `result` (did you mean `resul`?)"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
             ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and WGSL leaves open"),

@@ -7,7 +7,6 @@ use std::path::Path as FilePath;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::fixture::Fixtures;
-use karat::unstable::diagnostic::nearest;
 use karat::unstable::image::write_whole;
 use karat::unstable::output::counted;
 use karat::unstable::probe::{ProbeError, Probed};
@@ -15,7 +14,7 @@ use karat::unstable::reflect::Function;
 use karat::unstable::value::{Scalar, Shape};
 use karat::unstable::value::{format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
-use karat_suite::{Wanted, begins_with_mark, head_of};
+use karat_suite::{Places, Wanted, begins_with_mark, head_of, line_of};
 
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
@@ -234,7 +233,7 @@ fn compare(
                 out,
                 "{BAD}{path} {}:{}{BAD:#}  {}: result{} = {}, expected {}, error {error}",
                 input.display(),
-                line(&table.text, table.starts[index]),
+                line_of(table.text.as_bytes(), table.starts[index]),
                 arguments.collect::<Vec<_>>().join(", "),
                 names[lane],
                 shown(scalars[lane], actual[lane], request.exact),
@@ -261,61 +260,6 @@ pub(super) fn columns(function: &Function) -> Vec<(String, Scalar)> {
         lanes.zip(shape.lanes()).collect::<Vec<_>>()
     };
     function.parameters.iter().flat_map(of).collect()
-}
-
-/// Where the columns of a table are.
-struct Places {
-    arguments: Vec<usize>,
-    expected: Vec<usize>,
-    /// Names and places of all others.
-    others: Vec<(String, usize)>,
-}
-
-impl Places {
-    /// By a head, which names the columns in any order.
-    fn of_head(
-        record: &csv::StringRecord,
-        columns: &[(String, Scalar)],
-        expected: &[String],
-        shown: &dyn std::fmt::Display,
-    ) -> anyhow::Result<Self> {
-        for (place, word) in record.iter().enumerate() {
-            let again = record.iter().take(place).any(|before| before == word);
-            ensure!(
-                !again,
-                "`{shown}` has two columns `{word}`, and it isn't clear which is meant: rename or remove one"
-            );
-        }
-        let find = |name: &str| {
-            record.iter().position(|word| word == name).with_context(|| {
-                let near = nearest(name, record.iter());
-                let near = near.map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                let own: Vec<&str> = record.iter().collect();
-                format!("`{shown}` has no column `{name}`{near}; it has {}", own.join(","))
-            })
-        };
-        let arguments =
-            columns.iter().map(|(name, _)| find(name)).collect::<Result<Vec<_>, _>>()?;
-        if let Some(argument) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
-        {
-            bail!("`{argument}` is an argument, and no result is expected to be one");
-        }
-        // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
-        let wanted = || columns.iter().map(|(name, _)| name).chain(expected);
-        let stem = |name: &str| name.split(['.', '[']).next().unwrap_or_default().to_owned();
-        let is_part = |word: &&str| {
-            wanted().all(|name| name != word) && wanted().any(|name| stem(name) == stem(word))
-        };
-        if let Some(foreign) = record.iter().find(is_part) {
-            let wanted = wanted().map(String::as_str).collect::<Vec<_>>().join(",");
-            bail!("the column `{foreign}` of `{shown}` is no part of its value: they are {wanted}");
-        }
-        let expected = expected.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>()?;
-        let used = |place: &usize| arguments.contains(place) || expected.contains(place);
-        let others = record.iter().enumerate().filter(|(place, _)| !used(place));
-        let others = others.map(|(place, name)| (name.to_owned(), place)).collect();
-        Ok(Self { arguments, expected, others })
-    }
 }
 
 fn names(columns: &[(String, Scalar)]) -> String {
@@ -370,7 +314,7 @@ fn read(
             break;
         }
         let start = above + record.position().map_or(0, |position| position.byte() as usize);
-        let line = || line(&text, start);
+        let line = || line_of(text.as_bytes(), start);
         ensure!(
             !begins_with_mark(text.as_bytes(), start),
             "`{shown}` line {} begins with `#`, and comments stand above the head: remove it, or quote its \
@@ -378,7 +322,15 @@ fn read(
             line()
         );
         if index == 0 && record.iter().any(is_name) {
-            places = Places::of_head(&record, columns, &expected, &shown)?;
+            if let Some(both) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
+            {
+                bail!("`{both}` is an argument, and no result is expected to be one");
+            }
+            let head: Vec<&str> = record.iter().collect();
+            let own: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
+            let expected: Vec<&str> = expected.iter().map(String::as_str).collect();
+            places = Places::of_head(&head, &own, &expected)
+                .map_err(|why| anyhow::anyhow!("`{shown}` {why}"))?;
             let others = places.others.iter().map(|(name, _)| (name.clone(), Vec::new()));
             table.others = others.collect();
             (headed, width) = (true, record.len());
@@ -447,17 +399,6 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
 /// Whether a word of a table's first row is a name: it reads as no value of any type.
 fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
-}
-
-/// The line of a record, from 1. A record's position is where its reader stood before it: empty lines may
-/// follow.
-fn line(text: &str, start: usize) -> usize {
-    let rest = text.get(start..).unwrap_or_default();
-    let skipped = rest
-        .split_inclusive('\n')
-        .take_while(|line| line.trim_end_matches(['\r', '\n']).is_empty());
-    let start = start + skipped.map(str::len).sum::<usize>();
-    text.get(..start).unwrap_or_default().matches('\n').count() + 1
 }
 
 #[cfg(test)]
