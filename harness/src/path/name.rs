@@ -140,10 +140,9 @@ impl fmt::Display for Via {
 /// driver uses the first adapter of its API, hardware before software.
 ///
 /// ```
-/// use karat::{Path, path::{Api, Via}};
+/// use karat::Path;
 ///
 /// let path: Path = "vulkan:hlsl@llvmpipe".parse().unwrap();
-/// assert_eq!((path.api(), path.via(), path.driver()), (Api::Vulkan, Via::Hlsl, Some("llvmpipe")));
 /// assert_eq!(path.to_string(), "vulkan:hlsl@llvmpipe");
 /// assert_eq!("gl".parse::<Path>().unwrap(), Path::GL);
 /// ```

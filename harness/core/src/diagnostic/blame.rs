@@ -13,7 +13,7 @@ use super::Diagnostic;
 /// let failure = check.try_agrees_with(|x: f64| 0.5 * x, Ulp(0.0)).expect_err("there is no `y`");
 /// let blame = failure.blame();
 /// assert!(matches!(blame.at, At::Text));
-/// assert_eq!(blame.message.and_then(|found| found.location()).map(|at| at.to_string()).as_deref(), Some("<m>:1:40"));
+/// assert_eq!(blame.message.and_then(|found| found.location()).map(|at| at.to_string()).as_deref(), Some("<m>:1:39"));
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Blame<'f> {
