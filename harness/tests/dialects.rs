@@ -295,7 +295,7 @@ fn names_that_two_files_give_are_errors() {
         let user = "#import a::b::g\nfn f(x: f32) -> f32 { return g(x); }\n";
         Package::from_modules("m", [("one", text), ("two", second), ("user", user)])
     };
-    let twice = two("#define_import_path a::b\n");
+    let twice = two("#define_import_path a::b\nfn g(x: f32) -> f32 { return 2.0 * x; }\n");
     assert_snapshot!(error(&twice, "user::f"), @r#"
     error: unresolved import of `a::b::g`
       --> <user>:1:15
@@ -722,9 +722,57 @@ fn what_naga_oil_takes_is_taken() {
         said.contains("`only_point` is declared under `#ifdef POINT`, which doesn't hold"),
         "{said}"
     );
-    let slip = of(&user.replace("half, only_point", "half, only_pint")).feature("SLICES", 4);
-    let said = error(&slip, "user::f");
+    // An import counts where its name is used.
+    let slip = user.replace("half, only_point", "half, only_pint");
+    let unused = of(&slip).feature("SLICES", 4);
+    unused.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 8.0 * x, Ulp(0.0));
+    let slip = slip.replace("twice(x) *", "only_pint(x) *");
+    let said = error(&of(&slip).feature("SLICES", 4), "user::f");
     assert!(said.contains("declares no `only_pint`"), "{said}");
+}
+
+/// What the first versions of `naga_oil` took, and Bevy's shaders have: names behind a blank, a name that the module declares
+/// itself, a module that isn't there and that nothing uses, and two files of one path, of which one declares the name.
+#[test]
+fn what_naga_oil_took_first_is_taken() {
+    let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
+    let user = "#import demo::util half, twice as double\n#import demo::gone::nothing\n\
+                #import demo::{util::own, dummy::thrice}\nconst own = 7.0;\n\
+                fn f(x: f32) -> f32 { return half(x) + double(x) + thrice(x) + own; }\n";
+    let [real, empty] = ["fn thrice(x: f32) -> f32 { return 3.0 * x; }\n", ""]
+        .map(|text| format!("#define_import_path demo::dummy\n{text}"));
+    let of = |user: &str, other: &str| {
+        let modules = [("util", util), ("user", user), ("real", &*real), ("other", other)];
+        Package::from_modules("m", modules)
+    };
+    let package = of(user, &empty);
+    package.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 5.5 * x + 7.0, Ulp(4.0));
+    // Two that declare it are still an error, and so are none.
+    for other in [&real, "#define_import_path demo::dummy\n"] {
+        let said = match other == real {
+            true => error(&of(user, other), "user::f"),
+            false => error(&of(&user.replace("thrice", "frice"), other), "user::f"),
+        };
+        assert!(said.contains("both call themselves `demo::dummy`"), "{said}");
+    }
+    let said = error(&of(&user.replace("half, twice", "half, , twice"), &empty), "user::f");
+    assert!(said.contains("imports are written"), "{said}");
+    let said = error(&of(&user.replace("util half", "util hall"), &empty), "user::f");
+    assert!(said.contains("half"), "{said}");
+}
+
+/// A package may name itself, as Bevy's WESL does.
+#[test]
+fn a_package_imports_from_itself_by_its_name() {
+    let modules = [
+        ("a", "const K = 2.0;\n"),
+        ("b", "import demo::a::K;\nfn f(x: f32) -> f32 { return K * x; }\n"),
+    ];
+    let package = Package::from_modules("demo", modules);
+    package.function("b::f").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    let said = error(&Package::from_modules("other", modules), "b::f");
+    assert!(said.contains("has no dependency `demo`"), "{said}");
 }
 
 /// A file is included by its path, though a module calls itself by its name.

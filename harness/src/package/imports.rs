@@ -1,7 +1,8 @@
 //! What import statements and paths lead to.
 //!
 //! Every import of a module and of all that it reaches is followed to its declaration before
-//! anything is linked, so that what is wrong is shown at the import statement.
+//! anything is linked, so that what is wrong is shown at the import statement. `naga_oil` looks at an import where its
+//! name is used, and at no other.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -33,6 +34,14 @@ impl Import {
     fn item(&self) -> &str {
         self.words.last().expect("an import has a name")
     }
+
+    /// False of what `naga_oil` passes over: a name that nothing uses, or that the module declares itself.
+    fn counts_in(&self, module: &Module) -> bool {
+        let mut used = module.references.iter().flatten();
+        let is_declared = || module.declared(&self.alias).next().is_some();
+        let mut is_used = || used.any(|one| one.words(module)[0] == self.alias);
+        !module.composes || (!is_declared() && is_used())
+    }
 }
 
 /// What a name or a path leads to.
@@ -59,7 +68,7 @@ pub(super) fn check_more(
     let mut queue = Vec::from_iter(seen.insert(root.clone()).then(|| root.clone()));
     while let Some(path) = queue.pop() {
         let module = library.module(&path)?;
-        for import in imports(&module)? {
+        for import in imports(&module)?.into_iter().filter(|import| import.counts_in(&module)) {
             let led = match led(library, &path, &module, &import) {
                 // Whoever uses it is told: `naga_oil` looks no further.
                 Err(Problem::Item { condition: Some(_), .. }) => continue,
@@ -173,6 +182,19 @@ fn list(
             let message = "an import names a package and a module: `import package::module::name;`";
             return Err(syntax_error(&module.file, module.span(token).range, message));
         }
+        // `#import bevy_pbr::utils PI, E`, as `naga_oil` had it first.
+        if module.composes && depth == 0 && at < tokens.end && module.is_word(at) {
+            while at < tokens.end {
+                at = list(module, at..tokens.end, &words, 1, found)?;
+                if at < tokens.end {
+                    if !module.is(at, b',') {
+                        return Err(malformed(module, at));
+                    }
+                    at += 1;
+                }
+            }
+            return Ok(at);
+        }
         found.push(Import { words, alias, token });
         return Ok(at);
     }
@@ -266,6 +288,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
             Ok(package) => (package, Vec::new(), &words[1..]),
             // Engines give the modules of a crate their own names.
             Err(_) if library.is_own(from.package, name) => (from.package, Vec::new(), words),
+            Err(_) if library.name(from.package) == name => (from.package, Vec::new(), &words[1..]),
             Err(error) => return Err(error),
         },
     };

@@ -16,7 +16,8 @@ type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
     /// The module that calls itself by the first of these words, as many as there are, and how many.
-    /// Of several in one package it is the one in the nearest folder.
+    /// Of several in one package it is the one in the nearest folder, and of several there the only one that declares the next
+    /// word.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,
@@ -37,14 +38,24 @@ impl Library {
         let mut own: Vec<&ModulePath> =
             modules.iter().filter(|module| Some(module.package) == package).collect();
         own.sort_by_key(|module| std::cmp::Reverse(shared(module)));
-        match *own {
-            [first, second, ..] if shared(first) == shared(second) => {
-                Err(PackageError::ComposedTwice {
-                    path: words[..count].join("::"),
-                    first: self.shown(first),
-                    second: self.shown(second),
-                })
+        let nearest = own.first().map_or(0, |first| shared(first));
+        own.retain(|module| shared(module) == nearest);
+        if let (Some(item), [_, _, ..]) = (words.get(count), &*own) {
+            let declares = |module: &ModulePath| {
+                self.module(module).is_ok_and(|module| module.declared(item).next().is_some())
+            };
+            let (mut with, without) = own.iter().partition::<Vec<&ModulePath>, _>(|m| declares(m));
+            if with.is_empty() {
+                with = without;
             }
+            own = with;
+        }
+        match *own {
+            [first, second, ..] => Err(PackageError::ComposedTwice {
+                path: words[..count].join("::"),
+                first: self.shown(first),
+                second: self.shown(second),
+            }),
             _ => Ok(own.first().map(|module| ((*module).clone(), count))),
         }
     }
