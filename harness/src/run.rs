@@ -15,5 +15,5 @@ pub(crate) use known_issue::{Conclusion, Judged, KnownIssues, Stop, sound_paths}
 pub use known_issue::{KnownIssue, PathFailures, WrongDeclaration};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::{NotReplayed, not_replayed};
-pub use reporter::record_unbegun;
-pub(crate) use reporter::{Fails, Passed, Report, or_panic, reported};
+pub use reporter::{Fails, record_unbegun};
+pub(crate) use reporter::{Passed, Report, or_panic, reported};

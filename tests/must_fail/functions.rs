@@ -1,6 +1,6 @@
 //! Functions against references.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec3, Vec3};
 use karat::Goldens;
 use karat::check::Failure;
 use karat::prelude::*;
@@ -72,6 +72,31 @@ fn one_bad_result_of_65536() {
         }
         disagreement(over().unrecorded().try_satisfies("is anything", |_, _: f32| true));
         disagreement(over().unrecorded().try_invariant_under(|i| i ^ 1, Abs(6e38)));
+    }
+}
+
+/// The same in the last of three components, of floats and of integers: the first ones are right everywhere.
+#[test]
+fn one_bad_component_of_65536() {
+    let floats = "fn f(i: u32) -> vec3f { return vec3f(1.0, 1.0, select(1.0, 2.0, i == 54321u)); }";
+    let integers = "fn f(i: u32) -> vec3u { return vec3u(1u, 1u, select(1u, 2u, i == 54321u)); }";
+    let over = |package: &Package| {
+        let check = package.function("f").over(Integers(0..=65_535_u32)).unrecorded();
+        disagreement(check.try_agrees_with(|_: u32| DVec3::ONE, Abs(0.5)))
+    };
+    let integral = |package: &Package| {
+        let check = package.function("f").over(Integers(0..=65_535_u32)).unrecorded();
+        disagreement(check.try_agrees_with(|_: u32| UVec3::ONE, Abs(0.5)))
+    };
+    for found in [
+        over(&Package::from_source("planted", floats)),
+        integral(&Package::from_source("planted", integers)),
+    ] {
+        for path in &found.paths {
+            assert_eq!((path.census.cases, path.census.failures), (65_536, 1));
+            assert_eq!(path.worst.component, ".z");
+            assert_eq!(path.worst.arguments, [("i".to_owned(), "54321".to_owned())]);
+        }
     }
 }
 

@@ -210,7 +210,7 @@ fn fate(library: &Library, candidate: &Candidate, listed: &[Listed]) -> Fate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::maker::{Mutant, Rule};
+    use karat_mutate::{Mutant, Rule};
 
     /// A slip in `camera.wgsl`, wherever `original` stands first.
     fn slip(original: &str, replacement: &str) -> Candidate {

@@ -11,9 +11,8 @@
 mod faults;
 mod hunt;
 mod library;
-mod maker;
+
 mod program;
-mod tokens;
 
 use std::collections::BTreeSet;
 use std::io::Write;

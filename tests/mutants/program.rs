@@ -7,7 +7,7 @@ use karat::Package;
 use karat::unstable::reflect::Program;
 
 use crate::library;
-use crate::maker::{self, Mutant};
+use karat_mutate::{Mutant, mutants};
 
 /// Modules, and the tests that judge their mutants: their own, those of functions that have none,
 /// and for entry points the frames.
@@ -98,7 +98,7 @@ impl fmt::Display for Candidate {
 pub(crate) fn candidates() -> Vec<Candidate> {
     let of_module = |(module, judges): (&'static str, &'static [&'static str])| {
         let text = library::text(module);
-        let mutants = maker::mutants(&text).into_iter();
+        let mutants = mutants(&text).into_iter();
         let candidates = mutants.map(|mutant| {
             let lines = mutant.lines(&text);
             Candidate { module, judges, mutant, lines }

@@ -21,6 +21,7 @@ mod loader;
 mod lsp;
 mod manual;
 mod matrix;
+mod mutate;
 mod patience;
 mod preview;
 mod project;
@@ -224,6 +225,17 @@ enum Command {
                             be read."
     )]
     Compare(compare::Args),
+    /// Tell whether the tests would see a slip: mutants of the shaders, and why some live
+    #[command(
+        after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
+                            karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
+                            Each mutant is one slip of a shader: another operator, a number that is off, a guard less. The \
+                            tests that\nare made of it run, on Karat's engine, until one fails. Of a mutant that lives it \
+                            says where it returns something\nelse, with a test to paste. Nothing on disk changes.\n\
+                            Exit codes: 0 the score is reached; 1 it isn't, or a mutant ended without a verdict; 2 the tests \
+                            fail without\na mutant, or there is none."
+    )]
+    Mutate(mutate::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
@@ -436,6 +448,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Translate(args) => translate::run(&args, out),
         Command::Matrix(args) => matrix::run(&args, out),
         Command::Compare(args) => compare::run(&args, out),
+        Command::Mutate(args) => mutate::run(&args, out),
         Command::Hazards(args) => hazards::run(&args, out),
         Command::Call(args) => call::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),

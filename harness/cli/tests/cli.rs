@@ -36,6 +36,8 @@ mod idle;
 mod init;
 #[path = "cli/interrupted.rs"]
 mod interrupted;
+#[path = "cli/mutate.rs"]
+mod mutate;
 #[path = "cli/names.rs"]
 mod names;
 #[path = "cli/outputs.rs"]

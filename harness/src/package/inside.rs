@@ -1,6 +1,7 @@
 //! The parts of a package that programs need which look into functions without a test.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use super::accepted::{Hazards, KnownRows};
 use super::feature::Feature;
@@ -63,6 +64,12 @@ pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
 /// If it can't be read.
 pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
     Ok(Manifest::of(package)?.known_rows())
+}
+
+/// The author's file of a module; `None` of a text in memory.
+#[must_use]
+pub fn file_of(package: &Package, module: &str) -> Option<PathBuf> {
+    package.file_at(&ModulePath::root(module).components)
 }
 
 /// The words of a module's own file, and the features that its conditions ask about and that aren't set.

@@ -109,3 +109,60 @@ fn a_stopwatch_measures() {
     let started = humantime::parse_rfc3339(&time.started).expect("RFC 3339");
     assert!(started <= SystemTime::now(), "{time:?}");
 }
+
+/// A record of another version says nothing that can be relied on, wherever the number stands.
+#[test]
+fn another_version_is_refused() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let folder = temporary.path();
+    let line = |schema: u32| {
+        serde_json::to_string(&Record { schema, ..record(None) }).expect("plain data") + "\n"
+    };
+    let wrong = |part: &str| {
+        let error = Recorded::read(folder).expect_err("another version").to_string();
+        assert!(error.contains(part) && error.contains("it has version"), "{error}");
+    };
+    std::fs::write(folder.join("1.jsonl"), line(SCHEMA) + &line(SCHEMA - 1)).expect("written");
+    wrong("1.jsonl` line 2");
+    std::fs::write(folder.join("1.jsonl"), line(SCHEMA) + &line(SCHEMA)).expect("written");
+    assert_eq!(read(folder).expect("readable").len(), 2);
+    Run { schema: SCHEMA - 1, ..Run::default() }.write(folder).expect("written");
+    wrong("run.json` line 1");
+}
+
+/// What parts of a check found adds up, from each part.
+#[test]
+fn allowances_add_up() {
+    let part = |wider, worst, unbounded| Allowance { cases: 10, wider, worst, unbounded };
+    let sum = part(1, Some(2.0), 3).merge(part(4, Some(0.5), 5));
+    assert_eq!(sum, Allowance { cases: 20, wider: 5, worst: Some(2.0), unbounded: 8 });
+    assert_eq!(
+        part(1, Some(2.0), 0).merge(part(0, None, 0)).worst,
+        None,
+        "one of them is no number"
+    );
+}
+
+#[test]
+fn tests_whose_frames_were_left_out_are_known() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let folder = temporary.path();
+    std::fs::write(folder.join("1.left-out"), "scene\nroom\n").expect("written");
+    std::fs::write(folder.join("2.left-out"), "scene\n").expect("written");
+    std::fs::write(folder.join("2.jsonl"), "").expect("written");
+    let known: Vec<String> = left_out(folder).expect("readable").into_iter().collect();
+    assert_eq!(known, ["room", "scene"]);
+}
+
+/// The name of the last run is that of a folder beside it, and of no other place.
+#[test]
+fn the_name_of_the_last_run_leads_nowhere_else() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let records = temporary.path().join("record");
+    for (name, is_run) in [("run-12-0", true), ("run-../x", false), ("../x", false), ("", false)] {
+        std::fs::create_dir_all(&records).expect("made");
+        std::fs::write(records.join("last"), name).expect("written");
+        let found = folder::last(&records);
+        assert_eq!(found, is_run.then(|| records.join(name)), "{name}");
+    }
+}

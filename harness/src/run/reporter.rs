@@ -11,7 +11,7 @@ use crate::output::visible;
 use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 /// Why a check fails, as far as its record is concerned.
-pub(crate) trait Fails: Display + Blamed {
+pub trait Fails: Display + Blamed {
     /// True if values are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool;
 

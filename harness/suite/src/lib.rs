@@ -49,7 +49,7 @@ pub use numbers::{Wanted, expected, hexadecimal};
 pub use rows::{Places, begins_with_mark, head_of, line_of};
 pub use run::Groups;
 pub use tolerances::tolerance;
-pub use wrong::Wrong;
+pub use wrong::{Fault, Wrong};
 
 /// The tests of a package.
 #[derive(Debug)]

@@ -31,7 +31,7 @@ use crate::numbers::{self, Wanted};
 use crate::relations::related;
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
-use crate::wrong::{Misdeclared, blamed};
+use crate::wrong::{Fault, Misdeclared, blamed};
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
@@ -198,7 +198,10 @@ impl Suite {
                     let own = place_of(None).unwrap_or_else(|| whole.clone());
                     let mut wrong = blamed(error, &entry, &|key| place_of(Some(key)), &own);
                     wrong.message += &assertion.row_of(error).unwrap_or_default();
-                    Wrong { common: violations_of(error).or(wrong.common), ..wrong }
+                    match violations_of(error) {
+                        Some(all) => Wrong { fault: Fault::Violations(all), ..wrong },
+                        None => wrong,
+                    }
                 };
                 match assertion.judged(&self.package) {
                     Ok(_) => Ok(()),

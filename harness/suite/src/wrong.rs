@@ -4,10 +4,11 @@ use std::fmt;
 use std::path::Path;
 
 use karat::package::PackageError;
-use karat::unstable::diagnostic::{At, Blamed, Diagnostic, Span, shown};
+use karat::unstable::diagnostic::{At, Diagnostic, Span, shown};
 use karat::unstable::output::headline;
 use karat::unstable::record::Subject;
 use karat::unstable::reflect::ReflectError;
+use karat::unstable::run::Fails;
 use serde::{Deserialize, Serialize};
 
 use crate::declared::Keys;
@@ -21,10 +22,19 @@ pub struct Wrong {
     pub place: Option<String>,
     /// All of it, with an excerpt of the file.
     pub message: String,
-    /// What other tests may fail by, too: violations of passes, a line each, or why a test can't begin. `None` of values, which
-    /// are this test's own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub common: Option<String>,
+    /// What kind of fault it is.
+    pub fault: Fault,
+}
+
+/// A kind of fault.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Fault {
+    /// Values aren't what is asserted.
+    Values,
+    /// Passes have these violations, a line each: all assertions of them fail by these.
+    Violations(String),
+    /// The test can't begin, or was stopped: nothing was compared.
+    Unbegun,
 }
 
 impl fmt::Display for Wrong {
@@ -37,7 +47,18 @@ impl Wrong {
     /// A message without a place, or whose text has it. Its first line says what is wrong.
     #[must_use]
     pub fn of(message: String) -> Self {
-        Self { headline: headline(&message).to_owned(), place: None, message, common: None }
+        let headline = headline(&message).to_owned();
+        Self { headline, place: None, message, fault: Fault::Unbegun }
+    }
+
+    /// What other tests may fail by, too; `None` of values, which are this test's own.
+    #[must_use]
+    pub fn common(&self) -> Option<&str> {
+        match &self.fault {
+            Fault::Values => None,
+            Fault::Violations(all) => Some(all),
+            Fault::Unbegun => Some(&self.headline),
+        }
     }
 
     /// The same once it is in the record of the run: no check has put it there.
@@ -49,26 +70,24 @@ impl Wrong {
     /// Of a test that can't begin.
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
-        let common = Some(headline.clone());
-        Self { headline, place, message, common }
+        Self { headline, place, message, fault: Fault::Unbegun }
     }
 }
 
 /// A failure of a check, of passes or of a frame: at the line of a shader that its text names, or else at the key that it is
 /// about.
 pub(crate) fn blamed(
-    failure: &(impl fmt::Display + Blamed),
+    failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
     place_of: &dyn Fn(&str) -> Option<Span>,
     whole: &Span,
 ) -> Wrong {
     let blame = failure.blame();
+    let fault = if failure.is_verdict() { Fault::Values } else { Fault::Unbegun };
     let span = match blame.at {
         At::Text => {
             let place = blame.message.and_then(Diagnostic::location).map(ToString::to_string);
-            let own = Wrong::of(failure.to_string());
-            let common = blame.message.map(|_| own.headline.clone());
-            return Wrong { place, common, ..own };
+            return Wrong { place, fault, ..Wrong::of(failure.to_string()) };
         }
         At::Setting(keys) => keys.iter().find_map(|key| place_of(key)),
         At::EntryPoint(name) => key_of_entry(name).and_then(|key| place_of(&key)),
@@ -77,7 +96,7 @@ pub(crate) fn blamed(
         let message = failure.to_string();
         Diagnostic::new(message.trim_start_matches("error: ").trim_end().to_owned())
     });
-    Wrong::from(found.at(span.unwrap_or_else(|| whole.clone()), ""))
+    Wrong { fault, ..Wrong::from(found.at(span.unwrap_or_else(|| whole.clone()), "")) }
 }
 
 impl From<Diagnostic> for Wrong {

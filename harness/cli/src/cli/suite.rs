@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let mut told: HashMap<&str, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;
-            let first = wrong.common.as_deref().map(|common| *told.entry(common).or_insert(name));
+            let first = wrong.common().map(|common| *told.entry(common).or_insert(name));
             match first.filter(|first| *first != name) {
                 Some(first) => {
                     let place = wrong.place.iter().map(|place| format!("  --> {place}\n"));

@@ -319,6 +319,19 @@ mod tests {
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
     }
 
+    /// Cases are those of all checks, on all paths.
+    #[test]
+    fn all_cases_are_counted() {
+        let mut records = [record(Verdict::Pass, 0, None), record(Verdict::Pass, 0, None)];
+        let second = records[0].paths[0].clone();
+        records[0].paths.push(second);
+        let run = Run::default();
+        let mut text = Vec::new();
+        Sum::of(&records, Some(&run)).write(&mut text).expect("memory");
+        let text = String::from_utf8(text).expect("UTF-8");
+        assert!(text.contains("300 cases compared"), "{text}");
+    }
+
     #[test]
     fn many_names_are_cut() {
         let failed = names(&["a", "b", "c", "d", "e", "f", "g"]);

@@ -309,6 +309,16 @@ pub(super) mod tests {
 
     use super::*;
 
+    /// What ran on no path is a row that says so.
+    #[test]
+    fn a_check_without_a_path_is_an_error_in_the_table() {
+        let none = Record { paths: Vec::new(), ..record(Verdict::Error, 0, None) };
+        let mut text = Vec::new();
+        let failed = write_functions(&[&none], &mut text).expect("memory");
+        let text = String::from_utf8(text).expect("UTF-8");
+        assert!(failed == 1 && text.contains("m::f") && text.contains("ERROR"), "{text}");
+    }
+
     #[test]
     fn tolerances_below_what_wgsl_allows_are_told() {
         let allowance =

@@ -12,7 +12,7 @@ use crate::tokens::{Kind, Token, tokens};
 
 /// What kind of slip a mutant is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Rule {
+pub enum Rule {
     /// `+` for `-`, `*` for `/`, and of bits.
     Operator,
     /// `<` for `<=`, or the other way round.
@@ -54,29 +54,34 @@ impl fmt::Display for Rule {
 
 /// One slip: what stands in the text, and what is to stand there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Mutant {
-    pub(crate) rule: Rule,
+pub struct Mutant {
+    /// Its kind.
+    pub rule: Rule,
     /// The function or constant that it is in.
-    pub(crate) item: String,
+    pub item: String,
     /// Bytes of the text.
-    pub(crate) range: Range<usize>,
-    pub(crate) original: String,
-    pub(crate) replacement: String,
+    pub range: Range<usize>,
+    /// What stands there.
+    pub original: String,
+    /// What is to stand there.
+    pub replacement: String,
     /// From 1.
-    pub(crate) line: usize,
+    pub line: usize,
     /// From 1, in characters.
-    pub(crate) column: usize,
+    pub column: usize,
 }
 
 impl Mutant {
     /// The text with the slip.
-    pub(crate) fn applied(&self, text: &str) -> String {
+    #[must_use]
+    pub fn applied(&self, text: &str) -> String {
         format!("{}{}{}", &text[..self.range.start], self.replacement, &text[self.range.end..])
     }
 
     /// The lines that change, before and after, with single blanks: a name that stays as long as
     /// these lines do, wherever they move.
-    pub(crate) fn lines(&self, text: &str) -> [String; 2] {
+    #[must_use]
+    pub fn lines(&self, text: &str) -> [String; 2] {
         let start = text[..self.range.start].rfind('\n').map_or(0, |at| at + 1);
         let end = text[self.range.end..].find('\n').map_or(text.len(), |at| self.range.end + at);
         let after = format!(
@@ -101,7 +106,8 @@ impl fmt::Display for Mutant {
 }
 
 /// All mutants of a module, in the order of their places.
-pub(crate) fn mutants(text: &str) -> Vec<Mutant> {
+#[must_use]
+pub fn mutants(text: &str) -> Vec<Mutant> {
     let mut maker = Maker::new(text);
     maker.items();
     let mut found = maker.found;

@@ -1,0 +1,142 @@
+//! `karat mutate`
+
+use std::path::PathBuf;
+
+use super::*;
+use crate::repository::git;
+
+const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                      fn lonely(x: f32) -> f32 { return x + 3.0; }\n";
+
+const TESTS: &str =
+    "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1\ntolerance = \"1 ulp\"\n";
+
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(&folder.path().join("shaders"), "calc.wgsl", SHADER);
+    write(&folder.path().join("shaders"), "calc.test.toml", TESTS);
+    folder
+}
+
+/// All files below a folder.
+fn files(folder: &FilePath) -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        match entry.path() {
+            path if path.is_dir() => all.extend(files(&path)),
+            path => all.push(path),
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn mutants_are_killed_or_told() {
+    let folder = folder();
+    let before = files(folder.path());
+    let ran = karat(folder.path(), &["mutate"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "no test shaders/calc.wgsl:2:37 `+` -> `-` in `calc::lonely` (operator)",
+        "no test is made of it; `calc::lonely` returns",
+        "| function = \"lonely\"",
+        "calc    ",
+        "mutants killed by 1 test on cpu",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in:\n{}", ran.out);
+    }
+    assert!(!ran.out.contains("killed shaders"), "those that are killed are counted alone");
+    assert_eq!(files(folder.path()), before, "tests that fail on purpose leave nothing");
+    let all = karat(folder.path(), &["mutate", "--all", "--only", "half"]).good();
+    assert!(all.contains("killed shaders/calc.wgsl:1:33 `0.5` -> `1.0`"), "{all}");
+    assert!(all.contains("by `calc::half equals`") && all.contains("score 100.0%"), "{all}");
+    let list = karat(folder.path(), &["mutate", "--list"]).good();
+    assert!(list.lines().count() > 5 && !list.contains("score"), "{list}");
+    // A part is named, and the same by the same seed.
+    let part = ["mutate", "--sample", "3", "--seed", "4", "--all", "--fail-under", "0"];
+    let [first, second] = [(); 2].map(|()| karat(folder.path(), &part).good());
+    let without_time = |out: &str| out.rsplit_once(';').map(|(all, _)| all.to_owned());
+    assert_eq!(without_time(&first), without_time(&second));
+    assert!(first.contains("a sample of 3 of ") && first.contains("by seed 4"), "{first}");
+    let told = json(&karat(folder.path(), &["mutate", "--json", "--only", "half"]).out);
+    assert_eq!(told[0]["result"]["fate"], "killed", "{told}");
+}
+
+/// Only lines that an edit touches, and files that git doesn't know.
+#[test]
+fn a_pull_request_is_judged_by_its_lines() {
+    let folder = folder();
+    git(folder.path(), &["init", "-q"]);
+    git(folder.path(), &["add", "."]);
+    git(folder.path(), &["commit", "-qm", "one"]);
+    let shaders = folder.path().join("shaders");
+    let none = karat(folder.path(), &["mutate", "--in-diff", "HEAD"]).error();
+    assert!(none.contains("there is no mutant in the lines that changed"), "{none}");
+    write(&shaders, "calc.wgsl", &SHADER.replace("0.5 * x", "x * 0.5"));
+    let own = karat(folder.path(), &["mutate", "--in-diff", "HEAD", "--all"]).good();
+    assert!(own.contains("`calc::half`") && !own.contains("lonely"), "{own}");
+    write(&shaders, "new.wgsl", "fn third(x: f32) -> f32 { return x / 3.0; }\n");
+    let both = karat(folder.path(), &["mutate", "--in-diff", "HEAD", "--all"]);
+    assert!(both.code == Some(1) && both.out.contains("`new::third`"), "{both:?}");
+    let slip = karat(folder.path(), &["mutate", "--in-diff", "HAED"]).error();
+    assert!(slip.contains("git: ") && slip.contains("HAED"), "{slip}");
+}
+
+#[test]
+fn a_merge_is_gated_by_a_score() {
+    let folder = folder();
+    let under = |percent: &str| karat(folder.path(), &["mutate", "--fail-under", percent]).code;
+    assert_eq!((under("10"), under("99.5")), (Some(0), Some(1)));
+    let slip = karat(folder.path(), &["mutate", "--fail-under", "many"]);
+    assert!(slip.code == Some(2) && slip.err.contains("a number from 0 to 100"), "{slip:?}");
+    // Tests that fail anyway kill nothing.
+    let red = TESTS.replace("equals = 1", "equals = 3");
+    write(&folder.path().join("shaders"), "calc.test.toml", &red);
+    let error = karat(folder.path(), &["mutate"]).error();
+    assert!(error.contains("1 test fail") && error.contains("mend"), "{error}");
+    std::fs::remove_file(folder.path().join("shaders/calc.test.toml")).expect("removed");
+    let error = karat(folder.path(), &["mutate"]).error();
+    assert!(error.contains("there is no test"), "{error}");
+    // A Cargo project may have tests that aren't run here.
+    let project = project();
+    let error = karat(project.path(), &["mutate"]).error();
+    assert!(error.contains("tests in Rust aren't run by `karat mutate`"), "{error}");
+}
+
+/// Stryker's report has each mutant where it stands, by the words of its schema.
+#[test]
+fn stryker_reads_the_report() {
+    let folder = folder();
+    let written = karat(folder.path(), &["mutate", "--stryker", "out/mutation.json"]);
+    assert_eq!(written.code, Some(1), "{written:?}");
+    let text = std::fs::read_to_string(folder.path().join("out/mutation.json")).expect("written");
+    let report = json(&text);
+    assert_eq!(
+        (&report["schemaVersion"], &report["thresholds"]["high"]),
+        (&"2".into(), &80.into())
+    );
+    let file = &report["files"]["shaders/calc.wgsl"];
+    assert_eq!((&file["language"], &file["source"]), (&"wgsl".into(), &SHADER.into()));
+    let known = ["Killed", "Survived", "NoCoverage", "CompileError", "Timeout", "Ignored"];
+    let mutants = file["mutants"].as_array().expect("mutants");
+    assert!(mutants.len() > 5);
+    for mutant in mutants {
+        for key in ["id", "mutatorName", "replacement", "status"] {
+            assert!(mutant[key].is_string(), "{mutant}");
+        }
+        assert!(
+            mutant["status"].as_str().is_some_and(|status| known.contains(&status)),
+            "{mutant}"
+        );
+        let at = |end: &str, key: &str| mutant["location"][end][key].as_u64().expect("a number");
+        let (line, from, to) = (at("start", "line"), at("start", "column"), at("end", "column"));
+        assert!(line >= 1 && from >= 1 && to > from, "{mutant}");
+    }
+    let half = mutants.iter().find(|one| one["replacement"] == "1.0").expect("a number");
+    assert_eq!(
+        (&half["status"], &half["location"]["start"]["column"]),
+        (&"Killed".into(), &33.into())
+    );
+    assert_eq!(half["location"]["end"]["column"], 36);
+}

@@ -1,0 +1,169 @@
+//! What becomes of mutants of shaders whose tests are known.
+
+use std::path::Path;
+
+use karat::Package;
+use tempfile::TempDir;
+
+use crate::{Fate, Hunted, Lived, MutateError, Request, Score, Tried};
+
+const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                      fn lonely(x: f32) -> f32 { return x + 3.0; }\n\
+                      fn capped(x: f32) -> f32 { return max(x * x, -1.0); }\n";
+
+const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1\ntolerance = \"1 ulp\"\n\n\
+                     [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
+                     tolerance = \"1 ulp\"\n";
+
+/// What `capped` is to return, in a module that isn't changed.
+const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
+
+fn folder(shader: &str, tests: &str) -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |file: &str, text: &str| std::fs::write(folder.path().join(file), text);
+    write("calc.wgsl", shader).expect("written");
+    write("other.wgsl", REFERENCE).expect("written");
+    let tests = tests.replace("capped_once", "other::square");
+    write("calc.test.toml", &tests).expect("written");
+    folder
+}
+
+fn request(folder: &Path) -> Request {
+    // Tests remember nothing beside the shaders, which go with their folder.
+    Request::new(Package::open(folder).expect("it opens")).only(["calc"])
+}
+
+fn hunted(folder: &Path) -> Hunted {
+    request(folder).run(&|_, _, _| {}).expect("its tests pass")
+}
+
+fn of<'h>(hunted: &'h Hunted, item: &str, original: &str, replacement: &str) -> &'h Tried {
+    let mut all = hunted.tried.iter();
+    let is_it = |one: &&Tried| {
+        let mutant = &one.mutant;
+        (&*mutant.item, &*mutant.original, &*mutant.replacement) == (item, original, replacement)
+    };
+    all.find(is_it).unwrap_or_else(|| panic!("no `{original}` -> `{replacement}` in {item}"))
+}
+
+#[test]
+fn each_mutant_has_the_fate_that_it_deserves() {
+    let folder = folder(SHADER, TESTS);
+    let hunted = hunted(folder.path());
+    let fate = |item, original, replacement| &of(&hunted, item, original, replacement).fate;
+    let killed = fate("half", "0.5", "1.0");
+    assert_eq!(*killed, Fate::Killed { test: "calc::half equals".to_owned() });
+    let untested = fate("lonely", "+", "-");
+    let Fate::Untested { why: Lived::Differs(found) } = untested else { panic!("{untested:?}") };
+    assert_eq!((&*found.function, found.floats), ("calc::lonely", true));
+    // A guard that never acts shows nothing for any input.
+    let lived = fate("capped", "max(x * x, -1.0)", "(x * x)");
+    let Fate::Lived { tests: 1, why: Lived::Unseen { cases } } = lived else { panic!("{lived:?}") };
+    assert!(*cases > 1000);
+    let score = Score::of(&hunted.tried);
+    assert!(score.killed > 0 && score.lived > 0 && score.untested > 0, "{score:?}");
+    assert_eq!(
+        score.judged() + score.equal + score.invalid + score.idle + score.stopped,
+        hunted.tried.len()
+    );
+}
+
+/// The tests that are suggested pass as the shader is, and kill the mutants that they are for.
+#[test]
+fn suggested_tests_kill() {
+    let folder = folder(SHADER, TESTS);
+    let first = hunted(folder.path());
+    let suggested = first.tried.iter().filter_map(|one| match &one.fate {
+        Fate::Lived { why: Lived::Differs(found), .. }
+        | Fate::Untested { why: Lived::Differs(found) } => {
+            Some((one.id.clone(), found.test().expect("its values are numbers")))
+        }
+        _ => None,
+    });
+    let suggested: Vec<(String, String)> = suggested.collect();
+    assert!(suggested.len() > 3, "{suggested:?}");
+    let all: String = suggested.iter().map(|(_, test)| format!("\n{test}")).collect();
+    let own = std::fs::read_to_string(folder.path().join("calc.test.toml")).expect("written");
+    std::fs::write(folder.path().join("calc.test.toml"), own + &all).expect("written");
+    let second = hunted(folder.path());
+    for (id, test) in &suggested {
+        let one = second.tried.iter().find(|one| one.id == *id).expect("its id stays");
+        assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
+    }
+}
+
+/// What can't be judged says so: tests that fail, none, nothing to change, tests that assert nothing of it.
+#[test]
+fn nothing_is_judged_without_evidence() {
+    let wrong = |shader: &str, tests: &str| {
+        let folder = folder(shader, tests);
+        request(folder.path()).run(&|_, _, _| {}).expect_err("nothing is known")
+    };
+    let red = wrong(SHADER, &TESTS.replace("equals = 1", "equals = 3"));
+    assert!(
+        matches!(&red, MutateError::Red { wrong } if wrong[0].0 == "calc::half equals"),
+        "{red}"
+    );
+    let unreadable = wrong(SHADER, "[[test]]\nfunction = \"gone\"\nfinite = true\n");
+    assert!(matches!(unreadable, MutateError::Red { .. }), "{unreadable}");
+    let none = folder(SHADER, TESTS);
+    std::fs::remove_file(none.path().join("calc.test.toml")).expect("removed");
+    let error = request(none.path()).run(&|_, _, _| {}).expect_err("there is no test");
+    assert!(matches!(error, MutateError::NoTest), "{error}");
+    let empty = wrong(
+        "fn same(x: f32) -> f32 { return x; }\n",
+        "[[test]]\nfunction = \"same\"\nfinite = true\n",
+    );
+    assert!(matches!(empty, MutateError::NoMutant { .. }), "{empty}");
+    // A suite that asserts as good as nothing kills nothing.
+    let folder = folder(
+        SHADER,
+        "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [-100, 100]\n",
+    );
+    let score = Score::of(&hunted(folder.path()).tried);
+    assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
+}
+
+/// What isn't valid, what conditions leave out and what never ends is no kill.
+#[test]
+fn no_kill_is_made_up() {
+    let shader = "fn sum(n: u32) -> f32 {\n    var s = 0.0;\n    for (var i = 0u; i < n; i += 1u) { s += 0.5; }\n    return s;\n}\n\
+                  @if(OFF) fn sleeping(x: f32) -> f32 { return x + 1.0; }\n";
+    let tests =
+        "[[test]]\nfunction = \"sum\"\nover = { n = 4 }\nequals = 2\ntolerance = \"1 ulp\"\n";
+    let folder = folder(shader, tests);
+    let hunted = hunted(folder.path());
+    let fate = |item, original, replacement| &of(&hunted, item, original, replacement).fate;
+    assert!(matches!(fate("sum", "0.5", "1.0"), Fate::Killed { .. }));
+    let endless = fate("sum", "+=", "=");
+    assert!(matches!(endless, Fate::Stopped { .. }), "{endless:?}");
+    assert_eq!(*fate("sleeping", "+", "-"), Fate::Idle);
+    let all = hunted.tried.iter();
+    let invalid = all.filter(|one| matches!(one.fate, Fate::Invalid { .. })).count();
+    assert_eq!(invalid, Score::of(&hunted.tried).invalid);
+}
+
+/// A sample is the same by the same seed, wherever its lines are; ids stay under edits elsewhere.
+#[test]
+fn samples_and_ids_stay() {
+    let ids = |shader: &str, seed: Option<u64>| -> Vec<String> {
+        let folder = folder(shader, TESTS);
+        let request = request(folder.path());
+        let request = match seed {
+            Some(seed) => request.sample(4, seed),
+            None => request,
+        };
+        let (all, of) = request.mutants().expect("it opens");
+        assert!(of > all.len() || seed.is_none());
+        all.into_iter().map(|one| one.id).collect()
+    };
+    let moved = format!("// A line more.\n\n{SHADER}");
+    assert_eq!(ids(SHADER, None), ids(&moved, None));
+    assert_eq!(ids(SHADER, Some(7)), ids(&moved, Some(7)));
+    assert_ne!(ids(SHADER, Some(7)), ids(SHADER, Some(8)));
+    assert_eq!(ids(SHADER, Some(7)).len(), 4);
+    let mut all = ids(SHADER, None);
+    all.sort();
+    all.dedup();
+    assert_eq!(all.len(), ids(SHADER, None).len(), "no two have one id");
+}
