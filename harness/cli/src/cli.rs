@@ -121,7 +121,7 @@ enum Command {
                             Tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
                             its Rust tests, too.\nAn edit runs the tests that it concerns, and a comment none; \
                             only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
-                            Keys: r runs all, f filters by name, a accepts frames, o opens the report, q quits.")]
+                            Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
     /// Serve an editor: what isn't valid and what fails as you type and save, and lenses beside functions
     #[command(
@@ -229,11 +229,11 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
-                            Each mutant is one slip of a shader: another operator, a number that is off, a guard less. The \
-                            tests that\nare made of it run, on Karat's engine, until one fails. Of a mutant that lives it \
-                            says where it returns something\nelse, with a test to paste. Nothing on disk changes.\n\
-                            Exit codes: 0 the score is reached; 1 it isn't, or a mutant ended without a verdict; 2 the tests \
-                            fail without\na mutant, or there is none."
+                            Each mutant is one slip of a shader: another operator, a number that is off, a guard removed. \
+                            Tests that\nuse what changed run on Karat's engine until one fails. Of a mutant that lives the \
+                            output says where it\nreturns something else, with a test to paste. No file changes.\n\
+                            Exit codes: 0 the score is reached, or --in-diff finds no shader; 1 it isn't; 2 a test fails \
+                            without a mutant,\nor there is no test or no mutant."
     )]
     Mutate(mutate::Args),
     /// Call a function and print its value on every path

@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use karat::Package;
 use karat::package::PackageError;
-use karat::unstable::package::{FunctionItem, file_of};
-use karat::unstable::reflect::Program;
+use karat::unstable::package::file_of;
+use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Fault, FindError, Suite, Test, Wrong};
 use serde::Serialize;
 
@@ -30,19 +31,36 @@ pub struct Request {
     frames: bool,
 }
 
-/// A mutant, and what became of it.
+/// A mutant of a package.
 #[derive(Clone, Debug)]
-pub struct Tried {
+pub struct Candidate {
     /// A name that stays while its lines do, wherever they move.
     pub id: String,
     /// The module.
     pub module: String,
     /// The author's file.
     pub file: PathBuf,
+    /// Its text, as it was read: the slip's place is one of this text.
+    pub text: Arc<str>,
     /// The slip.
     pub mutant: Mutant,
+}
+
+/// A mutant, and what became of it.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// The mutant.
+    pub candidate: Candidate,
     /// What became of it.
     pub fate: Fate,
+}
+
+impl Candidate {
+    /// The function or constant: `brdf::schlick`, and in a package of one file its name alone.
+    #[must_use]
+    pub fn path(&self) -> String {
+        path_of(&self.module, &self.mutant.item)
+    }
 }
 
 /// What became of a mutant.
@@ -73,6 +91,11 @@ pub enum Fate {
     },
     /// It changes nothing that is linked, such as text under a condition that doesn't hold.
     Idle,
+    /// Nobody can tell: the tests can't be looked for.
+    Unknown {
+        /// Why not.
+        reason: String,
+    },
     /// A test ended without a verdict.
     Stopped {
         /// The test.
@@ -93,6 +116,8 @@ pub struct Hunted {
     pub tests: usize,
     /// Frames, which a path without a driver doesn't draw.
     pub left_out: usize,
+    /// Modules that aren't valid as they are.
+    pub invalid: Vec<String>,
 }
 
 /// Why no mutant was tried.
@@ -105,17 +130,23 @@ pub enum MutateError {
     /// Its tests can't be looked for.
     #[error("{0}")]
     Find(#[from] FindError),
-    /// A file of the package can't be read.
-    #[error("can't read `{}`: {cause}", file.display())]
+    /// A module of the package can't be read, or has no file.
+    #[error("{module}: {reason}")]
     Read {
-        /// The file.
-        file: PathBuf,
+        /// The module.
+        module: String,
         /// Why not.
-        cause: std::io::Error,
+        reason: String,
     },
+    /// A program prints the modules, so that a text that isn't saved never reaches them.
+    #[error(
+        "`preprocess` in karat.toml prints these modules from their files, and mutants are texts that aren't saved: mutate a \
+         folder of what it prints"
+    )]
+    Printed,
     /// There is nothing that could kill a mutant.
-    #[error("there is no test, so nothing could kill a mutant: `karat init` writes a first one")]
-    NoTest,
+    #[error("{0}")]
+    NoTest(String),
     /// There is nothing to change.
     #[error("there is no mutant{of}: nothing would be judged")]
     NoMutant {
@@ -124,8 +155,8 @@ pub enum MutateError {
     },
     /// Tests fail as the shaders are.
     #[error(
-        "{} fail without a mutant, so they would kill each: mend them first\n\n{}",
-        if wrong.len() == 1 { "1 test".to_owned() } else { format!("{} tests", wrong.len()) },
+        "{} without a mutant, and would kill each: mend them first\n\n{}",
+        if wrong.len() == 1 { "1 test fails".to_owned() } else { format!("{} tests fail", wrong.len()) },
         wrong.iter().map(|(test, wrong)| format!("---- {test} ----\n{wrong}")).collect::<Vec<_>>().join("\n\n")
     )]
     Red {
@@ -159,7 +190,7 @@ impl Request {
         Self { filter: Some(filter.to_owned()), ..self }
     }
 
-    /// A sample of so many mutants, by a seed.
+    /// A sample of so many mutants of the package, by a seed.
     pub fn sample(self, count: usize, seed: u64) -> Self {
         Self { sample: Some((count, seed)), ..self }
     }
@@ -178,15 +209,20 @@ impl Request {
     ///
     /// # Errors
     /// If the package can't be read.
-    pub fn mutants(&self) -> Result<(Vec<Tried>, usize), MutateError> {
+    pub fn mutants(&self) -> Result<(Vec<Candidate>, usize), MutateError> {
+        if self.package.is_printed() {
+            return Err(MutateError::Printed);
+        }
         let suite = Suite::of(self.package.clone())?;
         let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
         let mut all = Vec::new();
         for module in self.package.modules()? {
-            // What can't be parsed has no mutants; the tests say why.
-            let Some(file) = file_of(&self.package, &module) else { continue };
+            let unread = |reason: String| MutateError::Read { module: module.clone(), reason };
+            let file = file_of(&self.package, &module);
+            let file = file.ok_or_else(|| unread("it has no file to be changed".to_owned()))?;
             let text = std::fs::read_to_string(&file)
-                .map_err(|cause| MutateError::Read { file: file.clone(), cause })?;
+                .map_err(|error| unread(format!("can't read `{}`: {error}", file.display())))?;
+            let text: Arc<str> = text.into();
             let mut seen: BTreeMap<String, usize> = BTreeMap::new();
             for mutant in maker::mutants(&text) {
                 let path = path_of(&module, &mutant.item);
@@ -195,24 +231,28 @@ impl Request {
                     continue;
                 }
                 let [before, after] = mutant.lines(&text);
-                let name = format!("{path}\n{before}\n{after}");
+                // Two packages of one file may have the same functions.
+                let of = if module.is_empty() { self.package.name() } else { module.clone() };
+                let name = format!("{of}\n{path}\n{before}\n{after}");
                 let count = seen.entry(name.clone()).or_default();
                 *count += 1;
                 let id = blake3::hash(format!("{name}\n{count}").as_bytes()).to_hex();
                 let (id, module) = (id[..8].to_owned(), module.clone());
-                all.push(Tried { id, module, file: file.clone(), mutant, fate: Fate::Idle });
+                let (file, text) = (file.clone(), Arc::clone(&text));
+                all.push(Candidate { id, module, file, text, mutant });
             }
         }
         let of = all.len();
         if let Some((count, seed)) = self.sample {
             // By what changes and not by where: a line more above is no other sample.
             let key =
-                |one: &Tried| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
-            let mut keys: Vec<_> = all.iter().map(key).collect();
-            keys.sort_unstable();
-            keys.truncate(count);
-            let last = keys.last().copied();
-            all.retain(|one| last.is_some_and(|last| key(one) <= last));
+                |one: &Candidate| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
+            let mut keyed: Vec<_> =
+                all.into_iter().map(|one| (key(&one), one)).enumerate().collect();
+            keyed.sort_by_key(|(_, (key, _))| *key);
+            keyed.truncate(count);
+            keyed.sort_by_key(|(at, _)| *at);
+            all = keyed.into_iter().map(|(_, (_, one))| one).collect();
         }
         Ok((all, of))
     }
@@ -235,9 +275,7 @@ impl Request {
     /// # Errors
     /// If there is nothing to try, or a test fails without a mutant.
     pub fn run(&self, told: &(dyn Fn(&Tried, usize, usize) + Sync)) -> Result<Hunted, MutateError> {
-        let (mut all, of) = self.mutants()?;
-        let suite = Suite::of(self.package.clone())?;
-        let (judges, left_out) = self.judges(&suite)?;
+        let (all, of) = self.mutants()?;
         if all.is_empty() {
             let of = match (&*self.only, &self.lines) {
                 ([], None) => String::new(),
@@ -246,14 +284,18 @@ impl Request {
             };
             return Err(MutateError::NoMutant { of });
         }
+        let suite = Suite::of(self.package.clone())?;
+        let (judges, left_out) = self.judges(&suite)?;
         let (done, count) = (AtomicUsize::new(0), all.len());
-        let fates = beside_each_other(&all, &|one: &Tried| {
-            let tried = Tried { fate: self.fate(one, &judges), ..one.clone() };
+        let tried = beside_each_other(&all, &|candidate: &Candidate| {
+            let fate = self.fate(candidate, &judges);
+            let tried = Tried { candidate: candidate.clone(), fate };
             told(&tried, done.fetch_add(1, Ordering::Relaxed) + 1, count);
-            tried.fate
+            tried
         });
-        all.iter_mut().zip(fates).for_each(|(one, fate)| one.fate = fate);
-        Ok(Hunted { tried: all, of, tests: judges.len(), left_out })
+        let is_invalid = |module: &String| Program::of_module(&self.package, module).is_err();
+        let invalid = self.package.modules()?.into_iter().filter(is_invalid).collect();
+        Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid })
     }
 
     /// The tests, once all have passed, and how many frames are left out.
@@ -282,53 +324,56 @@ impl Request {
             return Err(MutateError::Red { wrong });
         }
         if judges.is_empty() {
-            return Err(MutateError::NoTest);
+            let why = match (&self.filter, frames.len()) {
+                (Some(filter), 0) => format!("no test has `{filter}` in its name"),
+                (_, 0) => "there is no test: `karat init` writes a first one".to_owned(),
+                (_, frames) => format!(
+                    "the only tests are frames ({frames}), which need a driver: --paths vulkan draws them"
+                ),
+            };
+            return Err(MutateError::NoTest(format!("{why}; nothing could kill a mutant")));
         }
         Ok((judges, frames.len()))
     }
 
     /// What becomes of a mutant.
-    fn fate(&self, one: &Tried, judges: &[Judge]) -> Fate {
-        let Tried { module, file, mutant, .. } = one;
-        let text = match std::fs::read_to_string(file) {
-            Ok(text) => mutant.applied(&text),
-            Err(error) => return Fate::Invalid { reason: error.to_string() },
+    fn fate(&self, one: &Candidate, judges: &[Judge]) -> Fate {
+        let Candidate { module, file, text, mutant, .. } = one;
+        let package = self.package.unsaved(file, &mutant.applied(text));
+        // Of a module that isn't valid anyway the item alone has to be.
+        let whole = Program::of_module(&self.package, module).is_ok();
+        let linked = match whole {
+            true => Program::of_module(&package, module),
+            false => Program::of_items(&package, module, &[&mutant.item]),
         };
-        let package = self.package.unsaved(file, &text);
-        if let Err(error) = Program::of_module(&package, module) {
-            // A module that isn't valid without the slip, either, has functions that are.
-            let path = path_of(module, &mutant.item);
-            let alone = |package: &Package| Program::of_function(package, &path).is_ok();
-            if Program::of_module(&self.package, module).is_ok() || !alone(&package) {
-                let reason = error
-                    .diagnostic()
-                    .map_or_else(|| error.to_string(), |found| found.message.clone());
-                return Fate::Invalid { reason };
-            }
+        if let Err(error) = linked {
+            return Fate::Invalid { reason: reason(&error) };
         }
         let own = match Suite::of(package.clone()) {
             Ok(own) => own,
-            Err(error) => return Fate::Invalid { reason: error.to_string() },
+            Err(error) => return Fate::Unknown { reason: error.to_string() },
         };
         let mut concerned: Vec<(&Judge, &Test)> = Vec::new();
         for judge in judges {
-            let Some(test) = own.tests.iter().find(|test| test.name == judge.name) else {
-                continue;
-            };
-            if judge.made_of.is_none() || own.normalized_text(test) != judge.made_of {
-                concerned.push((judge, test));
+            match own.tests.iter().find(|test| test.name == judge.name) {
+                Some(test)
+                    if judge.made_of.is_some() && own.normalized_text(test) == judge.made_of => {}
+                Some(test) => concerned.push((judge, test)),
+                None => {
+                    let reason = format!("`{}` is gone with it", judge.name);
+                    return Fate::Unknown { reason };
+                }
             }
         }
+        let why = || lived::why(&self.package, &package, one);
         if concerned.is_empty() {
-            if is_idle(&self.package, &package, module) {
-                return Fate::Idle;
-            }
-            return Fate::Untested {
-                why: lived::why(&self.package, &package, module, &mutant.item),
+            return match is_idle(&self.package, &package) {
+                true => Fate::Idle,
+                false => Fate::Untested { why: why() },
             };
         }
         // What calls the function itself is the likeliest to see it, and then what is quick.
-        let path = path_of(module, &mutant.item);
+        let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
         let mut stopped = None;
         for (judge, test) in &concerned {
@@ -342,12 +387,30 @@ impl Request {
                 }
             }
         }
-        if let Some((test, reason)) = stopped {
-            return Fate::Stopped { test, reason };
+        match stopped {
+            // A constant may leave its own module valid, and no other one.
+            Some((test, reason)) => match self.broken_by(&package) {
+                Some(reason) => Fate::Invalid { reason },
+                None => Fate::Stopped { test, reason },
+            },
+            None => Fate::Lived { tests: concerned.len(), why: why() },
         }
-        let why = lived::why(&self.package, &package, module, &mutant.item);
-        Fate::Lived { tests: concerned.len(), why }
     }
+
+    /// Why a module that is valid isn't with a mutant.
+    fn broken_by(&self, mutant: &Package) -> Option<String> {
+        let modules = self.package.modules().ok()?;
+        let mut broken = modules.iter().filter_map(|module| {
+            let error = Program::of_module(mutant, module).err()?;
+            Program::of_module(&self.package, module).is_ok().then(|| reason(&error))
+        });
+        broken.next()
+    }
+}
+
+/// An error of linking, in a line.
+fn reason(error: &ReflectError) -> String {
+    error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
 /// What comes of each, on all cores. A test has a thread of its own, and its checks use the pool that Rayon has: a thread of
@@ -375,11 +438,10 @@ fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Whether no function of a module is another one: all that is linked is the same.
-fn is_idle(original: &Package, mutant: &Package, module: &str) -> bool {
-    let functions = original.functions_in(module).unwrap_or_default();
-    let names: BTreeSet<String> =
-        functions.into_iter().map(|item: FunctionItem| item.name).collect();
+/// Whether no function of a package is another one: all that is linked is the same.
+fn is_idle(original: &Package, mutant: &Package) -> bool {
+    let Ok(functions) = original.functions() else { return false };
+    let names: BTreeSet<String> = functions.into_iter().map(|item| item.name).collect();
     let known = original.fingerprints(&names);
     !known.is_empty() && known == mutant.fingerprints(&names)
 }

@@ -24,7 +24,7 @@ mod score;
 mod tests;
 mod tokens;
 
-pub use hunt::{Fate, Hunted, MutateError, Request, Tried};
+pub use hunt::{Candidate, Fate, Hunted, MutateError, Request, Tried};
 pub use lived::{Difference, Lived};
 pub use maker::{Mutant, Rule, mutants};
 pub use score::Score;

@@ -5,6 +5,8 @@ use karat::unstable::probe::Probed;
 use karat_inspect::compare::{Change, Compared, PathChange, Request};
 use serde::Serialize;
 
+use crate::Candidate;
+
 /// Why a mutant lived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "why", rename_all = "snake_case")]
@@ -32,17 +34,22 @@ pub struct Difference {
     pub function: String,
     /// The simplest arguments that show it, by their names. Others change nothing there.
     pub arguments: Vec<(String, String)>,
-    /// What the original returns.
+    /// What the original returns, or a pass leaves.
     pub original: String,
     /// What the mutant returns.
     pub mutant: String,
     /// True if its numbers are floats, of which a test says how near they have to be.
     pub floats: bool,
+    /// True of a compute pass, which leaves something and returns nothing.
+    pub leaves: bool,
+    /// True if its arguments alone make the difference, and no feature.
+    #[serde(skip)]
+    pastes: bool,
 }
 
 /// Compares a mutant with the original, at its function or else at what uses it.
-pub(crate) fn why(original: &Package, mutant: &Package, module: &str, item: &str) -> Lived {
-    let own = if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") };
+pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
+    let own = candidate.path();
     let compared = |only: &[&str]| {
         let request = Request::new(original.clone(), mutant.clone());
         request.only(only.iter().copied()).run().map_err(|error| error.to_string())
@@ -54,7 +61,9 @@ pub(crate) fn why(original: &Package, mutant: &Package, module: &str, item: &str
     match verdict(original, found.iter().filter(|one| one.function == own)) {
         // A constant, or a function that can't be called by itself: what uses it can.
         None | Some(Lived::Unknown { .. }) => match compared(&[]) {
-            Ok(all) => verdict(original, all.iter()).unwrap_or(Lived::Equal),
+            Ok(all) => verdict(original, all.iter()).unwrap_or_else(|| Lived::Unknown {
+                reason: "there is no function to compare".to_owned(),
+            }),
             Err(reason) => Lived::Unknown { reason },
         },
         Some(known) => known,
@@ -69,7 +78,7 @@ fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>)
         match &one.change {
             Change::Changed { paths } => {
                 if let Some(path) = paths.first() {
-                    return Some(Lived::Differs(Difference::of(original, &one.function, path)));
+                    return Some(Lived::Differs(Difference::of(original, one, path)));
                 }
             }
             Change::Same { cases: own } => cases = cases.max(*own),
@@ -88,64 +97,73 @@ fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>)
 }
 
 impl Difference {
-    fn of(original: &Package, function: &str, change: &PathChange) -> Self {
-        let probed = Probed::new(original, function);
-        let lanes = probed.map_or_else(|_| Vec::new(), |one| one.function().result.lanes());
+    fn of(original: &Package, compared: &Compared, change: &PathChange) -> Self {
+        let probed = Probed::new(original, &compared.function);
+        let is_float =
+            |probed: &Probed| probed.function().result.lanes().iter().any(|lane| lane.is_float());
+        let floats = probed.as_ref().is_ok_and(is_float);
+        let parameters =
+            probed.map_or_else(|_| Vec::new(), |one| one.function().parameters.clone());
+        // Members of buffers, overrides and features aren't what a test says in `over`.
+        let is_parameter =
+            |(name, _): &(String, String)| parameters.iter().any(|(own, _)| own == name);
+        let pastes = compared.under.is_empty()
+            && compared.dispatched.is_none()
+            && change.arguments.iter().all(is_parameter);
         Self {
-            floats: lanes.iter().any(|lane| lane.is_float()),
-            function: function.to_owned(),
+            function: compared.function.clone(),
             arguments: change.arguments.clone(),
             original: change.before.clone(),
             mutant: change.after.clone(),
+            floats,
+            leaves: compared.dispatched.is_some(),
+            pastes,
         }
     }
-}
 
-impl Difference {
     /// A test that the mutant fails and the original passes, to be pasted into a `*.test.toml`: what the original returns is
-    /// right by its author's word alone. `None` where the input is no argument, or a value is no finite number.
+    /// right by its author's word alone. `None` where the input is no argument, the original returns no finite number, or the
+    /// two differ by the sign of a 0 alone, which no test tells apart.
     #[must_use]
     pub fn test(&self) -> Option<String> {
-        let over: Option<Vec<String>> = self
-            .arguments
-            .iter()
-            .map(|(name, value)| {
-                let is_argument = !name.contains(['.', '[']);
-                is_argument.then_some(())?;
-                let value = toml_of(value)?;
-                // A list would be the domains of a vector's components.
-                Some(match value.starts_with('[') {
-                    true => format!("{name} = {{ one_of = [{value}] }}"),
-                    false => format!("{name} = {value}"),
-                })
+        let over = self.arguments.iter().map(|(name, value)| {
+            let value = toml_of(value)?;
+            // A list would be the domains of a vector's components.
+            Some(match value.starts_with('[') {
+                true => format!("{name} = {{ one_of = [{value}] }}"),
+                false => format!("{name} = {value}"),
             })
-            .collect();
-        let over = match over?.join(", ") {
-            none if none.is_empty() => String::new(),
-            some => format!("over = {{ {some} }}\n"),
-        };
-        let equals = toml_of(&self.original)?;
-        let numbers = |text: &str| -> Vec<f64> {
-            text.split(|c: char| !(c.is_ascii_alphanumeric() || ".+-".contains(c)))
-                .filter_map(|word| word.parse().ok())
-                .collect()
-        };
-        // Half of the way to the mutant; what isn't finite is no number of a test.
-        let pairs = numbers(&self.original).into_iter().zip(numbers(&self.mutant));
-        let far =
-            pairs.map(|(a, b)| (a - b).abs()).filter(|far| far.is_finite()).fold(0.0, f64::max);
-        let tolerance = match self.floats && far > 0.0 {
-            true => format!("tolerance = \"abs {:.1e}\"\n", far / 2.0),
-            false => String::new(),
+        });
+        let over = over.collect::<Option<Vec<_>>>()?.join(", ");
+        let over = if over.is_empty() { over } else { format!("over = {{ {over} }}\n") };
+        let equals = toml_of(&self.original).filter(|_| self.pastes)?;
+        let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
+        if own == others {
+            return None;
+        }
+        let far = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let tolerance = match (self.floats, far.is_finite() && far > 0.0) {
+            (false, _) => String::new(),
+            // Half of the way to the mutant.
+            (true, true) => format!("tolerance = \"abs {:.1e}\"\n", far / 2.0),
+            (true, false) => "tolerance = \"1 ulp\"\n".to_owned(),
         };
         let name = self.function.rsplit("::").next().unwrap_or(&self.function);
         Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
     }
 }
 
+/// The numbers of a value as it is shown: `(1, NaN)`.
+fn numbers(text: &str) -> Vec<f64> {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || ".+-".contains(c);
+    text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()
+}
+
 /// A number, `true`, or a vector as TOML.
 fn toml_of(value: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_digit() || " ,.+-e()".contains(c);
     let is_plain = value.chars().all(plain) || matches!(value, "true" | "false");
-    is_plain.then(|| value.replace('(', "[").replace(')', "]"))
+    // `-0` is an integer in TOML, and has no sign.
+    let is_signed_zero = value.split(|c: char| " ,()".contains(c)).any(|word| word == "-0");
+    (is_plain && !is_signed_zero).then(|| value.replace('(', "[").replace(')', "]"))
 }

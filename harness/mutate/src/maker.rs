@@ -215,7 +215,11 @@ impl<'a> Maker<'a> {
                 "fn" => {
                     let open = (at..self.tokens.len()).find(|i| self.word(*i) == "{");
                     let body = open.and_then(|open| Some((open, self.partner[open]?)));
-                    let Some((open, close)) = body else { return };
+                    // Of text under conditions a brace may have no partner: what comes behind is looked at all the same.
+                    let Some((open, close)) = body else {
+                        at += 1;
+                        continue;
+                    };
                     self.item = name;
                     self.body(open + 1..close);
                     at = close;
@@ -407,7 +411,8 @@ impl<'a> Maker<'a> {
     /// `if` with both outcomes.
     fn condition(&mut self, at: usize) {
         let mut end = at + 1;
-        while end < self.tokens.len() && self.word(end) != "{" {
+        // `break if` ends with its statement.
+        while end < self.tokens.len() && !matches!(self.word(end), "{" | ";") {
             end = if self.word(end) == "(" { self.partner[end].unwrap_or(end) } else { end } + 1;
         }
         for outcome in ["true", "false"] {
@@ -557,7 +562,10 @@ fn numbers(text: &str) -> Vec<String> {
     } else {
         vec![2.0 * number, 1.01 * number]
     };
-    others.into_iter().map(|other| with_suffix(format!("{other:?}"))).collect()
+    // In as many digits as an `f32` has.
+    #[expect(clippy::cast_possible_truncation, reason = "it is written into a shader")]
+    let written = |other: f64| with_suffix(format!("{:?}", other as f32));
+    others.into_iter().map(written).filter(|other| !other.starts_with("inf")).collect()
 }
 
 #[cfg(test)]
@@ -595,6 +603,14 @@ mod tests {
             ("a = b.xyz;", Rule::Swizzle, vec!["a = b.yxz;"]),
             ("a = b.z;", Rule::Swizzle, vec!["a = b.x;"]),
             ("a = b * -c;", Rule::Sign, vec!["a = b * c;"]),
+            (
+                "loop { continuing { break if a; } }",
+                Rule::Condition,
+                vec![
+                    "loop { continuing { break if (true); } }",
+                    "loop { continuing { break if (false); } }",
+                ],
+            ),
             ("if (a) { b(); }", Rule::Condition, vec!["if (true) { b(); }", "if (false) { b(); }"]),
         ] {
             assert_eq!(by_rule(body, rule), expected, "{body}");

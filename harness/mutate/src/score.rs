@@ -25,7 +25,7 @@ pub struct Score {
     pub invalid: usize,
     /// Those that are in no function as it is linked, such as under a condition that doesn't hold.
     pub idle: usize,
-    /// Those that ended a test without a verdict.
+    /// Those that ended a test without a verdict, or of which nobody can tell.
     pub stopped: usize,
 }
 
@@ -43,7 +43,7 @@ impl Score {
                 Fate::Untested { .. } => &mut sum.untested,
                 Fate::Invalid { .. } => &mut sum.invalid,
                 Fate::Idle => &mut sum.idle,
-                Fate::Stopped { .. } => &mut sum.stopped,
+                Fate::Stopped { .. } | Fate::Unknown { .. } => &mut sum.stopped,
             } += 1;
         }
         sum
@@ -55,10 +55,10 @@ impl Score {
         self.killed + self.lived + self.untested
     }
 
-    /// Killed ones in per cent of these; `None` if there are none.
+    /// Killed ones in per cent of these, and not rounded up; `None` if there are none.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "a share to three digits")]
+    #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
     pub fn percent(&self) -> Option<f64> {
-        (self.judged() > 0).then(|| 100.0 * self.killed as f64 / self.judged() as f64)
+        (self.judged() > 0).then(|| (1000 * self.killed / self.judged()) as f64 / 10.0)
     }
 }

@@ -40,7 +40,7 @@ fn hunted(folder: &Path) -> Hunted {
 fn of<'h>(hunted: &'h Hunted, item: &str, original: &str, replacement: &str) -> &'h Tried {
     let mut all = hunted.tried.iter();
     let is_it = |one: &&Tried| {
-        let mutant = &one.mutant;
+        let mutant = &one.candidate.mutant;
         (&*mutant.item, &*mutant.original, &*mutant.replacement) == (item, original, replacement)
     };
     all.find(is_it).unwrap_or_else(|| panic!("no `{original}` -> `{replacement}` in {item}"))
@@ -76,7 +76,7 @@ fn suggested_tests_kill() {
     let suggested = first.tried.iter().filter_map(|one| match &one.fate {
         Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } => {
-            Some((one.id.clone(), found.test().expect("its values are numbers")))
+            Some((one.candidate.id.clone(), found.test().expect("its values are numbers")))
         }
         _ => None,
     });
@@ -87,7 +87,7 @@ fn suggested_tests_kill() {
     std::fs::write(folder.path().join("calc.test.toml"), own + &all).expect("written");
     let second = hunted(folder.path());
     for (id, test) in &suggested {
-        let one = second.tried.iter().find(|one| one.id == *id).expect("its id stays");
+        let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("its id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
     }
 }
@@ -109,7 +109,7 @@ fn nothing_is_judged_without_evidence() {
     let none = folder(SHADER, TESTS);
     std::fs::remove_file(none.path().join("calc.test.toml")).expect("removed");
     let error = request(none.path()).run(&|_, _, _| {}).expect_err("there is no test");
-    assert!(matches!(error, MutateError::NoTest), "{error}");
+    assert!(matches!(error, MutateError::NoTest(_)), "{error}");
     let empty = wrong(
         "fn same(x: f32) -> f32 { return x; }\n",
         "[[test]]\nfunction = \"same\"\nfinite = true\n",
@@ -118,10 +118,78 @@ fn nothing_is_judged_without_evidence() {
     // A suite that asserts as good as nothing kills nothing.
     let folder = folder(
         SHADER,
-        "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [-100, 100]\n",
+        "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [-100, 100]\n",
     );
     let score = Score::of(&hunted(folder.path()).tried);
     assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
+}
+
+/// A function with `@test` kills as a declared test does, beside the function or in another module.
+#[test]
+fn tests_in_wgsl_kill() {
+    let own = "fn sign_of(x: f32) -> i32 { if (x < 0.0) { return -1; } return 1; }\n";
+    let test = "@test fn signs() { expect_equal_i32(sign_of(2.0), 1); expect_equal_i32(sign_of(-2.0), -1); }\n";
+    let import = "import karat::expect_equal_i32;\n";
+    for (shader, other) in [
+        (format!("{import}{own}{test}"), String::new()),
+        (own.to_owned(), format!("import package::calc::sign_of;\n{import}{test}")),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("calc.wgsl"), shader).expect("written");
+        std::fs::write(folder.path().join("calc_test.wgsl"), other).expect("written");
+        let hunted = hunted(folder.path());
+        let always = &of(&hunted, "sign_of", "(x < 0.0)", "(true)").fate;
+        assert!(matches!(always, Fate::Killed { .. }), "{always:?}");
+        // The text of a test isn't what is judged.
+        assert!(hunted.tried.iter().all(|one| one.candidate.mutant.item == "sign_of"));
+    }
+}
+
+/// A constant is seen where another module uses it: by no test, or so that it isn't valid.
+#[test]
+fn constants_reach_other_modules() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |file: &str, text: &str| {
+        std::fs::write(folder.path().join(file), text).expect("written");
+    };
+    write(
+        "calc.wgsl",
+        "const N: u32 = 3u;\nconst FREE = 2.0;\nfn f(x: f32) -> f32 { return x; }\n",
+    );
+    write(
+        "user.wgsl",
+        "import package::calc::{N, FREE};\nfn count() -> u32 { var all: array<u32, N>; return arrayLength3(all); }\n\
+         fn arrayLength3(all: array<u32, 3>) -> u32 { return all[0] + 3u; }\n\
+         fn free(x: f32) -> f32 { return FREE * x; }\n",
+    );
+    write("user.test.toml", "[[test]]\nfunction = \"count\"\nequals = 3\ntolerance = \"exact\"\n");
+    let hunted = hunted(folder.path());
+    let invalid = &of(&hunted, "N", "3u", "4u").fate;
+    assert!(matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
+    let untested = &of(&hunted, "FREE", "2.0", "4.0").fate;
+    let Fate::Untested { why: Lived::Differs(found) } = untested else { panic!("{untested:?}") };
+    assert_eq!(found.function, "user::free");
+}
+
+/// Places are characters of the author's text, in whatever bytes; a text that a program prints has no mutants.
+#[test]
+fn texts_are_the_authors() {
+    let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
+                  fn next(x: f32) -> f32 { loop { continuing { break if x > 1.0; } } return x; }\r\n\
+                  fn last(x: f32) -> f32 { return x + 1.0; }\r\n";
+    let folder = folder(
+        shader,
+        "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1\ntolerance = \"1 ulp\"\n",
+    );
+    let hunted = hunted(folder.path());
+    let half = of(&hunted, "half", "0.5", "1.0");
+    assert_eq!((half.candidate.mutant.line, half.candidate.mutant.column), (2, 41));
+    assert!(matches!(half.fate, Fate::Killed { .. }));
+    of(&hunted, "next", "x > 1.0", "(true)");
+    of(&hunted, "last", "+", "-");
+    std::fs::write(folder.path().join("karat.toml"), "preprocess = [\"cat\"]\n").expect("written");
+    let error = request(folder.path()).run(&|_, _, _| {}).expect_err("it is printed");
+    assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
 /// What isn't valid, what conditions leave out and what never ends is no kill.
@@ -138,9 +206,8 @@ fn no_kill_is_made_up() {
     let endless = fate("sum", "+=", "=");
     assert!(matches!(endless, Fate::Stopped { .. }), "{endless:?}");
     assert_eq!(*fate("sleeping", "+", "-"), Fate::Idle);
-    let all = hunted.tried.iter();
-    let invalid = all.filter(|one| matches!(one.fate, Fate::Invalid { .. })).count();
-    assert_eq!(invalid, Score::of(&hunted.tried).invalid);
+    let invalid = fate("sum", "0u", "1u");
+    assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
 /// A sample is the same by the same seed, wherever its lines are; ids stay under edits elsewhere.

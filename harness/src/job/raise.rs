@@ -241,11 +241,53 @@ mod tests {
             let Reply::Failed(problem) = reply(from, to) else { panic!("{to} is no job") };
             assert_eq!(problem.message, reason);
         }
+        let sampler = serde_json::to_string(&crate::fixture::Sampler::LINEAR).expect("plain data");
+        let sampler = format!(r#"{{"sampler": {sampler}}}"#);
+        let unfit = reply(r#"{"buffer": {"words": [0, 0]}}"#, &sampler);
+        let (Reply::Failed(problem) | Reply::Refused(problem)) = unfit else {
+            panic!("a sampler is no buffer")
+        };
+        assert!(problem.message.contains("the fixture is a Sampler"), "{}", problem.message);
         for (from, to) in
             [("[1, 1, 1]", "[1, 0, 1]"), ("[1, 1, 1]", "[65536, 1, 1]"), ("\"f\"", "\"g\"")]
         {
             assert!(!matches!(reply(from, to), Reply::Done(_)), "{to}");
         }
+    }
+
+    /// Made a job and drawn elsewhere, a frame has the state that it had: each part of it is another one than usual.
+    #[test]
+    fn a_frame_keeps_its_state() {
+        let text = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
+        let package = Package::from_modules("p", [("m", text)]);
+        let state = |scene: &Scene<'_>| {
+            let Scene { width, height, prepass, blend, formats, result, .. } = scene;
+            let Scene { samples, clear, clear_depth, draws, .. } = scene;
+            format!(
+                "{width} {height} {prepass} {blend:?} {formats:?} {result:?} {samples} {clear:?} {clear_depth} {draws:?}"
+            )
+        };
+        let scene = Scene {
+            draws: vec![crate::draw::Draw::fragment("fs")],
+            blend: crate::draw::Blend::Alpha,
+            formats: vec![crate::draw::Format::Rgba8Unorm],
+            samples: 4,
+            clear: [0.25, 0.5, 0.75, 1.0],
+            clear_depth: 0.5,
+            ..Scene::new(&package, "m", (2, 3))
+        };
+        let usual = state(&Scene::new(&package, "m", (2, 3)));
+        let drawing = Drawing::of(Cow::Owned(scene)).expect("it is sound");
+        let job = Job::of_drawing(&drawing).expect("it is a job");
+        let seen = std::cell::RefCell::new(String::new());
+        let draw = |drawing: &Drawing<'_>| {
+            seen.replace(state(drawing.scene()));
+            Ok(Image::new(2, 3, vec![[1.0; 4]; 6]))
+        };
+        let reply = run(&job, &|_: &Passes| panic!("it dispatches nothing"), &draw);
+        assert_eq!(reply, Reply::Done(vec![vec![1.0_f32.to_bits(); 24]]));
+        assert_eq!(*seen.borrow(), state(drawing.scene()));
+        assert_ne!(*seen.borrow(), usual);
     }
 
     /// A problem is one of a pass, at a place in its text.

@@ -39,6 +39,8 @@ impl Package {
         texts.map(|text| {
             let modules = [(module, defines.clone() + &text)];
             let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
+            // A text that isn't saved stands in for its file here, too.
+            generated.unsaved.clone_from(&self.unsaved);
             generated.features.extend(set.iter().map(|(name, value)| (name.clone(), *value)));
             generated
         })

@@ -295,16 +295,25 @@ impl Assertion {
         self.what.key()
     }
 
+    /// The name of the check in records.
+    pub(crate) fn check(&self) -> String {
+        self.own(self.key())
+    }
+
+    /// A key of what is asserted, as the file has it below `[[compute]]`.
+    fn own(&self, key: &str) -> String {
+        match self.variable.is_empty() {
+            true => key.to_owned(),
+            false => format!("after.{}.{key}", self.variable),
+        }
+    }
+
     /// The place of a key.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
         // A key of what is asserted, or one of the pass.
-        let own = |key: &str| match self.variable.is_empty() {
-            true => key.to_owned(),
-            false => format!("after.{}.{key}", self.variable),
-        };
-        let keys = key.into_iter().flat_map(|key| [own(key), key.to_owned()]);
+        let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
         let mut named = keys.filter_map(|key| self.keys.exactly(&key));
-        named.next().or_else(|| self.keys.place_of(&own(self.key())))
+        named.next().or_else(|| self.keys.place_of(&self.check()))
     }
 
     /// The files that it is compared with.
@@ -325,8 +334,8 @@ impl Assertion {
             None
         };
         for name in self.passes.iter().map(|(name, _)| name).chain(&reference) {
-            let (module, _) = name.rsplit_once("::").unwrap_or(("", name));
-            text += &Program::of_module(package, module).ok()?.normalized_text();
+            let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+            text += &Program::of_items(package, module, &[own]).ok()?.normalized_text();
         }
         Some(text)
     }

@@ -58,13 +58,14 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Whether a component may hold a number: integers and `bool` hold some alone, and floats are near to each.
+/// Whether a component may hold a number: integers and `bool` hold some alone, and floats those that aren't too large.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,
         Scalar::U32 => f64::from(number as u32) == number,
         Scalar::Bool => number == 0.0 || number == 1.0,
-        _ => true,
+        // The nearest one is what floats are compared with, in `f64`.
+        _ => (number as f32).is_finite(),
     }
 }
 
@@ -85,13 +86,11 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
         "false" => Some(0.0),
         cell => hexadecimal(cell).or_else(decimal),
     };
-    let none = || {
-        format!("`{cell}` is no finite number, and WGSL leaves open what becomes of any other one")
-    };
+    let none = || format!("`{cell}` is no finite number, and nothing else can be compared");
     let value = value.ok_or_else(none)?;
     match fits(scalar, value) {
         true => Ok(value),
-        false => Err(format!("`{cell}` is no {}, and the result is one", scalar.wgsl())),
+        false => Err(format!("`{cell}` is no {}, so nothing equals it", scalar.wgsl())),
     }
 }
 
@@ -138,7 +137,7 @@ mod tests {
         for (scalar, cell) in
             [(Scalar::U32, "5.5"), (Scalar::I32, "-2147483649"), (Scalar::Bool, "2")]
         {
-            assert!(expected(scalar, cell).is_err_and(|why| why.contains("the result is one")));
+            assert!(expected(scalar, cell).is_err_and(|why| why.contains("so nothing equals it")));
         }
         assert_eq!(argument(Scalar::F32, "-inf"), Some(f32::NEG_INFINITY.to_bits()));
         assert!(argument(Scalar::F32, "nan").is_some_and(|lane| f32::from_bits(lane).is_nan()));

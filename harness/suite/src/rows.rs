@@ -56,11 +56,12 @@ impl Places {
     }
 }
 
-/// The line of a record, from 1, by the byte at which its reader stood before it: blank lines are skipped.
+/// The line of a record, from 1, by the byte at which its reader stood before it: empty lines are skipped.
 #[must_use]
 pub fn line_of(text: &[u8], begins: usize) -> usize {
     let (before, rest) = text.split_at(begins.min(text.len()));
-    let skipped = rest.split(|byte| *byte == b'\n').take_while(|line| line.trim_ascii().is_empty());
+    let lines = rest.split(|byte| *byte == b'\n');
+    let skipped = lines.take_while(|line| matches!(line, [] | [b'\r']));
     1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
 }
 

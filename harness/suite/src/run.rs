@@ -190,8 +190,8 @@ impl Suite {
             Kind::Compute(assertion) => {
                 let place_of = |key: Option<&str>| assertion.place_of(key).cloned();
                 let unbegun = |wrong: Wrong| {
-                    let (function, check) = (assertion.last(), assertion.key());
-                    wrong.recorded(self.unbegun(function, check, wrong.place.as_deref()))
+                    let (function, check) = (assertion.last(), assertion.check());
+                    wrong.recorded(self.unbegun(function, &check, wrong.place.as_deref()))
                 };
                 let of = |error: &ComputeError| {
                     let entry = |name: &str| Some(assertion.key_of_entry(name));

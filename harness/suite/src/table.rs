@@ -49,12 +49,7 @@ pub(crate) fn read(
     let (arguments, results) =
         (placed(places.arguments, arguments), placed(places.expected, results));
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
-    for record in reader.records() {
-        let position = match &record {
-            Ok(record) => record.position(),
-            Err(error) => error.position(),
-        };
-        let begins = begins(&text, position);
+    for (begins, record) in placed_rows(&mut reader, &text) {
         let line = line_of(&text, begins);
         let at = |message: String| Misdeclared::at_line(file, line, message);
         if begins_with_mark(&text, begins) {
@@ -115,12 +110,8 @@ pub(crate) fn elements(
         return Err(Misdeclared::at_line(file, 1, message));
     }
     let (scalars, mut all) = (element.lanes(), Vec::new());
-    for record in reader.records() {
-        let position = match &record {
-            Ok(record) => record.position(),
-            Err(error) => error.position(),
-        };
-        let line = line_of(&text, begins(&text, position));
+    for (begins, record) in placed_rows(&mut reader, &text) {
+        let line = line_of(&text, begins);
         let at = |message: String| Misdeclared::at_line(file, line, message);
         let record = record.map_err(|error| at(error.to_string()))?;
         for (scalar, cell) in scalars.iter().zip(&record) {
@@ -150,6 +141,20 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
     let line = line_of(&text, begins(&text, record.position()));
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
+}
+
+/// Each record with where its reader stood in the text before it.
+fn placed_rows<'r>(
+    reader: &'r mut csv::Reader<&[u8]>,
+    text: &'r [u8],
+) -> impl Iterator<Item = (usize, csv::Result<csv::StringRecord>)> {
+    reader.records().map(|record| {
+        let position = match &record {
+            Ok(record) => record.position(),
+            Err(error) => error.position(),
+        };
+        (begins(text, position), record)
+    })
 }
 
 /// Where a reader stood in the text before a record.
@@ -213,7 +218,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("t.csv");
         std::fs::write(&file, "# facts\nx,result\n1,2\n\n3,4\n").expect("a file");
-        let line = |row| Some(told("row", &file, row)?.rsplitn(3, ':').nth(1)?.to_owned());
+        let line = |row| Some(told("row", &file, row)?.rsplit(':').nth(1)?.to_owned());
         assert_eq!([0, 1, 2].map(line), [Some("3".to_owned()), Some("5".to_owned()), None]);
     }
 
@@ -244,7 +249,7 @@ mod tests {
             ("a,v.x,v.y,resul\n1,2,3,4\n", "has no column `result` (did you mean `resul`?)"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
-            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and WGSL leaves open"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),

@@ -51,13 +51,20 @@ impl Wrong {
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// What other tests may fail by, too; `None` of values, which are this test's own.
+    /// What other tests may fail by, too, wherever they are; `None` of values, which are this test's own.
     #[must_use]
-    pub fn common(&self) -> Option<&str> {
+    pub fn common(&self) -> Option<String> {
         match &self.fault {
             Fault::Values => None,
-            Fault::Violations(all) => Some(all),
-            Fault::Unbegun => Some(&self.headline),
+            Fault::Violations(all) => Some(all.clone()),
+            // The place and the excerpt are the test's own.
+            Fault::Unbegun => {
+                let is_said = |line: &&str| {
+                    let line = line.trim_start();
+                    !(line.starts_with("-->") || line.contains('|'))
+                };
+                Some(self.message.lines().filter(is_said).collect::<Vec<_>>().join("\n"))
+            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! `karat mutate`
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -12,12 +12,13 @@ use anyhow::{Context, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
-use karat::unstable::output::counted;
+use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
-use karat_mutate::{Fate, Hunted, Lived, MutateError, Request, Score, Tried};
+use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Request, Score, Tried};
 
 use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
+use super::test::some;
 use super::{Ending, Outcome, PlaceArgs, write_json};
 
 mod stryker;
@@ -30,13 +31,13 @@ pub(super) struct Args {
     /// Only tests whose names contain this
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// Try so many mutants, by the seed
+    /// Try so many mutants of each package, by the seed
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
     /// The seed of a sample
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "sample")]
     seed: u64,
-    /// Only lines that differ from this revision of git
+    /// Only lines that changed since this branch left a revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
     /// Fail below this score, in per cent [default: 100]
@@ -49,7 +50,7 @@ pub(super) struct Args {
     #[arg(long)]
     all: bool,
     /// List the mutants, and try none
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
     /// Write Stryker's report, `mutation.json`, into this file
     #[arg(long, value_name = "FILE")]
@@ -57,9 +58,9 @@ pub(super) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// It is the process that tries them
+    /// The folder for what tests leave: this is the process that tries the mutants
     #[arg(long, hide = true)]
-    inner: bool,
+    scratch: Option<PathBuf>,
     #[command(flatten)]
     place: PlaceArgs,
 }
@@ -72,117 +73,150 @@ fn percent(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let paths = karat::unstable::path::named("--paths", &args.paths)?;
-    ensure!(paths.len() == 1, "name one path: a mutant that one path kills is killed");
-    if !args.inner && !args.list {
-        return apart(&args.paths);
-    }
+    ensure!(paths.len() == 1, "`karat mutate` takes one path: --paths {}", args.paths);
+    ensure!(
+        std::env::var_os("KARAT_OVERLAY").is_none(),
+        "KARAT_OVERLAY stands in for modules, so a mutant of their files would change nothing: unset it"
+    );
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
-    let mut all: Vec<(String, Package, Hunted)> = Vec::new();
+    let requests: Vec<(String, Request)> = packages
+        .iter()
+        .map(|package| Ok((project::title(package, &packages), request(args, package, &paths)?)))
+        .collect::<anyhow::Result<_>>()?;
+    if args.list {
+        return list(&requests, out);
+    }
+    let Some(scratch) = &args.scratch else { return apart(&args.paths) };
+    let folder = packages.first().map_or_else(PathBuf::new, Package::root);
+    karat::unstable::run::host(Host {
+        folder: scratch.clone(),
+        output: scratch.join("output"),
+        ..super::suite::host_of(&folder, &args.place.package().features)
+    });
     let began = Instant::now();
-    for package in &packages {
-        let title = project::title(package, &packages);
-        let mut request = Request::new(package.clone()).only(args.only.iter().map(String::as_str));
-        if let Some(filter) = &args.tests {
-            request = request.tests(filter);
-        }
-        if let Some(count) = args.sample {
-            request = request.sample(count as usize, args.seed);
-        }
-        if let Some(revision) = &args.in_diff {
-            request = request.lines(lines_since(revision, &package.root())?);
-        }
-        if paths.iter().all(|path| path.api() != karat::unstable::path::Api::Cpu) {
-            request = request.frames();
-        }
-        if args.list {
-            let (mutants, _) = request.mutants()?;
-            for one in &mutants {
-                writeln!(out, "{} {}", one.id, headline(one))?;
+    let mut all: Vec<(String, Hunted)> = Vec::new();
+    // Of several packages some have no tests, and an edit may touch no shader.
+    let mut passed_over: Vec<String> = Vec::new();
+    for (title, request) in &requests {
+        match hunt(request, title) {
+            Ok(hunted) => all.push((title.clone(), hunted)),
+            Err(error @ MutateError::NoMutant { .. }) if args.in_diff.is_some() => {
+                passed_over.push(format!("{title}: {error}"));
             }
-            ensure!(!mutants.is_empty(), "there is no mutant");
-            continue;
-        }
-        let scratch = tempfile::tempdir().context("no temporary folder")?;
-        karat::unstable::run::host(host(scratch.path()));
-        match hunt(&request, &title) {
-            Ok(hunted) => all.push((title, package.clone(), hunted)),
-            // Of several packages some have no tests, or no line of the edit.
-            Err(error @ (MutateError::NoTest | MutateError::NoMutant { .. }))
-                if packages.len() > 1 =>
+            Err(error @ (MutateError::NoTest(_) | MutateError::NoMutant { .. }))
+                if requests.len() > 1 =>
             {
-                writeln!(out, "{DIM}{title}: {error}{DIM:#}")?;
+                passed_over.push(format!("{title}: {error}"));
             }
-            Err(error @ MutateError::NoTest) if project.is_cargo() => {
+            Err(error @ MutateError::NoTest(_)) if project.is_cargo() => {
                 anyhow::bail!("{error}; tests in Rust aren't run by `karat mutate`")
             }
             Err(error) => return Err(error.into()),
         }
     }
-    if args.list {
+    passed_over.iter().for_each(|line| tell(line));
+    if all.is_empty() {
+        // A pull request without shaders is no failure.
+        ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
+        writeln!(out, "{DIM}no line of a tested shader changed: no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
     }
-    let rust = if project.is_cargo() { "; tests in Rust weren't run" } else { "" };
-    ensure!(!all.is_empty(), "no mutant was tried: nothing is known of the tests{rust}");
+    let tried = || all.iter().flat_map(|(_, hunted)| &hunted.tried);
     if let Some(file) = &args.stryker {
-        let of = all.iter().map(|(_, package, hunted)| (package, hunted));
-        stryker::write(of, file)?;
+        stryker::write(tried(), file)?;
     }
-    let tried = || all.iter().flat_map(|(.., hunted)| &hunted.tried);
     let score = Score::of(tried());
+    let least = args.fail_under.unwrap_or(100.0);
+    let good = score.percent().is_some_and(|percent| percent >= least);
     if args.json {
         write_json(&tried().map(as_json).collect::<Vec<_>>(), out)?;
     } else {
-        for (title, _, hunted) in &all {
+        for (title, hunted) in &all {
             if all.len() > 1 {
                 writeln!(out, "{HEAD}{title}{HEAD:#}")?;
             }
             write_one(hunted, args.all, out)?;
         }
-        write_sum(&all, &score, args, (began, rust), out)?;
+        write_modules(&all, out)?;
+        let mut parts = parts(&all, &score, args);
+        if project.is_cargo() {
+            parts.push("tests in Rust weren't run".to_owned());
+        }
+        let style = if good { GOOD } else { BAD };
+        let seconds = began.elapsed().as_secs_f64();
+        writeln!(out, "{style}{}{style:#}; {seconds:.0} s", parts.join("; "))?;
     }
-    let least = args.fail_under.unwrap_or(100.0);
-    let good = score.percent().is_some_and(|percent| percent >= least) && score.stopped == 0;
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// The mutants of a package that are asked for.
+fn request(args: &Args, package: &Package, paths: &[karat::Path]) -> anyhow::Result<Request> {
+    let mut request = Request::new(package.clone()).only(args.only.iter().map(String::as_str));
+    if let Some(filter) = &args.tests {
+        request = request.tests(filter);
+    }
+    if let Some(count) = args.sample {
+        request = request.sample(count as usize, args.seed);
+    }
+    if let Some(revision) = &args.in_diff {
+        request = request.lines(lines_since(revision, &package.root())?);
+    }
+    let is_engine = |path: &karat::Path| path.api() == karat::unstable::path::Api::Cpu;
+    Ok(if paths.iter().any(is_engine) { request } else { request.frames() })
+}
+
+fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
+    let mut any = false;
+    for (_, request) in requests {
+        for one in &request.mutants()?.0 {
+            writeln!(out, "{} {}", one.id, headline(one))?;
+            any = true;
+        }
+    }
+    ensure!(any, "there is no mutant");
+    Ok(Ending::Good)
 }
 
 /// Runs this command in a process of its own, whose settings are those of the hunt: its tests fail on purpose, and what they
 /// leave isn't to be found beside the shaders.
 fn apart(path: &str) -> Outcome {
+    let scratch = tempfile::tempdir().context("no temporary folder")?;
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
-    command.args(std::env::args_os().skip(1)).arg("--inner");
-    command.env("KARAT_PATHS", path).env_remove("KARAT_REQUIRE").env_remove("KARAT_RECORD");
+    let mut words = std::env::args_os().skip(1);
+    command.args(words.next()).arg("--scratch").arg(scratch.path()).args(words);
+    command.env("KARAT_PATHS", path).env("TMPDIR", scratch.path());
     // Goldens that differ wait in the folder of output then.
     command.env("CI", "true");
-    if path == "cpu" {
-        command.env("KARAT_FRAMES", "off");
+    for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
+        command.env_remove(setting);
     }
+    // The signal reaches that process, too; this one stays until its folder is gone.
+    ctrlc::set_handler(|| {}).context("can't wait for Ctrl-C")?;
     let status = command.status().context("the mutants can't be tried")?;
+    drop(scratch);
     match status.code() {
         Some(0) => Ok(Ending::Good),
         Some(1) => Ok(Ending::Bad),
-        Some(_) => Err(super::Reported.into()),
-        None => anyhow::bail!(
-            "the process that tries the mutants ended ({status}): try another path, or fewer by --only"
+        Some(2) => Err(super::Reported.into()),
+        Some(3) => Ok(Ending::Missing),
+        _ => anyhow::bail!(
+            "the process that tries the mutants ended ({status}): try fewer by --only, or another path"
         ),
     }
 }
 
-/// Who runs the tests: what they remember and leave goes with the folder.
-fn host(folder: &Path) -> Host {
-    let (target, output) = ("mutate".to_owned(), folder.join("output"));
-    Host { command: vec!["karat".to_owned()], folder: folder.to_owned(), target, output }
-}
-
 /// Tries the mutants, with a bar on a terminal.
 fn hunt(request: &Request, title: &str) -> Result<Hunted, MutateError> {
+    // A test that panics says so by its verdict.
+    let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let bar = ProgressBar::new(0).with_message(title.to_owned());
     let style = ProgressStyle::with_template("{msg}: {pos} of {len} mutants {wide_bar} {eta} left");
     bar.set_style(style.expect("the template is valid"));
     let (sender, seen) = mpsc::channel();
-    std::thread::scope(|scope| {
+    let hunted = std::thread::scope(|scope| {
         let hunting = scope.spawn(move || {
             // Its reader lives as long as there is something to tell.
             request.run(&move |_, done, of| {
@@ -194,35 +228,37 @@ fn hunt(request: &Request, title: &str) -> Result<Hunted, MutateError> {
             bar.set_position(done as u64);
         }
         bar.finish_and_clear();
-        hunting.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        hunting.join()
+    });
+    std::panic::set_hook(hook);
+    hunted.unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<String>().cloned();
+        panic!("{}", said.unwrap_or_else(|| "the hunt panics".to_owned()))
     })
 }
 
 /// `shaders/brdf.wgsl:31:12 `a` -> `b` in `brdf::schlick` (operator)`
-fn headline(one: &Tried) -> String {
-    let Tried { module, file, mutant, .. } = one;
-    let item = match module.as_str() {
-        "" => mutant.item.clone(),
-        module => format!("{module}::{}", mutant.item),
-    };
+fn headline(one: &Candidate) -> String {
+    let Candidate { file, mutant, .. } = one;
     let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let to = match short(&mutant.replacement) {
         none if none.is_empty() => "nothing".to_owned(),
         some => format!("`{some}`"),
     };
     format!(
-        "{}:{}:{} `{}` -> {to} in `{item}` ({})",
+        "{}:{}:{} `{}` -> {to} in `{}` ({})",
         shown(file),
         mutant.line,
         mutant.column,
         short(&mutant.original),
+        one.path(),
         mutant.rule
     )
 }
 
 /// Survivors first, each with why it lived.
 fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
-    let mut suggested: BTreeMap<String, ()> = BTreeMap::new();
+    let mut suggested: BTreeSet<String> = BTreeSet::new();
     for one in &hunted.tried {
         let (style, word, why) = match &one.fate {
             Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
@@ -238,10 +274,11 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
                 };
                 (BAD, "lived", lines(&tests, why))
             }
-            Fate::Untested { why } => (BAD, "no test", lines("no test is made of it", why)),
+            Fate::Untested { why } => (BAD, "no test", lines("no test uses it", why)),
             Fate::Stopped { test, reason } => {
-                (KNOWN, "stopped", vec![format!("`{test}`: {reason}")])
+                (KNOWN, "no verdict", vec![format!("`{test}`: {reason}")])
             }
+            Fate::Unknown { reason } => (KNOWN, "no verdict", vec![reason.clone()]),
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Idle if all => {
@@ -249,14 +286,19 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
             }
             Fate::Killed { .. } | Fate::Invalid { .. } | Fate::Idle => continue,
         };
-        writeln!(out, "{style}{word}{style:#} {} {DIM}{}{DIM:#}", headline(one), one.id)?;
+        writeln!(
+            out,
+            "{style}{word}{style:#} {} {DIM}{}{DIM:#}",
+            headline(&one.candidate),
+            one.candidate.id
+        )?;
         for line in why {
             writeln!(out, "    {line}")?;
         }
         if let Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } = &one.fate
             && let Some(test) = found.test()
-            && suggested.insert(test.clone(), ()).is_none()
+            && suggested.insert(test.clone())
         {
             for line in test.lines() {
                 writeln!(out, "    {DIM}|{DIM:#} {line}")?;
@@ -274,8 +316,9 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
             let arguments = found.arguments.iter().map(|(name, value)| format!("{name} = {value}"));
             let arguments = arguments.collect::<Vec<_>>().join(", ");
             let at = if arguments.is_empty() { String::new() } else { format!(" for {arguments}") };
+            let does = if found.leaves { "leaves" } else { "returns" };
             vec![format!(
-                "{tests}; `{}` returns {} in place of {}{at}",
+                "{tests}; `{}` {does} {} in place of {}{at}",
                 found.function, found.mutant, found.original
             )]
         }
@@ -286,52 +329,50 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
     }
 }
 
-fn write_sum(
-    all: &[(String, Package, Hunted)],
-    score: &Score,
-    args: &Args,
-    (began, rust): (Instant, &str),
-    out: &mut dyn Write,
-) -> std::io::Result<()> {
+/// A row for each module.
+fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut modules: BTreeMap<String, Vec<&Tried>> = BTreeMap::new();
-    for (title, _, hunted) in all {
+    for (title, hunted) in all {
         for one in &hunted.tried {
-            let name = if one.module.is_empty() { title.clone() } else { one.module.clone() };
+            let name = match (one.candidate.module.as_str(), all.len()) {
+                ("", _) => title.clone(),
+                (module, 1) => module.to_owned(),
+                (module, _) => format!("{title} {module}"),
+            };
             modules.entry(name).or_default().push(one);
         }
     }
-    let mut table = Table::new(
-        &["module", "score", "killed", "lived", "no test", "equal", "invalid"],
-        &[1, 2, 3, 4, 5, 6],
-    );
+    let head = ["module", "score", "killed", "lived", "no test", "equal", "invalid", "no verdict"];
+    let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6, 7]);
     for (module, tried) in &modules {
         let own = Score::of(tried.iter().copied());
         let style = if own.lived + own.untested == 0 { GOOD } else { BAD };
-        let percent =
-            own.percent().map_or_else(|| "-".to_owned(), |percent| format!("{percent:.0}%"));
-        let counts = [own.killed, own.lived, own.untested, own.equal, own.invalid + own.idle];
+        let percent = own.percent().map_or_else(|| "-".to_owned(), |percent| format!("{percent}%"));
+        let counts =
+            [own.killed, own.lived, own.untested, own.equal, own.invalid + own.idle, own.stopped];
         let cells =
             [module.clone(), percent].into_iter().chain(counts.map(|count| count.to_string()));
         table.row(style, cells.collect());
     }
     writeln!(out)?;
-    table.write(out)?;
-    let least = args.fail_under.unwrap_or(100.0);
-    let style = if score.percent().is_some_and(|percent| percent >= least) { GOOD } else { BAD };
-    let tried: usize = all.iter().map(|(.., hunted)| hunted.tried.len()).sum();
-    let of: usize = all.iter().map(|(.., hunted)| hunted.of).sum();
-    let tests: usize = all.iter().map(|(.., hunted)| hunted.tests).sum();
-    let frames: usize = all.iter().map(|(.., hunted)| hunted.left_out).sum();
+    table.write(out)
+}
+
+/// The last line: the score, and what wasn't judged.
+fn parts(all: &[(String, Hunted)], score: &Score, args: &Args) -> Vec<String> {
+    let sum =
+        |of: &dyn Fn(&Hunted) -> usize| all.iter().map(|(_, hunted)| of(hunted)).sum::<usize>();
+    let tests = counted(sum(&|hunted| hunted.tests), "test");
     let mut parts = vec![match score.percent() {
         Some(percent) => format!(
-            "score {percent:.1}%: {} of {} mutants killed by {} on {}",
+            "score {percent}%: {} of {} mutants killed by {tests} on {}",
             score.killed,
             score.judged(),
-            counted(tests, "test"),
             args.paths
         ),
         None => "no mutant was judged".to_owned(),
     }];
+    let (tried, of) = (sum(&|hunted| hunted.tried.len()), sum(&|hunted| hunted.of));
     if tried < of {
         parts.push(format!("a sample of {tried} of {of}, by seed {}", args.seed));
     }
@@ -339,50 +380,64 @@ fn write_sum(
         (score.equal, "equal to the original"),
         (score.invalid, "no valid WGSL"),
         (score.idle, "in no function that is linked"),
-        (score.stopped, "ended without a verdict"),
+        (score.stopped, "without a verdict"),
     ] {
         if count > 0 {
             parts.push(format!("{count} {what}"));
         }
     }
+    let frames = sum(&|hunted| hunted.left_out);
     if frames > 0 {
         parts.push(format!("{} not drawn: --paths vulkan draws them", counted(frames, "frame")));
     }
-    let seconds = began.elapsed().as_secs_f64();
-    writeln!(out, "{style}{}{style:#}{rust}; {seconds:.0} s", parts.join("; "))
+    let invalid: Vec<&str> =
+        all.iter().flat_map(|(_, hunted)| &hunted.invalid).map(String::as_str).collect();
+    if !invalid.is_empty() {
+        let are = if invalid.len() == 1 { "isn't" } else { "aren't" };
+        let modules = counted(invalid.len(), "module");
+        parts.push(format!("{modules} {are} valid: {}", some(&invalid)));
+    }
+    parts
 }
 
 fn as_json(one: &Tried) -> serde_json::Value {
-    let Tried { id, module, file, mutant, fate } = one;
+    let Candidate { id, module, file, mutant, .. } = &one.candidate;
     serde_json::json!({
         "id": id, "module": module, "function": mutant.item, "file": shown(file), "line": mutant.line, "column": mutant.column,
         "rule": mutant.rule.to_string(), "original": mutant.original, "replacement": mutant.replacement,
-        "result": fate,
+        "result": one.fate,
     })
 }
 
-/// The lines of a folder's files that differ from a revision, and those of files that git doesn't know.
+/// The lines of a folder's files that changed since this branch left a revision, and those of files that git doesn't know.
 fn lines_since(
     revision: &str,
     folder: &Path,
 ) -> anyhow::Result<BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>> {
     let around = if folder.is_file() { folder.parent().unwrap_or(folder) } else { folder };
+    // Whatever the user's configuration says, names are whole, and as they are.
     let git = |arguments: &[&str]| -> anyhow::Result<String> {
-        let ran = Command::new("git").arg("-C").arg(around).args(arguments).output();
+        let fixed = ["-c", "core.quotePath=false", "-c", "diff.relative=false"];
+        let ran = Command::new("git").arg("-C").arg(around).args(fixed).args(arguments).output();
         let ran = ran.context("can't run git")?;
         let said = String::from_utf8_lossy(&ran.stderr);
         ensure!(ran.status.success(), "git: {}", said.trim());
         Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
     };
     ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
-    let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim());
+    let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));
     let mut all: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>> = BTreeMap::new();
-    let place = |name: &str| root.join(name).canonicalize().unwrap_or_else(|_| root.join(name));
+    let place = |name: &str| {
+        let path = root.join(name);
+        path.canonicalize().with_context(|| format!("git names `{}`", path.display()))
+    };
     let diff = git(&[
         "diff",
+        "--merge-base",
         "--no-color",
         "--no-ext-diff",
         "--unified=0",
+        "--diff-filter=d",
         "--src-prefix=a/",
         "--dst-prefix=b/",
         revision,
@@ -392,7 +447,10 @@ fn lines_since(
     let mut file = None;
     for line in diff.lines() {
         if let Some(name) = line.strip_prefix("+++ ") {
-            file = name.strip_prefix("b/").map(place);
+            // A tab ends a name that has blanks.
+            let name = name.trim_end_matches('\t');
+            ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
+            file = name.strip_prefix("b/").map(place).transpose()?;
         } else if let (Some(file), Some(hunk)) = (&file, line.strip_prefix("@@ ")) {
             let after = hunk.split(' ').find_map(|part| part.strip_prefix('+')).unwrap_or_default();
             let (start, count) = after.split_once(',').unwrap_or((after, "1"));
@@ -402,8 +460,9 @@ fn lines_since(
             }
         }
     }
-    for name in git(&["ls-files", "--others", "--exclude-standard", "--full-name", "."])?.lines() {
-        all.entry(place(name)).or_default().push(1..=usize::MAX);
+    let others = git(&["ls-files", "-z", "--others", "--exclude-standard", "--full-name", "."])?;
+    for name in others.split('\0').filter(|name| !name.is_empty()) {
+        all.entry(place(name)?).or_default().push(1..=usize::MAX);
     }
     Ok(all)
 }

@@ -52,12 +52,17 @@ pub(super) struct Args {
 
 /// Who runs the tests of a suite: how one is run again, and where it remembers.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
+    Host { folder: suite.folder.clone(), ..host_of(folder, features) }
+}
+
+/// The same of a folder of shaders, which remembers in itself.
+pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     let folder_name = karat::unstable::diagnostic::shown(folder);
     let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
     let words = ["karat", "test", &folder_name].map(str::to_owned).into_iter();
     Host {
         command: words.chain(features).chain(["--exact".to_owned()]).collect(),
-        folder: suite.folder.clone(),
+        folder: folder.to_owned(),
         target: "suite".to_owned(),
         output: folder.join(".karat").join("run"),
     }
@@ -121,7 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
         // A race fails each assertion of its passes, and a path that doesn't open each test: one message says it.
-        let mut told: HashMap<&str, &str> = HashMap::new();
+        let mut told: HashMap<String, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;
             let first = wrong.common().map(|common| *told.entry(common).or_insert(name));

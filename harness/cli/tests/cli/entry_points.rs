@@ -617,6 +617,41 @@ fn wrong_passes_fail_with_the_element() {
     }
 }
 
+/// A pass that isn't there is blamed by its own name, and not a resource that it alone reads.
+#[test]
+fn a_later_pass_that_is_misspelt_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shader = "@group(0) @binding(0) var<storage, read_write> data: array<u32, 4>;\n\
+                  @group(0) @binding(1) var<storage, read_write> other: array<u32, 4>;\n\
+                  @compute @workgroup_size(1) fn first() { data[0] = 1u; }\n\
+                  @compute @workgroup_size(1) fn second() { other[0] = data[0]; }\n";
+    let declared = |name: &str, expected: &str| {
+        format!(
+            "[[compute]]\npasses = [{{ entry = \"first\", workgroups = 1 }}, {{ entry = \"{name}\", workgroups = 1 }}]\n\
+             with = {{ data = {{}}, other = {{}} }}\n[compute.after.other]\ntable = \"{expected}\"\n"
+        )
+    };
+    write(folder.path(), "m.wgsl", shader);
+    write(folder.path(), "right.csv", "value\n1\n0\n0\n0\n");
+    write(folder.path(), "wrong.csv", "value\n1\n0\n\n7\n0\n");
+    write(folder.path(), "half.csv", "value\n1\n0\n0.5\n0\n");
+    let ran = |name: &str, expected: &str| {
+        write(folder.path(), "m.test.toml", &declared(name, expected));
+        karat(folder.path(), &["test", ".", "--paths", "cpu"])
+    };
+    let slip = ran("sekond", "right.csv");
+    assert!(slip.out.contains("`m::sekond` is no compute entry point; did you mean"), "{slip:?}");
+    assert!(!slip.out.contains("there is no variable"), "{slip:?}");
+    ran("second", "right.csv").good();
+    // The row of a table that an element isn't, and the resource in the check's name.
+    let differs = ran("second", "wrong.csv");
+    assert!(differs.out.contains("  row of the first element: wrong.csv:5:1"), "{}", differs.out);
+    assert!(differs.out.contains("after.other.agrees_with"), "{}", differs.out);
+    let half = ran("second", "half.csv");
+    assert!(half.out.contains("`0.5` is no u32, so nothing equals it"), "{}", half.out);
+    assert!(half.out.contains("half.csv:4:1"), "{}", half.out);
+}
+
 /// A race fails each assertion of its passes, in whatever order they run.
 #[test]
 fn one_race_has_one_message() {

@@ -78,6 +78,19 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
+/// Why no test can begin is told in full once, with the place of each test.
+#[test]
+fn what_all_tests_lack_is_told_once() {
+    let folder = folder();
+    let metal = cpu(folder.path(), &["--require", "metal"]);
+    assert_eq!(metal.code, Some(1), "{metal:?}");
+    let told = |part: &str| metal.out.matches(part).count();
+    let (failures, others) = (told("\n---- "), told("\n  as under `"));
+    assert!(failures > 2 && others == failures - 1, "{}", metal.out);
+    assert_eq!(told("execution path `metal` is required, but unavailable"), failures);
+    assert_eq!(told(" --> "), failures, "each has its place:\n{}", metal.out);
+}
+
 #[test]
 fn a_folder_of_shaders_is_tested_without_cargo() {
     let folder = folder();

@@ -37,18 +37,18 @@ impl Library {
         };
         let mut own: Vec<&ModulePath> =
             modules.iter().filter(|module| Some(module.package) == package).collect();
-        own.sort_by_key(|module| std::cmp::Reverse(shared(module)));
-        let nearest = own.first().map_or(0, |first| shared(first));
-        own.retain(|module| shared(module) == nearest);
+        let nearest = own.iter().map(|module| shared(module)).max();
+        own.retain(|module| Some(shared(module)) == nearest);
         if let (Some(item), [_, _, ..]) = (words.get(count), &*own) {
-            let declares = |module: &ModulePath| {
-                self.module(module).is_ok_and(|module| module.declared(item).next().is_some())
-            };
-            let (mut with, without) = own.iter().partition::<Vec<&ModulePath>, _>(|m| declares(m));
-            if with.is_empty() {
-                with = without;
+            let mut declaring = Vec::new();
+            for module in &own {
+                if self.module(module)?.declared(item).next().is_some() {
+                    declaring.push(*module);
+                }
             }
-            own = with;
+            if !declaring.is_empty() {
+                own = declaring;
+            }
         }
         match *own {
             [first, second, ..] => Err(PackageError::ComposedTwice {

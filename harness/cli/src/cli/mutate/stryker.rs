@@ -4,34 +4,25 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use karat::Package;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::image::write_whole;
-use karat_mutate::{Fate, Hunted, Lived, Tried};
+use karat_mutate::{Candidate, Fate, Lived, Tried};
 use serde_json::{Value, json};
 
 /// Scores that viewers show as high and as low, in per cent: those of Stryker.
 const THRESHOLDS: [u32; 2] = [80, 60];
 
 /// Writes it.
-pub(super) fn write<'h>(
-    all: impl Iterator<Item = (&'h Package, &'h Hunted)>,
-    path: &Path,
-) -> anyhow::Result<()> {
-    let mut files: BTreeMap<String, Value> = BTreeMap::new();
-    for (_, hunted) in all {
-        for one in &hunted.tried {
-            let name = shown(&one.file);
-            if !files.contains_key(&name) {
-                let source = std::fs::read_to_string(&one.file)
-                    .with_context(|| format!("can't read `{name}`"))?;
-                let file = json!({ "language": "wgsl", "source": source, "mutants": [] });
-                files.insert(name.clone(), file);
-            }
-            let mutants = files.get_mut(&name).and_then(|file| file["mutants"].as_array_mut());
-            mutants.expect("it was made above").push(mutant(one));
-        }
+pub(super) fn write<'h>(all: impl Iterator<Item = &'h Tried>, path: &Path) -> anyhow::Result<()> {
+    let mut files: BTreeMap<String, (&str, Vec<Value>)> = BTreeMap::new();
+    for one in all {
+        let file = files.entry(shown(&one.candidate.file));
+        file.or_insert((&one.candidate.text, Vec::new())).1.push(mutant(one));
     }
+    let files = files.into_iter().map(|(name, (source, mutants))| {
+        (name, json!({ "language": "wgsl", "source": source, "mutants": mutants }))
+    });
+    let files: serde_json::Map<String, Value> = files.collect();
     let [high, low] = THRESHOLDS;
     let report = json!({
         "schemaVersion": "2", "thresholds": { "high": high, "low": low }, "files": files,
@@ -42,8 +33,8 @@ pub(super) fn write<'h>(
 }
 
 fn mutant(one: &Tried) -> Value {
-    let Tried { id, mutant, fate, .. } = one;
-    let (status, reason) = match fate {
+    let Candidate { id, mutant, .. } = &one.candidate;
+    let (status, reason) = match &one.fate {
         Fate::Killed { test } => ("Killed", format!("killed by {test}")),
         // It has no word for a mutant that is the same shader; one that is left out of the score is ignored.
         Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
@@ -53,7 +44,8 @@ fn mutant(one: &Tried) -> Value {
         Fate::Untested { .. } => ("NoCoverage", String::new()),
         Fate::Invalid { reason } => ("CompileError", reason.clone()),
         Fate::Idle => ("Ignored", "it changes nothing that is linked".to_owned()),
-        Fate::Stopped { reason, .. } => ("Timeout", reason.clone()),
+        // Its viewers count a `Timeout` as detected, and this is no kill.
+        Fate::Stopped { reason, .. } | Fate::Unknown { reason } => ("RuntimeError", reason.clone()),
     };
     let lines: Vec<&str> = mutant.original.split('\n').collect();
     let last = lines.last().map_or(0, |line| line.chars().count());
@@ -67,6 +59,9 @@ fn mutant(one: &Tried) -> Value {
     });
     if !reason.is_empty() {
         all["statusReason"] = Value::String(reason);
+    }
+    if let Fate::Killed { test } = &one.fate {
+        all["killedBy"] = json!([test]);
     }
     all
 }
