@@ -26,12 +26,13 @@ const CARGO: Bound = Needless("cargo downloads, builds and waits for other build
 /// Each file that starts processes, with how many `Command::new` it has.
 const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cargo.rs", 1, OURS),
-    ("cli/src/cli/compare.rs", 1, Deadline),
+    ("cli/src/cli/git.rs", 1, Deadline),
     ("cli/src/cli/init.rs", 1, OURS),
     ("cli/src/cli/loader.rs", 1, OURS),
     ("cli/src/cli/lsp/run.rs", 1, OURS),
     ("cli/src/cli/manual.rs", 3, CARGO), // and the browser, which returns when it has the page
     ("cli/src/cli/matrix.rs", 1, OURS),
+    ("cli/src/cli/mutate.rs", 1, OURS),
     ("cli/src/cli/record.rs", 1, TESTS),
     ("cli/src/cli/render.rs", 1, CARGO),
     ("cli/src/cli/replay.rs", 2, TESTS),

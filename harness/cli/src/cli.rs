@@ -12,6 +12,7 @@ mod child;
 mod compare;
 mod diff;
 mod doctor;
+mod git;
 mod goldens;
 mod hazards;
 mod heatmap;

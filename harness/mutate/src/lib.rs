@@ -10,7 +10,8 @@
 //!
 //! let folder = tempfile::tempdir()?;
 //! std::fs::write(folder.path().join("calc.wgsl"), "fn half(x: f32) -> f32 { return 0.5 * x; }\n")?;
-//! std::fs::write(folder.path().join("calc.test.toml"), "[[test]]\nfunction = \"half\"\nequals = 1.0\nover = { x = [2] }\n")?;
+//! let test = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1\ntolerance = \"1 ulp\"\n";
+//! std::fs::write(folder.path().join("calc.test.toml"), test)?;
 //! let hunted = Request::new(Package::open(folder.path())?).run(&|_, _, _| {})?;
 //! assert!(hunted.tried.iter().any(|one| matches!(one.fate, Fate::Killed { .. })));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

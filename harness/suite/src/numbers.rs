@@ -65,7 +65,7 @@ pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
         Scalar::U32 => f64::from(number as u32) == number,
         Scalar::Bool => number == 0.0 || number == 1.0,
         // The nearest one is what floats are compared with, in `f64`.
-        _ => (number as f32).is_finite(),
+        _ => !number.is_finite() || (number as f32).is_finite(),
     }
 }
 

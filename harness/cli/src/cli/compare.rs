@@ -3,18 +3,17 @@
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::mpsc;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::unstable::output::{counted, tell, visible};
-use karat::unstable::process;
+use karat::unstable::output::{counted, tell};
 use karat_inspect::compare::{
     Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
 };
 
+use super::git::git;
 use super::project::Project;
 use super::search;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
@@ -135,20 +134,7 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
         true => (root.parent().unwrap_or(&root).to_owned(), root.file_name()),
         false => (root.clone(), None),
     };
-    let git = |arguments: &[&str]| -> anyhow::Result<Vec<u8>> {
-        let mut command = Command::new("git");
-        command.current_dir(&base).args(arguments);
-        let output = process::output(&mut command, process::LOOK_UP, u64::MAX);
-        let output = output.context("git gives no answer")?;
-        if !output.status.success() {
-            let said = String::from_utf8_lossy(&output.stderr);
-            match said.trim() {
-                "" => bail!("`git {}` fails", arguments[0]),
-                said => bail!("{}", visible(said)),
-            }
-        }
-        Ok(output.stdout)
-    };
+    let git = |arguments: &[&str]| git(&base, arguments);
     let tree = format!("{revision}^{{commit}}");
     git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &tree]).with_context(|| {
         format!("`{revision}` is neither a folder nor a revision of git in `{}`", base.display())

@@ -16,6 +16,7 @@ use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
 use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Request, Score, Tried};
 
+use super::git::git;
 use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::test::some;
@@ -256,10 +257,21 @@ fn headline(one: &Candidate) -> String {
     )
 }
 
-/// Survivors first, each with why it lived.
+/// Those that lived, each with why. Of a function that no test uses the first one stands for all.
 fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
     let mut suggested: BTreeSet<String> = BTreeSet::new();
+    let mut untested: BTreeMap<String, usize> = BTreeMap::new();
+    for one in hunted.tried.iter().filter(|one| is_untested(one)) {
+        *untested.entry(one.candidate.path()).or_default() += 1;
+    }
     for one in &hunted.tried {
+        let more = match is_untested(one) && !all {
+            true => match untested.remove(&one.candidate.path()) {
+                Some(count) => count - 1,
+                None => continue,
+            },
+            false => 0,
+        };
         let (style, word, why) = match &one.fate {
             Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
                 if !all {
@@ -295,6 +307,10 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
         for line in why {
             writeln!(out, "    {line}")?;
         }
+        if more > 0 {
+            let more = counted(more, "more mutant");
+            writeln!(out, "    {more} of `{}`: --all shows them", one.candidate.path())?;
+        }
         if let Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } = &one.fate
             && let Some(test) = found.test()
@@ -306,6 +322,10 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
         }
     }
     Ok(())
+}
+
+fn is_untested(one: &Tried) -> bool {
+    matches!(&one.fate, Fate::Untested { why } if *why != Lived::Equal)
 }
 
 /// Why a mutant lived, in lines.
@@ -415,14 +435,8 @@ fn lines_since(
     folder: &Path,
 ) -> anyhow::Result<BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>> {
     let around = if folder.is_file() { folder.parent().unwrap_or(folder) } else { folder };
-    // Whatever the user's configuration says, names are whole, and as they are.
     let git = |arguments: &[&str]| -> anyhow::Result<String> {
-        let fixed = ["-c", "core.quotePath=false", "-c", "diff.relative=false"];
-        let ran = Command::new("git").arg("-C").arg(around).args(fixed).args(arguments).output();
-        let ran = ran.context("can't run git")?;
-        let said = String::from_utf8_lossy(&ran.stderr);
-        ensure!(ran.status.success(), "git: {}", said.trim());
-        Ok(String::from_utf8_lossy(&ran.stdout).into_owned())
+        Ok(String::from_utf8_lossy(&git(around, arguments)?).into_owned())
     };
     ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
     let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));

@@ -38,9 +38,10 @@ fn mutants_are_killed_or_told() {
     let ran = karat(folder.path(), &["mutate"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "no test shaders/calc.wgsl:2:37 `+` -> `-` in `calc::lonely` (operator)",
+        "no test shaders/calc.wgsl:2:35 `x + 3.0` -> `x` in `calc::lonely` (operand)",
         "no test uses it; `calc::lonely` returns",
         "| function = \"lonely\"",
+        " more mutants of `calc::lonely`: --all shows them",
         "calc    ",
         "mutants killed by 1 test on cpu",
     ] {
@@ -93,7 +94,7 @@ fn a_pull_request_is_judged_by_its_lines() {
     let none = karat(folder.path(), &["mutate", "--in-diff", "other"]);
     assert!(none.code == Some(0) && none.out.contains("no mutant was tried"), "{none:?}");
     let slip = karat(folder.path(), &["mutate", "--in-diff", "HAED"]).error();
-    assert!(slip.contains("git: ") && slip.contains("HAED"), "{slip}");
+    assert!(slip.contains("HAED"), "{slip}");
 }
 
 #[test]
