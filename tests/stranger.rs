@@ -300,7 +300,42 @@ fn a_project_of_its_own() {
     table.says(0, &["2 checks, 0 failed, 131072 cases compared"]);
     assert!(!table.out.contains("FAIL") && !table.err.contains("Compiling"), "{table:?}");
     project.run(&karat, &["test", "lambert"]).says(0, &["1 check, 0 failed"]);
+    mutants_are_tried(&karat, &project);
     edits_are_followed(&karat, &project);
+}
+
+/// `karat mutate` runs tests in Rust by their program, and builds nothing for a mutant.
+fn mutants_are_tried(karat: &FilePath, project: &Project) {
+    let before = remembered(project);
+    let lambert = project.run(karat, &["mutate", "--only", "lambert", "--all"]);
+    lambert.says(0, &["killed shaders/brdf.wgsl:8:", "by `brdf::lambert`", "score 100%"]);
+    assert!(lambert.out.contains("killed by 2 tests on cpu"), "{}", lambert.out);
+    assert!(!lambert.err.contains("Compiling"), "{}", lambert.err);
+    // What both tests use, and what none does.
+    let all = project.run(karat, &["mutate", "--fail-under", "0", "--all"]);
+    all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
+    // Tests that fail on purpose leave nothing to be tried first the next time.
+    assert_eq!(remembered(project), before);
+    // Where a test fails anyway nothing is known.
+    project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
+    let red = project.run(karat, &["mutate", "--only", "lambert"]);
+    red.says(2, &["`brdf::lambert` fails without a mutant"]);
+    project.write("shaders/brdf.wgsl", BRDF);
+}
+
+/// The inputs that tests have failed on, as they are kept.
+fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
+    let (mut folders, mut all) = (vec![project.folder.path().join(".karat")], Vec::new());
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            match entry.path() {
+                path if path.is_dir() => folders.push(path),
+                path => all.push((path.clone(), read(&path))),
+            }
+        }
+    }
+    all.sort();
+    all
 }
 
 /// `karat watch`, on one of its paths.

@@ -11,6 +11,7 @@ mod folder;
 mod replay;
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -365,9 +366,32 @@ impl Allowance {
     }
 }
 
+thread_local! {
+    /// False while verdicts of this thread say nothing of the package as it is.
+    static KEPT: Cell<bool> = const { Cell::new(true) };
+}
+
+/// Runs tests whose verdicts say nothing of the package as it is, such as those of a mutant: they are neither recorded nor
+/// remembered.
+pub fn unrecorded<R>(run: impl FnOnce() -> R) -> R {
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            KEPT.set(self.0);
+        }
+    }
+    let _before = Before(KEPT.replace(false));
+    run()
+}
+
+/// False within [`unrecorded`].
+pub(crate) fn is_kept() -> bool {
+    KEPT.get()
+}
+
 /// Whether a record is kept.
 pub(crate) fn wanted() -> bool {
-    crate::settings::record().is_some()
+    is_kept() && crate::settings::record().is_some()
 }
 
 /// Appends a verdict to this process's file, if a run is being recorded.
@@ -375,7 +399,7 @@ pub(crate) fn wanted() -> bool {
 /// # Panics
 /// If the record can't be written: a verdict that is lost would be missing from the report.
 pub(crate) fn write(record: &Record) {
-    let Some(folder) = crate::settings::record() else { return };
+    let Some(folder) = crate::settings::record().filter(|_| is_kept()) else { return };
     let folder = folder.as_path();
     static FILE: OnceLock<Mutex<File>> = OnceLock::new();
     let file = FILE.get_or_init(|| {

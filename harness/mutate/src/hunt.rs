@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use karat::Package;
 use karat::package::PackageError;
-use karat::unstable::package::file_of;
+use karat::unstable::package::{AcceptedMutants, accepted_mutants, file_of};
 use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Fault, FindError, Suite, Test, Wrong};
 use serde::Serialize;
@@ -91,6 +91,11 @@ pub enum Fate {
     },
     /// It changes nothing that is linked, such as text under a condition that doesn't hold.
     Idle,
+    /// It lives, and `karat.toml` accepts that.
+    Accepted {
+        /// Why.
+        reason: String,
+    },
     /// Nobody can tell: the tests can't be looked for.
     Unknown {
         /// Why not.
@@ -118,6 +123,8 @@ pub struct Hunted {
     pub left_out: usize,
     /// Modules that aren't valid as they are.
     pub invalid: Vec<String>,
+    /// Acceptances in `karat.toml` that accept nothing, each a sentence.
+    pub complaints: Vec<String>,
 }
 
 /// Why no mutant was tried.
@@ -144,6 +151,9 @@ pub enum MutateError {
          folder of what it prints"
     )]
     Printed,
+    /// An acceptance in `karat.toml` accepts nothing.
+    #[error("{0}")]
+    Accepted(String),
     /// There is nothing that could kill a mutant.
     #[error("{0}")]
     NoTest(String),
@@ -163,6 +173,26 @@ pub enum MutateError {
         /// Each with what is wrong.
         wrong: Vec<(String, Wrong)>,
     },
+}
+
+/// Tests beside those of the package, which run elsewhere: Rust's. All have passed without a mutant.
+pub trait Others: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// Runs those that use what a mutant changes, until one fails.
+    fn judge(&self, candidate: &Candidate) -> Judged;
+}
+
+/// What other tests make of a mutant.
+#[derive(Clone, Debug, Default)]
+pub struct Judged {
+    /// How many use what it changes.
+    pub concerned: usize,
+    /// The one that failed.
+    pub killed: Option<String>,
+    /// One that ended without a verdict, and why.
+    pub stopped: Option<(String, String)>,
 }
 
 /// A test, what it is made of, and how long it takes.
@@ -210,6 +240,10 @@ impl Request {
     /// # Errors
     /// If the package can't be read.
     pub fn mutants(&self) -> Result<(Vec<Candidate>, usize), MutateError> {
+        Ok(self.chosen(self.all()?))
+    }
+
+    fn all(&self) -> Result<Vec<Candidate>, MutateError> {
         if self.package.is_printed() {
             return Err(MutateError::Printed);
         }
@@ -227,7 +261,7 @@ impl Request {
             for mutant in maker::mutants(&text) {
                 let path = path_of(&module, &mutant.item);
                 // The tests themselves aren't what is judged.
-                if tests.contains(&*path) || !self.wants(&path, &file, &mutant) {
+                if tests.contains(&*path) {
                     continue;
                 }
                 let [before, after] = mutant.lines(&text);
@@ -242,19 +276,22 @@ impl Request {
                 all.push(Candidate { id, module, file, text, mutant });
             }
         }
+        Ok(all)
+    }
+
+    /// Those that are asked for, and how many there are before a sample is taken.
+    fn chosen(&self, mut all: Vec<Candidate>) -> (Vec<Candidate>, usize) {
+        all.retain(|one| self.wants(&one.path(), &one.file, &one.mutant));
         let of = all.len();
-        if let Some((count, seed)) = self.sample {
-            // By what changes and not by where: a line more above is no other sample.
-            let key =
-                |one: &Candidate| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
-            let mut keyed: Vec<_> =
-                all.into_iter().map(|one| (key(&one), one)).enumerate().collect();
-            keyed.sort_by_key(|(_, (key, _))| *key);
-            keyed.truncate(count);
-            keyed.sort_by_key(|(at, _)| *at);
-            all = keyed.into_iter().map(|(_, (_, one))| one).collect();
-        }
-        Ok((all, of))
+        let Some((count, seed)) = self.sample else { return (all, of) };
+        // By what changes and not by where: a line more above is no other sample.
+        let key =
+            |one: &Candidate| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
+        let mut keyed: Vec<_> = all.into_iter().map(|one| (key(&one), one)).enumerate().collect();
+        keyed.sort_by_key(|(_, (key, _))| *key);
+        keyed.truncate(count);
+        keyed.sort_by_key(|(at, _)| *at);
+        (keyed.into_iter().map(|(_, (_, one))| one).collect(), of)
     }
 
     fn wants(&self, path: &str, file: &Path, mutant: &Mutant) -> bool {
@@ -275,7 +312,21 @@ impl Request {
     /// # Errors
     /// If there is nothing to try, or a test fails without a mutant.
     pub fn run(&self, told: &(dyn Fn(&Tried, usize, usize) + Sync)) -> Result<Hunted, MutateError> {
-        let (all, of) = self.mutants()?;
+        self.run_with(None, told)
+    }
+
+    /// [`run`](Self::run) with other tests beside the package's own.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        others: Option<&dyn Others>,
+        told: &(dyn Fn(&Tried, usize, usize) + Sync),
+    ) -> Result<Hunted, MutateError> {
+        let all = self.all()?;
+        let accepted = self.accepted(&all)?;
+        let (all, of) = self.chosen(all);
         if all.is_empty() {
             let of = match (&*self.only, &self.lines) {
                 ([], None) => String::new(),
@@ -285,21 +336,62 @@ impl Request {
             return Err(MutateError::NoMutant { of });
         }
         let suite = Suite::of(self.package.clone())?;
-        let (judges, left_out) = self.judges(&suite)?;
+        let (judges, left_out) = self.judges(&suite, others)?;
         let (done, count) = (AtomicUsize::new(0), all.len());
         let tried = beside_each_other(&all, &|candidate: &Candidate| {
-            let fate = self.fate(candidate, &judges);
+            let fate = match (self.fate(candidate, &judges, others), accepted.get(&candidate.id)) {
+                (Fate::Lived { .. } | Fate::Untested { .. }, Some(reason)) => {
+                    Fate::Accepted { reason: reason.clone() }
+                }
+                (fate, _) => fate,
+            };
             let tried = Tried { candidate: candidate.clone(), fate };
             told(&tried, done.fetch_add(1, Ordering::Relaxed) + 1, count);
             tried
         });
         let is_invalid = |module: &String| Program::of_module(&self.package, module).is_err();
         let invalid = self.package.modules()?.into_iter().filter(is_invalid).collect();
-        Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid })
+        let complaint = |one: &Tried| {
+            let (id, fate) = (&one.candidate.id, &one.fate);
+            let what = match fate {
+                _ if !accepted.contains_key(id) => return None,
+                Fate::Accepted { .. } => return None,
+                Fate::Killed { test } => format!("`{test}` kills it"),
+                _ => "it isn't in the score anyway".to_owned(),
+            };
+            Some(format!("karat.toml accepts the mutant {id}, and {what}: take it out"))
+        };
+        let complaints = tried.iter().filter_map(complaint).collect();
+        let tests = judges.len() + others.map_or(0, Others::count);
+        Ok(Hunted { tried, of, tests, left_out, invalid, complaints })
+    }
+
+    /// The mutants that `karat.toml` accepts, each with the reason.
+    fn accepted(&self, all: &[Candidate]) -> Result<BTreeMap<String, String>, MutateError> {
+        let mut accepted = BTreeMap::new();
+        for AcceptedMutants { ids, reason } in accepted_mutants(&self.package)? {
+            for id in ids {
+                let wrong = if reason.trim().is_empty() {
+                    "is accepted without a reason"
+                } else if all.iter().all(|one| one.id != id) {
+                    "is accepted, and there is none: `karat mutate --list` names all"
+                } else if accepted.insert(id.clone(), reason.clone()).is_some() {
+                    "is accepted twice"
+                } else {
+                    continue;
+                };
+                return Err(MutateError::Accepted(format!("karat.toml: the mutant {id} {wrong}")));
+            }
+        }
+        Ok(accepted)
     }
 
     /// The tests, once all have passed, and how many frames are left out.
-    fn judges(&self, suite: &Suite) -> Result<(Vec<Judge>, usize), MutateError> {
+    fn judges(
+        &self,
+        suite: &Suite,
+        others: Option<&dyn Others>,
+    ) -> Result<(Vec<Judge>, usize), MutateError> {
         let is_wanted =
             |test: &&Test| self.filter.as_ref().is_none_or(|filter| test.is_about(filter));
         let (frames, tests): (Vec<&Test>, Vec<&Test>) =
@@ -308,7 +400,7 @@ impl Request {
         let mut wrong: Vec<(String, Wrong)> = broken.collect();
         let run = |test: &&Test| {
             let began = Instant::now();
-            let verdict = suite.run(test);
+            let verdict = suite.run_unrecorded(test);
             let (name, made_of) = (test.name.clone(), suite.normalized_text(test));
             (Judge { name, made_of, took: began.elapsed() }, verdict)
         };
@@ -323,7 +415,7 @@ impl Request {
         if !wrong.is_empty() {
             return Err(MutateError::Red { wrong });
         }
-        if judges.is_empty() {
+        if judges.is_empty() && others.is_none_or(|others| others.count() == 0) {
             let why = match (&self.filter, frames.len()) {
                 (Some(filter), 0) => format!("no test has `{filter}` in its name"),
                 (_, 0) => "there is no test: `karat init` writes a first one".to_owned(),
@@ -337,7 +429,7 @@ impl Request {
     }
 
     /// What becomes of a mutant.
-    fn fate(&self, one: &Candidate, judges: &[Judge]) -> Fate {
+    fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
         let Candidate { module, file, text, mutant, .. } = one;
         let package = self.package.unsaved(file, &mutant.applied(text));
         // Of a module that isn't valid anyway the item alone has to be.
@@ -365,19 +457,15 @@ impl Request {
                 }
             }
         }
-        let why = || lived::why(&self.package, &package, one);
-        if concerned.is_empty() {
-            return match is_idle(&self.package, &package) {
-                true => Fate::Idle,
-                false => Fate::Untested { why: why() },
-            };
+        if concerned.is_empty() && is_idle(&self.package, &package) {
+            return Fate::Idle;
         }
         // What calls the function itself is the likeliest to see it, and then what is quick.
         let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
         let mut stopped = None;
         for (judge, test) in &concerned {
-            let Err(Wrong { fault, headline, .. }) = own.run(test) else { continue };
+            let Err(Wrong { fault, headline, .. }) = own.run_unrecorded(test) else { continue };
             match fault {
                 Fault::Values | Fault::Violations(_) => {
                     return Fate::Killed { test: judge.name.clone() };
@@ -387,13 +475,21 @@ impl Request {
                 }
             }
         }
-        match stopped {
+        let others = others.map(|others| others.judge(one)).unwrap_or_default();
+        if let Some(test) = others.killed {
+            return Fate::Killed { test };
+        }
+        let tests = concerned.len() + others.concerned;
+        match stopped.or(others.stopped) {
             // A constant may leave its own module valid, and no other one.
             Some((test, reason)) => match self.broken_by(&package) {
                 Some(reason) => Fate::Invalid { reason },
                 None => Fate::Stopped { test, reason },
             },
-            None => Fate::Lived { tests: concerned.len(), why: why() },
+            None => {
+                let why = lived::why(&self.package, &package, one);
+                if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, why } }
+            }
         }
     }
 

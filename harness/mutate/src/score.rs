@@ -21,6 +21,8 @@ pub struct Score {
     pub untested: usize,
     /// Those that are the same shader. No test can see them.
     pub equal: usize,
+    /// Those that `karat.toml` accepts.
+    pub accepted: usize,
     /// Those that are no valid WGSL.
     pub invalid: usize,
     /// Those that are in no function as it is linked, such as under a condition that doesn't hold.
@@ -41,6 +43,7 @@ impl Score {
                 }
                 Fate::Lived { .. } => &mut sum.lived,
                 Fate::Untested { .. } => &mut sum.untested,
+                Fate::Accepted { .. } => &mut sum.accepted,
                 Fate::Invalid { .. } => &mut sum.invalid,
                 Fate::Idle => &mut sum.idle,
                 Fate::Stopped { .. } | Fate::Unknown { .. } => &mut sum.stopped,

@@ -210,6 +210,39 @@ fn no_kill_is_made_up() {
     assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
+/// What no test can kill is accepted with a reason; an acceptance that accepts nothing is told.
+#[test]
+fn acceptances_are_held() {
+    let folder = folder(SHADER, TESTS);
+    let first = hunted(folder.path());
+    let lived = &of(&first, "capped", "max(x * x, -1.0)", "(x * x)").candidate.id;
+    let killed = &of(&first, "half", "0.5", "1.0").candidate.id;
+    let accept = |ids: &str, reason: &str| {
+        let text = format!("[[mutant]]\nids = [{ids}]\nreason = \"{reason}\"\n");
+        std::fs::write(folder.path().join("karat.toml"), text).expect("written");
+    };
+    accept(&format!("\"{lived}\""), "a square is never negative");
+    let second = hunted(folder.path());
+    let fate = &of(&second, "capped", "max(x * x, -1.0)", "(x * x)").fate;
+    assert_eq!(*fate, Fate::Accepted { reason: "a square is never negative".to_owned() });
+    assert!(second.complaints.is_empty());
+    let [before, after] = [&first, &second].map(|hunted| Score::of(&hunted.tried));
+    assert_eq!((after.accepted, after.lived), (1, before.lived - 1));
+    accept(&format!("\"{lived}\", \"{killed}\""), "both");
+    let complaints = hunted(folder.path()).complaints;
+    assert!(
+        complaints.len() == 1 && complaints[0].contains("`calc::half equals` kills it"),
+        "{complaints:?}"
+    );
+    let wrong = |ids: String, reason: &str| {
+        accept(&ids, reason);
+        request(folder.path()).run(&|_, _, _| {}).expect_err("it accepts nothing").to_string()
+    };
+    assert!(wrong("\"00000000\"".to_owned(), "why").contains("there is none"));
+    assert!(wrong(format!("\"{lived}\""), " ").contains("without a reason"));
+    assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));
+}
+
 /// A sample is the same by the same seed, wherever its lines are; ids stay under edits elsewhere.
 #[test]
 fn samples_and_ids_stay() {

@@ -1,4 +1,5 @@
-//! What `karat.toml` declares of findings: inputs, hazards that are accepted, rows of the matrix that don't get far.
+//! What `karat.toml` declares of findings: inputs, hazards that are accepted, mutants that no test can kill, rows of the matrix
+//! that don't get far.
 
 use std::collections::BTreeMap;
 
@@ -26,6 +27,16 @@ pub struct AcceptedHazard {
     /// The operation; none: all of them.
     pub text: Option<String>,
     /// Why it is accepted.
+    pub reason: String,
+}
+
+/// Mutants that no test can kill, as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcceptedMutants {
+    /// Their names, as `karat mutate` prints them: `b778d00e`.
+    pub ids: Vec<String>,
+    /// Why they are accepted.
     pub reason: String,
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::accepted::{Hazards, KnownRows};
+use super::accepted::{AcceptedMutants, Hazards, KnownRows};
 use super::feature::Feature;
 use super::library::{self, ModulePath};
 use super::manifest::{self, Manifest};
@@ -56,6 +56,14 @@ pub fn is_crate(package: &Package) -> bool {
 /// If it can't be read.
 pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
     Ok(Manifest::of(package)?.hazards())
+}
+
+/// The mutants that `karat.toml` accepts.
+///
+/// # Errors
+/// If it can't be read.
+pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, PackageError> {
+    Ok(Manifest::of(package)?.mutants())
 }
 
 /// What `karat.toml` declares of the matrix of translations.

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use serde::Deserialize;
 
-use super::accepted::{AcceptedHazard, Hazards, KnownRows};
+use super::accepted::{AcceptedHazard, AcceptedMutants, Hazards, KnownRows};
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
@@ -46,6 +46,8 @@ pub(super) struct Manifest {
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and hazards that are accepted.
     hazards: Hazards,
+    /// Mutants that no test can kill.
+    mutants: Vec<AcceptedMutants>,
     /// Compilers besides naga, and limits.
     pub(super) compilers: Compilers,
 }
@@ -98,6 +100,8 @@ struct Written {
     overrides: BTreeMap<String, toml::Value>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
+    #[serde(default, rename = "mutant")]
+    mutants: Vec<AcceptedMutants>,
     #[serde(default)]
     compilers: compilers::Written,
     limits: Option<BTreeMap<String, toml::Value>>,
@@ -353,6 +357,7 @@ impl Manifest {
             inputs: written_inputs,
             overrides,
             hazards,
+            mutants,
             compilers,
             limits,
         } = written.map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
@@ -470,6 +475,7 @@ impl Manifest {
                     join,
                     matrix,
                     hazards,
+                    mutants,
                     compilers,
                 })
             }
@@ -484,6 +490,11 @@ impl Manifest {
     /// What is declared of the matrix of translations.
     pub(super) fn known_rows(self) -> Vec<KnownRows> {
         self.matrix
+    }
+
+    /// The mutants that are accepted.
+    pub(super) fn mutants(self) -> Vec<AcceptedMutants> {
+        self.mutants
     }
 
     /// What is declared of hazards.

@@ -83,9 +83,17 @@ impl Dependence {
     /// has changed.
     #[must_use]
     pub fn is_current(&self) -> bool {
-        let Some(package) = &self.package else { return false };
-        normalized_text(&kept::again(&package.package(), &self.wanted), self.of)
-            == self.normalized_text
+        self.package().is_some_and(|package| self.is_same(&package))
+    }
+
+    /// The same if a file had this text; `None` if only the test's own process can open its package.
+    #[must_use]
+    pub fn is_current_with(&self, file: &Path, text: &str) -> Option<bool> {
+        Some(self.is_same(&self.package()?.unsaved(file, text)))
+    }
+
+    fn is_same(&self, package: &Package) -> bool {
+        normalized_text(&kept::again(package, &self.wanted), self.of) == self.normalized_text
     }
 }
 

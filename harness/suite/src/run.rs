@@ -13,7 +13,7 @@ use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
 use karat::unstable::diagnostic::{Diagnostic, Span};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::probe::{ProbeError, Probed};
-use karat::unstable::record::Subject;
+use karat::unstable::record::{Subject, unrecorded};
 use karat::unstable::reflect::{Binding, Program, Stage};
 use karat::unstable::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
@@ -54,10 +54,29 @@ impl Suite {
     /// # Panics
     /// If no thread can be started.
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
+        Self::on_a_thread(test, || self.verdict(test, groups))
+    }
+
+    /// [`run`](Self::run) of shaders that aren't as they are saved: the verdict is neither recorded nor remembered.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    ///
+    /// # Panics
+    /// If no thread can be started.
+    pub fn run_unrecorded(&self, test: &Test) -> Result<(), Wrong> {
+        let verdict = || unrecorded(|| self.verdict(test, &Groups::default()));
+        Self::on_a_thread(test, verdict)
+    }
+
+    fn on_a_thread(
+        test: &Test,
+        verdict: impl FnOnce() -> Result<(), Wrong> + Send,
+    ) -> Result<(), Wrong> {
         let verdict = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(test.name.clone());
             let run = || {
-                let verdict = self.verdict(test, groups);
+                let verdict = verdict();
                 karat::unstable::run::not_replayed().map_or(verdict, |text| Err(Wrong::of(text)))
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()

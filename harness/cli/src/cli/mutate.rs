@@ -14,15 +14,18 @@ use karat::Package;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
-use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Request, Score, Tried};
+use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Others, Request, Score, Tried};
 
 use super::git::git;
 use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::test::some;
-use super::{Ending, Outcome, PlaceArgs, write_json};
+use super::{Ending, Outcome, PlaceArgs, report, write_json};
 
+mod rust;
 mod stryker;
+
+use self::rust::{OfPackage, RustTests};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -56,8 +59,11 @@ pub(super) struct Args {
     /// Write Stryker's report, `mutation.json`, into this file
     #[arg(long, value_name = "FILE")]
     stryker: Option<PathBuf>,
-    /// Print JSON
+    /// Annotate the lines of mutants that lived, as on GitHub
     #[arg(long)]
+    github: bool,
+    /// Print JSON
+    #[arg(long, conflicts_with = "github")]
     json: bool,
     /// The folder for what tests leave: this is the process that tries the mutants
     #[arg(long, hide = true)]
@@ -99,8 +105,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut all: Vec<(String, Hunted)> = Vec::new();
     // Of several packages some have no tests, and an edit may touch no shader.
     let mut passed_over: Vec<String> = Vec::new();
-    for (title, request) in &requests {
-        match hunt(request, title) {
+    let rust = match project.is_cargo() && args.place.package().package.is_none() {
+        true => Some(RustTests::of(project.root(), args.tests.as_deref())?),
+        false => None,
+    };
+    for ((title, request), package) in requests.iter().zip(&packages) {
+        let others = rust.as_ref().map(|tests| OfPackage { tests, package });
+        match hunt(request, others.as_ref(), title) {
             Ok(hunted) => all.push((title.clone(), hunted)),
             Err(error @ MutateError::NoMutant { .. }) if args.in_diff.is_some() => {
                 passed_over.push(format!("{title}: {error}"));
@@ -109,9 +120,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 if requests.len() > 1 =>
             {
                 passed_over.push(format!("{title}: {error}"));
-            }
-            Err(error @ MutateError::NoTest(_)) if project.is_cargo() => {
-                anyhow::bail!("{error}; tests in Rust aren't run by `karat mutate`")
             }
             Err(error) => return Err(error.into()),
         }
@@ -129,7 +137,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let score = Score::of(tried());
     let least = args.fail_under.unwrap_or(100.0);
-    let good = score.percent().is_some_and(|percent| percent >= least);
+    let complaints: Vec<&String> = all.iter().flat_map(|(_, hunted)| &hunted.complaints).collect();
+    let good = complaints.is_empty() && score.percent().is_some_and(|percent| percent >= least);
+    if args.github || report::runs_on_github() {
+        write_annotations(&all, &project, out)?;
+    }
     if args.json {
         write_json(&tried().map(as_json).collect::<Vec<_>>(), out)?;
     } else {
@@ -141,8 +153,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         write_modules(&all, out)?;
         let mut parts = parts(&all, &score, args);
-        if project.is_cargo() {
-            parts.push("tests in Rust weren't run".to_owned());
+        if project.is_cargo() && rust.is_none() {
+            parts.push("tests in Rust weren't run: name no folder".to_owned());
+        }
+        for complaint in complaints {
+            writeln!(out, "{BAD}error{BAD:#}: {complaint}")?;
         }
         let style = if good { GOOD } else { BAD };
         let seconds = began.elapsed().as_secs_f64();
@@ -209,7 +224,11 @@ fn apart(path: &str) -> Outcome {
 }
 
 /// Tries the mutants, with a bar on a terminal.
-fn hunt(request: &Request, title: &str) -> Result<Hunted, MutateError> {
+fn hunt(
+    request: &Request,
+    others: Option<&OfPackage<'_>>,
+    title: &str,
+) -> Result<Hunted, MutateError> {
     // A test that panics says so by its verdict.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
@@ -220,7 +239,8 @@ fn hunt(request: &Request, title: &str) -> Result<Hunted, MutateError> {
     let hunted = std::thread::scope(|scope| {
         let hunting = scope.spawn(move || {
             // Its reader lives as long as there is something to tell.
-            request.run(&move |_, done, of| {
+            let others = others.map(|others| others as &dyn Others);
+            request.run_with(others, &move |_, done, of| {
                 let _ = sender.send((done, of));
             })
         });
@@ -291,12 +311,15 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
                 (KNOWN, "no verdict", vec![format!("`{test}`: {reason}")])
             }
             Fate::Unknown { reason } => (KNOWN, "no verdict", vec![reason.clone()]),
+            Fate::Accepted { reason } if all => (KNOWN, "accepted", vec![reason.clone()]),
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Idle if all => {
                 (DIM, "idle", vec!["it changes nothing that is linked".to_owned()])
             }
-            Fate::Killed { .. } | Fate::Invalid { .. } | Fate::Idle => continue,
+            Fate::Accepted { .. } | Fate::Killed { .. } | Fate::Invalid { .. } | Fate::Idle => {
+                continue;
+            }
         };
         writeln!(
             out,
@@ -322,6 +345,29 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
         }
     }
     Ok(())
+}
+
+/// A warning of GitHub's at each line on which mutants lived: one for all of the line.
+fn write_annotations(
+    all: &[(String, Hunted)],
+    project: &Project,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let mut lines: BTreeMap<(String, usize), Vec<String>> = BTreeMap::new();
+    for one in all.iter().flat_map(|(_, hunted)| &hunted.tried) {
+        let is_lived = matches!(&one.fate, Fate::Lived { why, .. } if *why != Lived::Equal);
+        if is_lived || is_untested(one) {
+            let Candidate { file, mutant, .. } = &one.candidate;
+            let text = format!("`{}` -> `{}`", mutant.original, mutant.replacement);
+            lines.entry((file.display().to_string(), mutant.line)).or_default().push(text);
+        }
+    }
+    let lines = lines.into_iter().map(|((file, line), mutants)| {
+        let mutants_of = counted(mutants.len(), "mutant");
+        let message = format!("no test sees {mutants_of} of this line: {}", mutants.join(", "));
+        (format!("{file}:{line}:1"), message)
+    });
+    report::write_warnings("karat mutate", lines, project, out)
 }
 
 fn is_untested(one: &Tried) -> bool {
@@ -398,6 +444,7 @@ fn parts(all: &[(String, Hunted)], score: &Score, args: &Args) -> Vec<String> {
     }
     for (count, what) in [
         (score.equal, "equal to the original"),
+        (score.accepted, "accepted in karat.toml"),
         (score.invalid, "no valid WGSL"),
         (score.idle, "in no function that is linked"),
         (score.stopped, "without a verdict"),

@@ -31,6 +31,7 @@ use karat_suite::{Suite, Test};
 use karat_review::{Failure, FrameRun, LastRun};
 
 pub(super) use self::github::Held;
+pub(super) use self::github::{runs_here as runs_on_github, write_warnings};
 use self::html::Beside;
 pub(super) use self::names::Names;
 pub(super) use self::sum::Sum;

@@ -17,7 +17,7 @@ use karat_suite::{Broken, Suite, Test, Wrong};
 
 use super::{Ending, Outcome, featured};
 
-mod cargo;
+pub(super) mod cargo;
 mod latest;
 mod serve;
 

@@ -112,10 +112,18 @@ fn a_merge_is_gated_by_a_score() {
     std::fs::remove_file(folder.path().join("shaders/calc.test.toml")).expect("removed");
     let error = karat(folder.path(), &["mutate"]).error();
     assert!(error.contains("there is no test"), "{error}");
-    // A Cargo project may have tests that aren't run here.
-    let project = project();
-    let error = karat(project.path(), &["mutate"]).error();
-    assert!(error.contains("tests in Rust aren't run by `karat mutate`"), "{error}");
+}
+
+/// A warning for each line on which mutants lived, below the repository that GitHub shows.
+#[test]
+fn lines_are_annotated() {
+    let folder = folder();
+    let ran = karat(folder.path(), &["mutate", "--github"]);
+    let warnings: Vec<&str> =
+        ran.out.lines().filter(|line| line.starts_with("::warning ")).collect();
+    let start = "::warning file=shaders/calc.wgsl,line=2,col=1,title=karat mutate::no test sees ";
+    assert!(warnings.len() == 1 && warnings[0].starts_with(start), "{ran:?}");
+    assert!(warnings[0].contains("of this line: `x + 3.0` -> `x`"), "{ran:?}");
 }
 
 /// Stryker's report has each mutant where it stands, by the words of its schema.

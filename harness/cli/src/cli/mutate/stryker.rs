@@ -40,6 +40,7 @@ fn mutant(one: &Tried) -> Value {
         Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
             ("Ignored", "it is the same shader".to_owned())
         }
+        Fate::Accepted { reason } => ("Ignored", reason.clone()),
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),
         Fate::Invalid { reason } => ("CompileError", reason.clone()),

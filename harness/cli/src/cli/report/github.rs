@@ -25,7 +25,7 @@ const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
 /// True if GitHub's runner reads what is printed here.
-pub(super) fn runs_here() -> bool {
+pub(in crate::cli) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
@@ -152,8 +152,33 @@ fn cut(text: &str, units: usize) -> &str {
     end.map_or(text, |(end, _)| &text[..end])
 }
 
-/// `::error file=...,line=...,col=...,title=...::message`
+/// Warnings at places, as many as its runner takes; of too many the last one says how many are left.
+pub(in crate::cli) fn write_warnings(
+    title: &str,
+    warnings: impl ExactSizeIterator<Item = (String, String)>,
+    project: &Project,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let workspace = workspace(project.root());
+    let count = warnings.len();
+    let shown = if count > MOST_ANNOTATIONS { MOST_ANNOTATIONS - 1 } else { count };
+    for (place, message) in warnings.take(shown) {
+        let place = located(&place, project.root(), &workspace);
+        writeln!(out, "{}", command("warning", place.as_ref(), title, &message))?;
+    }
+    if count > shown {
+        let message = format!("{} more: the log has them", count - shown);
+        writeln!(out, "{}", command("warning", None, title, &message))?;
+    }
+    Ok(())
+}
+
 fn annotation(place: Option<&Place>, title: &str, message: &str) -> String {
+    command("error", place, title, message)
+}
+
+/// `::error file=...,line=...,col=...,title=...::message`
+fn command(level: &str, place: Option<&Place>, title: &str, message: &str) -> String {
     let mut properties = String::new();
     if let Some(Place { file, line, column }) = place {
         let file = escape_property(file);
@@ -161,7 +186,7 @@ fn annotation(place: Option<&Place>, title: &str, message: &str) -> String {
     }
     let title = escape_property(cut(title, LONGEST_TITLE));
     let message = anstream::adapter::strip_str(cut(message, LONGEST_ANNOTATION)).to_string();
-    format!("::error {properties}title={title}::{}", escape(&message))
+    format!("::{level} {properties}title={title}::{}", escape(&message))
 }
 
 /// What ends a command's message, or looks like an escape.

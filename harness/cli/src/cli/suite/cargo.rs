@@ -5,8 +5,8 @@
 //! they last ran. A program isn't kept between runs: Rust's test runner ends when its tests have ended, and
 //! a test that waits in the middle has read files already.
 
-mod libtest;
-mod programs;
+pub(in crate::cli) mod libtest;
+pub(in crate::cli) mod programs;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Write;
@@ -243,7 +243,7 @@ impl Tests {
             }
             let folder = tempfile::tempdir()?;
             let mut failed = HashSet::new();
-            libtest::run(program, &own, folder.path(), &mut |test, message| {
+            libtest::run(program, &own, (folder.path(), None), &mut |test, message| {
                 if message.is_some() {
                     failed.insert(test.to_owned());
                 }

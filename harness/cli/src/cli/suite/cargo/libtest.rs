@@ -26,27 +26,28 @@ pub(super) fn end_all() {
 }
 
 /// What is done with a test's verdict: its name, and its message if it failed.
-pub(super) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> std::io::Result<()>;
+pub(in crate::cli) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> std::io::Result<()>;
 
-/// Runs tests of a program by their names, with records in a folder.
-pub(super) fn run(
+/// Runs tests of a program by their names, with records in a folder, and files that stand in for modules.
+pub(in crate::cli) fn run(
     program: &TestProgram,
     tests: &[&str],
-    record: &Path,
+    (record, overlay): (&Path, Option<&Path>),
     heard: Heard<'_>,
 ) -> anyhow::Result<()> {
     // One program for all of its tests needs no names.
     if tests.len() == program.tests.len() {
-        return run_some(program, tests, &[], record, heard);
+        return run_some(program, tests, &[], (record, overlay), heard);
     }
-    tests.chunks(TOGETHER).try_for_each(|some| run_some(program, some, some, record, heard))
+    let mut all = tests.chunks(TOGETHER);
+    all.try_for_each(|some| run_some(program, some, some, (record, overlay), heard))
 }
 
 fn run_some(
     program: &TestProgram,
     tests: &[&str],
     filters: &[&str],
-    record: &Path,
+    (record, overlay): (&Path, Option<&Path>),
     heard: Heard<'_>,
 ) -> anyhow::Result<()> {
     let mut command = Command::new(&program.executable);
@@ -55,6 +56,7 @@ fn run_some(
     // As Cargo does.
     command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
     command.env("CARGO_PKG_NAME", &program.package).env("KARAT_RECORD", record);
+    command.envs(overlay.map(|folder| ("KARAT_OVERLAY", folder)));
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let name = program.executable.display();
     let mut child = command.spawn().with_context(|| format!("can't run `{name}`"))?;

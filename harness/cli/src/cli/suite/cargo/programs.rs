@@ -14,7 +14,7 @@ use karat::unstable::process;
 const BUILT: [&str; 3] = ["rs", "toml", "lock"];
 
 /// A program that Rust's test runner is in.
-pub(super) struct TestProgram {
+pub(in crate::cli) struct TestProgram {
     pub(super) executable: PathBuf,
     /// The name of its target: of a file in `tests/`, or of a crate.
     target: String,
@@ -22,12 +22,12 @@ pub(super) struct TestProgram {
     pub(super) folder: PathBuf,
     pub(super) package: String,
     made: Option<SystemTime>,
-    pub(super) tests: Vec<String>,
+    pub(in crate::cli) tests: Vec<String>,
 }
 
 impl TestProgram {
     /// A test's name in front of people.
-    pub(super) fn show(&self, test: &str) -> String {
+    pub(in crate::cli) fn show(&self, test: &str) -> String {
         format!("{}::{test}", self.target)
     }
 
@@ -38,7 +38,7 @@ impl TestProgram {
 
 /// All of them.
 #[derive(Default)]
-pub(super) struct Programs {
+pub(in crate::cli) struct Programs {
     root: PathBuf,
     programs: Vec<TestProgram>,
     /// Files that Rust includes, with sources.
@@ -48,11 +48,11 @@ pub(super) struct Programs {
 }
 
 impl Programs {
-    pub(super) fn of(root: &Path) -> Self {
+    pub(in crate::cli) fn of(root: &Path) -> Self {
         Self { root: root.to_owned(), ..Self::default() }
     }
 
-    pub(super) fn all(&self) -> impl Iterator<Item = &TestProgram> {
+    pub(in crate::cli) fn all(&self) -> impl Iterator<Item = &TestProgram> {
         self.programs.iter()
     }
 
@@ -73,7 +73,7 @@ impl Programs {
     }
 
     /// Builds them. The names of those that are new, as tests' names begin; or what Cargo says is wrong.
-    pub(super) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
+    pub(in crate::cli) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
         self.built = false;
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
