@@ -5,6 +5,7 @@ use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -48,7 +49,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_under: Option<f64>,
     /// The path that tests run on
-    #[arg(long, value_name = "PATH", default_value = "cpu", env = "KARAT_PATHS")]
+    #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
     /// Show killed mutants and those that aren't valid, too
     #[arg(long)]
@@ -159,6 +160,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         for complaint in complaints {
             writeln!(out, "{BAD}error{BAD:#}: {complaint}")?;
         }
+        let unfit: Vec<&str> =
+            rust.iter().flat_map(|tests| &tests.unfit).map(String::as_str).collect();
+        if !unfit.is_empty() {
+            let tests = counted(unfit.len(), "test");
+            parts.push(format!("{tests} in Rust can't judge on {}: {}", args.paths, some(&unfit)));
+        }
         let style = if good { GOOD } else { BAD };
         let seconds = began.elapsed().as_secs_f64();
         writeln!(out, "{style}{}{style:#}; {seconds:.0} s", parts.join("; "))?;
@@ -208,10 +215,18 @@ fn apart(path: &str) -> Outcome {
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
         command.env_remove(setting);
     }
+    // Tests in Rust leave their frames out, too.
+    command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     // The signal reaches that process, too; this one stays until its folder is gone.
-    ctrlc::set_handler(|| {}).context("can't wait for Ctrl-C")?;
+    static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
+        .context("can't wait for Ctrl-C")?;
     let status = command.status().context("the mutants can't be tried")?;
     drop(scratch);
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        const SIGINT: i32 = 130; // 128 and the number of SIGINT, as shells have it
+        std::process::exit(SIGINT);
+    }
     match status.code() {
         Some(0) => Ok(Ending::Good),
         Some(1) => Ok(Ending::Bad),

@@ -1,6 +1,6 @@
 //! Tests in Rust, as judges of mutants: by their programs, without Cargo, with the mutant as an overlay.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -12,14 +12,16 @@ use karat::unstable::reflect::Dependence;
 use karat_mutate::{Candidate, Judged, Others};
 
 use super::super::suite::cargo::libtest;
-use super::super::suite::cargo::programs::{Programs, TestProgram};
+use super::super::suite::cargo::programs::Programs;
 
 /// All tests of a project.
 pub(super) struct RustTests {
     programs: Programs,
-    /// What each test is made of, by its name in front of people.
-    made: BTreeMap<String, Vec<Dependence>>,
+    /// The programs that tests are made of, each once, with the tests by their names in front of people.
+    made: Vec<(Dependence, BTreeSet<String>)>,
     count: usize,
+    /// Those that fail without a mutant, and not by a check, as what draws does on the engine. They are no judges.
+    pub(super) unfit: Vec<String>,
     /// One program runs at a time: each takes all cores.
     turn: Mutex<()>,
 }
@@ -38,7 +40,9 @@ impl RustTests {
         if let Err(message) = programs.build()? {
             bail!("{message}");
         }
-        let (mut made, mut count, mut red) = (BTreeMap::<String, Vec<_>>::new(), 0, Vec::new());
+        let mut made: BTreeMap<String, (Dependence, BTreeSet<String>)> = BTreeMap::new();
+        let mut judges: BTreeSet<String> = BTreeSet::new();
+        let (mut red, mut unfit) = (Vec::new(), Vec::new());
         for program in programs.all() {
             let tests: Vec<&str> = program
                 .tests
@@ -50,20 +54,36 @@ impl RustTests {
                 continue;
             }
             let folder = tempfile::tempdir().context("no temporary folder")?;
+            let mut failed: Vec<(String, String)> = Vec::new();
             libtest::run(program, &tests, (folder.path(), None), &mut |test, message| {
-                red.extend(message.map(|message| (program.show(test), message)));
+                failed.extend(message.map(|message| (test.to_owned(), message)));
                 Ok(())
             })?;
+            let records = record::read(folder.path())?;
+            let is_checked = |test: &str| {
+                records.iter().any(|one| one.test == test && one.verdict == Verdict::Fail)
+            };
+            let mut idle: HashSet<String> = HashSet::new();
+            for (test, message) in failed {
+                match is_checked(&test) {
+                    true => red.push((program.show(&test), message)),
+                    false => {
+                        unfit.push(program.show(&test));
+                        idle.insert(test);
+                    }
+                }
+            }
             let all = Dependence::all(folder.path()).context("what tests linked can't be read")?;
             // What a thread without a test's name linked may concern each test of its program.
-            let names: HashSet<&str> = tests.iter().copied().collect();
-            let is_shared = |one: &&Dependence| !names.contains(&*one.test);
-            let shared: Vec<Dependence> = all.iter().filter(is_shared).cloned().collect();
-            for test in &tests {
-                let own = all.iter().filter(|one| one.test == **test).chain(&shared).cloned();
-                let own: Vec<Dependence> = own.collect();
-                count += usize::from(!own.is_empty());
-                made.insert(program.show(test), own);
+            for mut one in all {
+                let is_own = tests.contains(&&*one.test);
+                let users = tests.iter().filter(|test| !is_own || **test == one.test);
+                let users = users.filter(|test| !idle.contains(**test));
+                let users: Vec<String> = users.map(|test| program.show(test)).collect();
+                one.test.clear();
+                let key = serde_json::to_string(&one).context("it is plain data")?;
+                judges.extend(users.iter().cloned());
+                made.entry(key).or_insert((one, BTreeSet::new())).1.extend(users);
             }
         }
         if let Some((test, message)) = red.first() {
@@ -74,7 +94,9 @@ impl RustTests {
                 message.trim_end()
             );
         }
-        Ok(Self { programs, made, count, turn: Mutex::default() })
+        unfit.sort();
+        let (made, count) = (made.into_values().collect(), judges.len());
+        Ok(Self { programs, made, count, unfit, turn: Mutex::default() })
     }
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
@@ -90,9 +112,17 @@ impl RustTests {
         let file = overlay.join(below);
         std::fs::create_dir_all(file.parent().unwrap_or(&overlay))?;
         std::fs::write(&file, &text)?;
+        // What another process can't open is of text in memory, which no overlay replaces.
+        let changes = |(one, _): &&(Dependence, BTreeSet<String>)| {
+            one.is_current_with(&candidate.file, &text) == Some(false)
+        };
+        let users: BTreeSet<&String> =
+            self.made.iter().filter(changes).flat_map(|(_, users)| users).collect();
         let mut judged = Judged::default();
         for program in self.programs.all() {
-            let concerned = self.concerned(program, candidate, &text);
+            let is_user = |test: &&str| users.contains(&program.show(test));
+            let concerned: Vec<&str> =
+                program.tests.iter().map(String::as_str).filter(is_user).collect();
             if concerned.is_empty() {
                 continue;
             }
@@ -120,23 +150,6 @@ impl RustTests {
             }
         }
         Ok(judged)
-    }
-
-    /// The tests of a program that use what a mutant changes.
-    fn concerned<'p>(
-        &self,
-        program: &'p TestProgram,
-        candidate: &Candidate,
-        text: &str,
-    ) -> Vec<&'p str> {
-        let is_concerned = |test: &&str| {
-            let made = self.made.get(&program.show(test));
-            // What another process can't open is of text in memory, which no overlay replaces.
-            let changes =
-                |one: &Dependence| one.is_current_with(&candidate.file, text) == Some(false);
-            made.is_some_and(|made| made.iter().any(changes))
-        };
-        program.tests.iter().map(String::as_str).filter(is_concerned).collect()
     }
 }
 
