@@ -230,11 +230,11 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
-                            Each mutant is one slip of a shader: another operator, a number that is off, a guard removed. \
-                            Tests that\nuse what changed run on Karat's engine until one fails. Of a mutant that lives the \
-                            output says where it\nreturns something else, with a test to paste. No file changes.\n\
-                            Exit codes: 0 the score is reached, or --in-diff finds no shader; 1 it isn't; 2 a test fails \
-                            without a mutant,\nor there is no test or no mutant."
+                            Each mutant is one slip of a shader: another operator, a number that is off, a guard removed.\n\
+                            Tests that use what changed run on Karat's engine until one fails. No file changes.\n\
+                            Of a mutant that lives the output says where it returns something else, with a test to paste.\n\
+                            Exit codes: 0 the score is reached, or --in-diff finds no shader; 1 it isn't;\n\
+                            2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
     /// Call a function and print its value on every path

@@ -36,6 +36,8 @@ pub(super) struct Screen {
     failure: Cell<usize>,
     /// Its first line that is seen.
     top: Cell<usize>,
+    /// Its title, as it was drawn last.
+    title: RefCell<String>,
 }
 
 /// What fails: a title, and what is said of it.
@@ -46,7 +48,13 @@ struct Failure {
 
 impl Screen {
     pub(super) fn lines() -> Self {
-        Self { full: false, last: RefCell::default(), failure: Cell::new(0), top: Cell::new(0) }
+        Self {
+            full: false,
+            last: RefCell::default(),
+            failure: Cell::new(0),
+            top: Cell::new(0),
+            title: RefCell::default(),
+        }
     }
 
     /// Takes the terminal, until it is dropped.
@@ -172,6 +180,10 @@ impl Screen {
         if !failures.is_empty() {
             self.failure.set(self.failure.get() % failures.len());
             let Failure { title, message } = &failures[self.failure.get()];
+            // Another one has taken its place, which is read from its first line.
+            if self.title.replace(title.clone()) != *title {
+                self.top.set(0);
+            }
             let title = match failures.len() {
                 1 => title.clone(),
                 count => format!("{} of {count}: {title}", self.failure.get() + 1),
