@@ -33,6 +33,7 @@ pub(crate) fn run() -> ExitCode {
         steps.run("swiftshader", second_driver);
     }
     steps.run("behind a pipe", behind_a_pipe);
+    steps.run("mutants", mutants);
     let passed = steps.run("tests", test);
     steps.run("report", || report(passed));
     steps.run("goldens", unreferenced);
@@ -91,6 +92,21 @@ fn second_driver() -> Result<()> {
     const PATH: &str = "vulkan@swiftshader";
     test.env(swiftshader::ADD, manifest).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
     command::run_aside(&mut test)
+}
+
+/// A sample of the mutants of one of the library's modules: its tests see 97 in 100 of them.
+fn mutants() -> Result<()> {
+    let sample = [
+        "--tests",
+        "library::sensor",
+        "--only",
+        "sensor::",
+        "--sample",
+        "40",
+        "--fail-under",
+        "90",
+    ];
+    command::run_aside(command::karat(&["mutate"])?.args(sample))
 }
 
 /// A sample of `cargo ci full`: functions of the shader library by the engine in another process; and resources,
