@@ -316,6 +316,10 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
     // Tests that fail on purpose leave nothing to be tried first the next time.
     assert_eq!(remembered(project), before);
+    // Nothing is built where there is nothing to try.
+    let none = project.run(karat, &["mutate", "--only", "nosuch"]);
+    none.says(2, &["there is no mutant of `nosuch`"]);
+    assert!(!none.err.contains("building"), "{}", none.err);
     // Where a test fails anyway nothing is known.
     project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
     let red = project.run(karat, &["mutate", "--only", "lambert"]);

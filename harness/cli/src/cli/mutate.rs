@@ -106,7 +106,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut all: Vec<(String, Hunted)> = Vec::new();
     // Of several packages some have no tests, and an edit may touch no shader.
     let mut passed_over: Vec<String> = Vec::new();
-    let rust = match project.is_cargo() && args.place.package().package.is_none() {
+    // What takes long comes where there is something to try.
+    let mut any = false;
+    for (_, request) in &requests {
+        any |= !request.mutants()?.0.is_empty();
+    }
+    let rust = match any && project.is_cargo() && args.place.package().package.is_none() {
         true => Some(RustTests::of(project.root(), args.tests.as_deref())?),
         false => None,
     };
@@ -140,11 +145,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let least = args.fail_under.unwrap_or(100.0);
     let complaints: Vec<&String> = all.iter().flat_map(|(_, hunted)| &hunted.complaints).collect();
     let good = complaints.is_empty() && score.percent().is_some_and(|percent| percent >= least);
-    if args.github || report::runs_on_github() {
+    if args.github || (report::runs_on_github() && !args.json) {
         write_annotations(&all, &project, out)?;
     }
     if args.json {
         write_json(&tried().map(as_json).collect::<Vec<_>>(), out)?;
+        complaints.iter().for_each(|complaint| tell(&format!("error: {complaint}")));
     } else {
         for (title, hunted) in &all {
             if all.len() > 1 {
@@ -153,18 +159,21 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_one(hunted, args.all, out)?;
         }
         write_modules(&all, out)?;
-        let mut parts = parts(&all, &score, args);
-        if project.is_cargo() && rust.is_none() {
-            parts.push("tests in Rust weren't run: name no folder".to_owned());
-        }
         for complaint in complaints {
             writeln!(out, "{BAD}error{BAD:#}: {complaint}")?;
         }
-        let unfit: Vec<&str> =
-            rust.iter().flat_map(|tests| &tests.unfit).map(String::as_str).collect();
-        if !unfit.is_empty() {
-            let tests = counted(unfit.len(), "test");
-            parts.push(format!("{tests} in Rust can't judge on {}: {}", args.paths, some(&unfit)));
+        let mut parts = parts(&all, &score, args);
+        match &rust {
+            Some(rust) if !rust.unfit.is_empty() => {
+                let unfit: Vec<&str> = rust.unfit.iter().map(String::as_str).collect();
+                let tests = counted(unfit.len(), "test");
+                let on = &args.paths;
+                parts.push(format!("{tests} in Rust can't judge on {on}: {}", some(&unfit)));
+            }
+            None if project.is_cargo() => {
+                parts.push("tests in Rust weren't run: name no folder".to_owned());
+            }
+            _ => {}
         }
         let style = if good { GOOD } else { BAD };
         let seconds = began.elapsed().as_secs_f64();
