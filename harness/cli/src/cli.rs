@@ -233,7 +233,8 @@ enum Command {
                             Each mutant is one slip of a shader: another operator, a number that is off, a guard removed.\n\
                             Tests that use what changed run on Karat's engine until one fails. No file changes.\n\
                             Of a mutant that lives the output says where it returns something else, with a test to paste.\n\
-                            Exit codes: 0 the score is reached, or --in-diff finds no shader; 1 it isn't;\n\
+                            Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
+                            1 it isn't, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),

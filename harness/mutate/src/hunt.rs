@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use karat::Package;
 use karat::package::PackageError;
+use karat::unstable::diagnostic::shown;
 use karat::unstable::package::{AcceptedMutants, accepted_mutants, file_of};
 use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Fault, FindError, Suite, Test, Wrong};
@@ -117,7 +118,7 @@ pub struct Hunted {
     pub tried: Vec<Tried>,
     /// Mutants that there are, a sample of which was tried.
     pub of: usize,
-    /// Tests that ran.
+    /// Tests of the package that ran.
     pub tests: usize,
     /// Frames, which a path without a driver doesn't draw.
     pub left_out: usize,
@@ -362,14 +363,18 @@ impl Request {
             Some(format!("karat.toml accepts the mutant {id}, and {what}: take it out"))
         };
         let complaints = tried.iter().filter_map(complaint).collect();
-        let tests = judges.len() + others.map_or(0, Others::count);
-        Ok(Hunted { tried, of, tests, left_out, invalid, complaints })
+        Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid, complaints })
     }
 
     /// The mutants that `karat.toml` accepts, each with the reason.
     fn accepted(&self, all: &[Candidate]) -> Result<BTreeMap<String, String>, MutateError> {
         let mut accepted = BTreeMap::new();
+        let file = self.package.root().join("karat.toml");
         for AcceptedMutants { ids, reason } in accepted_mutants(&self.package)? {
+            if ids.is_empty() {
+                let nothing = format!("`{}`: a `[[mutant]]` has no `ids`", shown(&file));
+                return Err(MutateError::Accepted(nothing));
+            }
             for id in ids {
                 let wrong = if reason.trim().is_empty() {
                     "is accepted without a reason"
@@ -380,7 +385,8 @@ impl Request {
                 } else {
                     continue;
                 };
-                return Err(MutateError::Accepted(format!("karat.toml: the mutant {id} {wrong}")));
+                let wrong = format!("`{}`: the mutant {id} {wrong}", shown(&file));
+                return Err(MutateError::Accepted(wrong));
             }
         }
         Ok(accepted)

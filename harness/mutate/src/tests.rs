@@ -239,6 +239,7 @@ fn acceptances_are_held() {
         request(folder.path()).run(&|_, _, _| {}).expect_err("it accepts nothing").to_string()
     };
     assert!(wrong("\"00000000\"".to_owned(), "why").contains("there is none"));
+    assert!(wrong(String::new(), "why").contains("has no `ids`"));
     assert!(wrong(format!("\"{lived}\""), " ").contains("without a reason"));
     assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));
 }

@@ -134,7 +134,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if all.is_empty() {
         // A pull request without shaders is no failure.
         ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
-        writeln!(out, "{DIM}no line of a tested shader changed: no mutant was tried{DIM:#}")?;
+        writeln!(out, "{DIM}no mutant is in the lines that changed: no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
     }
     let tried = || all.iter().flat_map(|(_, hunted)| &hunted.tried);
@@ -162,13 +162,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         for complaint in complaints {
             writeln!(out, "{BAD}error{BAD:#}: {complaint}")?;
         }
-        let mut parts = parts(&all, &score, args);
+        let mut parts = parts(&all, &score, rust.as_ref().map_or(0, |rust| rust.count), args);
         match &rust {
             Some(rust) if !rust.unfit.is_empty() => {
                 let unfit: Vec<&str> = rust.unfit.iter().map(String::as_str).collect();
                 let tests = counted(unfit.len(), "test");
-                let on = &args.paths;
-                parts.push(format!("{tests} in Rust can't judge on {on}: {}", some(&unfit)));
+                let fail = if unfit.len() == 1 { "fails" } else { "fail" };
+                let named = some(&unfit);
+                parts.push(format!("{tests} in Rust {fail} anyway, and not by a check: {named}"));
             }
             None if project.is_cargo() => {
                 parts.push("tests in Rust weren't run: name no folder".to_owned());
@@ -449,10 +450,10 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
 }
 
 /// The last line: the score, and what wasn't judged.
-fn parts(all: &[(String, Hunted)], score: &Score, args: &Args) -> Vec<String> {
+fn parts(all: &[(String, Hunted)], score: &Score, rust: usize, args: &Args) -> Vec<String> {
     let sum =
         |of: &dyn Fn(&Hunted) -> usize| all.iter().map(|(_, hunted)| of(hunted)).sum::<usize>();
-    let tests = counted(sum(&|hunted| hunted.tests), "test");
+    let tests = counted(rust + sum(&|hunted| hunted.tests), "test");
     let mut parts = vec![match score.percent() {
         Some(percent) => format!(
             "score {percent}%: {} of {} mutants killed by {tests} on {}",

@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use karat::Package;
@@ -14,12 +16,18 @@ use karat_mutate::{Candidate, Judged, Others};
 use super::super::suite::cargo::libtest;
 use super::super::suite::cargo::programs::Programs;
 
+/// How long a program may take for a mutant: far more than it took without one, which other programs may slow down.
+const LEAST: Duration = Duration::from_secs(20);
+const MANY: u32 = 10;
+
 /// All tests of a project.
 pub(super) struct RustTests {
     programs: Programs,
     /// The programs that tests are made of, each once, with the tests by their names in front of people.
     made: Vec<(Dependence, BTreeSet<String>)>,
-    count: usize,
+    pub(super) count: usize,
+    /// How long a program may take for a mutant.
+    limit: Duration,
     /// Those that fail without a mutant, and not by a check, as what draws does on the engine. They are no judges.
     pub(super) unfit: Vec<String>,
     /// One program runs at a time: each takes all cores.
@@ -36,6 +44,7 @@ impl RustTests {
     /// Builds them, and runs all once. None in a project without any.
     pub(super) fn of(root: &Path, filter: Option<&str>) -> anyhow::Result<Self> {
         tell("building the tests in Rust, and running each once");
+        let mut slowest = Duration::ZERO;
         let mut programs = Programs::of(root);
         if let Err(message) = programs.build()? {
             bail!("{message}");
@@ -55,10 +64,12 @@ impl RustTests {
             }
             let folder = tempfile::tempdir().context("no temporary folder")?;
             let mut failed: Vec<(String, String)> = Vec::new();
+            let began = Instant::now();
             libtest::run(program, &tests, (folder.path(), None), &mut |test, message| {
                 failed.extend(message.map(|message| (test.to_owned(), message)));
                 Ok(())
             })?;
+            slowest = slowest.max(began.elapsed());
             let records = record::read(folder.path())?;
             let is_checked = |test: &str| {
                 records.iter().any(|one| one.test == test && one.verdict == Verdict::Fail)
@@ -96,7 +107,8 @@ impl RustTests {
         }
         unfit.sort();
         let (made, count) = (made.into_values().collect(), judges.len());
-        Ok(Self { programs, made, count, unfit, turn: Mutex::default() })
+        let limit = LEAST + MANY * slowest;
+        Ok(Self { programs, made, count, limit, unfit, turn: Mutex::default() })
     }
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
@@ -131,11 +143,19 @@ impl RustTests {
             std::fs::create_dir_all(&own)?;
             let mut failed: Vec<(String, String)> = Vec::new();
             let turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
-            libtest::run(program, &concerned, (&own, Some(&overlay)), &mut |test, message| {
-                failed.extend(message.map(|message| (test.to_owned(), message)));
-                Ok(())
+            let was_ended = self.within_limit(&mut || {
+                libtest::run(program, &concerned, (&own, Some(&overlay)), &mut |test, message| {
+                    failed.extend(message.map(|message| (test.to_owned(), message)));
+                    Ok(())
+                })
             })?;
             drop(turn);
+            if was_ended {
+                let seconds = self.limit.as_secs();
+                let reason = format!("it was ended after {seconds} s");
+                judged.stopped = Some((program.show(concerned[0]), reason));
+                continue;
+            }
             let records = record::read(&own)?;
             for (test, message) in failed {
                 let verdicts = records.iter().filter(|one| one.test == test).map(|one| one.verdict);
@@ -150,6 +170,27 @@ impl RustTests {
             }
         }
         Ok(judged)
+    }
+}
+
+impl RustTests {
+    /// Runs a program, which is ended where it takes too long: a test of its own may wait for what a mutant never brings.
+    fn within_limit(&self, run: &mut dyn FnMut() -> anyhow::Result<()>) -> anyhow::Result<bool> {
+        let (done, waits) = mpsc::channel::<()>();
+        std::thread::scope(|scope| {
+            let watching = scope.spawn(move || {
+                let is_late = waits.recv_timeout(self.limit) == Err(RecvTimeoutError::Timeout);
+                if is_late {
+                    libtest::end_all();
+                }
+                is_late
+            });
+            let ran = run();
+            drop(done);
+            let was_ended =
+                watching.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            ran.map(|()| was_ended)
+        })
     }
 }
 

@@ -18,7 +18,7 @@ const TOGETHER: usize = 200;
 static RUNNING: Mutex<Option<Child>> = Mutex::new(None);
 
 /// Ends the test program that runs.
-pub(super) fn end_all() {
+pub(in crate::cli) fn end_all() {
     if let Some(child) = &mut *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) {
         drop(child.kill());
         drop(child.wait());
