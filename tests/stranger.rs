@@ -311,7 +311,7 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     lambert.says(0, &["killed shaders/brdf.wgsl:8:", "by `brdf::lambert`", "score 100%"]);
     assert!(lambert.out.contains("killed by 2 tests on cpu"), "{}", lambert.out);
     assert!(!lambert.err.contains("Compiling"), "{}", lambert.err);
-    // What both tests use, and what none does.
+    // A function that both tests use, and one that none does.
     let all = project.run(karat, &["mutate", "--fail-under", "0", "--all"]);
     all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
     // Tests that fail on purpose leave nothing to be tried first the next time.

@@ -731,7 +731,7 @@ fn what_naga_oil_takes_is_taken() {
     assert!(said.contains("declares no `only_pint`"), "{said}");
 }
 
-/// What the first versions of `naga_oil` took, and Bevy's shaders have: names behind a blank, a name that the module declares
+/// Old Bevy's shaders use these liberties of the first `naga_oil`: names behind a blank, a name that the module declares
 /// itself, a module that isn't there and that nothing uses, and two files of one path, of which one declares the name.
 #[test]
 fn what_naga_oil_took_first_is_taken() {

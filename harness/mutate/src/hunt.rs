@@ -52,7 +52,7 @@ pub struct Candidate {
 pub struct Tried {
     /// The mutant.
     pub candidate: Candidate,
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
 }
 
@@ -64,7 +64,7 @@ impl Candidate {
     }
 }
 
-/// What became of a mutant.
+/// The fate of a mutant: killed, alive, or outside of the score.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "fate", rename_all = "snake_case")]
 pub enum Fate {
@@ -73,16 +73,16 @@ pub enum Fate {
         /// The test.
         test: String,
     },
-    /// All tests that are made of it passed.
+    /// All tests that use it passed.
     Lived {
         /// How many there are.
         tests: usize,
         /// Why it lived.
         why: Lived,
     },
-    /// No test is made of it.
+    /// No test uses it.
     Untested {
-        /// What a test would see.
+        /// The difference that a test would see.
         why: Lived,
     },
     /// It is no valid WGSL, which shows nothing of the tests.
@@ -97,7 +97,7 @@ pub enum Fate {
         /// Why.
         reason: String,
     },
-    /// Nobody can tell: the tests can't be looked for.
+    /// It has no verdict, since its tests can't be found.
     Unknown {
         /// Why not.
         reason: String,
@@ -185,7 +185,7 @@ pub trait Others: Sync {
     fn judge(&self, candidate: &Candidate) -> Judged;
 }
 
-/// What other tests make of a mutant.
+/// The verdict of the other tests on a mutant.
 #[derive(Clone, Debug, Default)]
 pub struct Judged {
     /// How many use what it changes.
@@ -196,10 +196,10 @@ pub struct Judged {
     pub stopped: Option<(String, String)>,
 }
 
-/// A test, what it is made of, and how long it takes.
+/// A test, the text that it links, and its time.
 struct Judge {
     name: String,
-    /// `None` where nobody can tell.
+    /// `None` where that text can't be found.
     made_of: Option<String>,
     took: Duration,
 }
@@ -308,7 +308,7 @@ impl Request {
         is_named && self.lines.as_ref().is_none_or(is_in)
     }
 
-    /// Tries them; each is told as soon as its fate is known, with how many are done, and of how many.
+    /// Tries them. `told` gets each mutant as soon as its fate is known, with the count done and the count of all.
     ///
     /// # Errors
     /// If there is nothing to try, or a test fails without a mutant.
@@ -434,7 +434,7 @@ impl Request {
         Ok((judges, frames.len()))
     }
 
-    /// What becomes of a mutant.
+    /// Gives a mutant to its tests, until one kills it.
     fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
         let Candidate { module, file, text, mutant, .. } = one;
         let package = self.package.unsaved(file, &mutant.applied(text));
@@ -466,7 +466,7 @@ impl Request {
         if concerned.is_empty() && is_idle(&self.package, &package) {
             return Fate::Idle;
         }
-        // What calls the function itself is the likeliest to see it, and then what is quick.
+        // A test that calls the function itself is the likeliest to kill the mutant, and then a quick one.
         let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
         let mut stopped = None;
@@ -515,8 +515,8 @@ fn reason(error: &ReflectError) -> String {
     error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
-/// What comes of each, on all cores. A test has a thread of its own, and its checks use the pool that Rayon has: a thread of
-/// that pool can't wait for one.
+/// Runs a function for each, on all cores. A test has a thread of its own, and its checks use the pool that Rayon has: a
+/// thread of that pool can't wait for one.
 fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -540,7 +540,7 @@ fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Whether no function of a package is another one: all that is linked is the same.
+/// True if each linked function of the package is the same text as before.
 fn is_idle(original: &Package, mutant: &Package) -> bool {
     let Ok(functions) = original.functions() else { return false };
     let names: BTreeSet<String> = functions.into_iter().map(|item| item.name).collect();

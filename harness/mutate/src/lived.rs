@@ -34,9 +34,9 @@ pub struct Difference {
     pub function: String,
     /// The simplest arguments that show it, by their names. Others change nothing there.
     pub arguments: Vec<(String, String)>,
-    /// What the original returns, or a pass leaves.
+    /// The result of the original, or the values that its pass leaves.
     pub original: String,
-    /// What the mutant returns.
+    /// The result of the mutant there.
     pub mutant: String,
     /// True if its numbers are floats, of which a test says how near they have to be.
     pub floats: bool,

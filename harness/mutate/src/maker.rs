@@ -61,9 +61,9 @@ pub struct Mutant {
     pub item: String,
     /// Bytes of the text.
     pub range: Range<usize>,
-    /// What stands there.
+    /// The text that stands there.
     pub original: String,
-    /// What is to stand there.
+    /// The text that replaces it.
     pub replacement: String,
     /// From 1.
     pub line: usize,

@@ -1,4 +1,4 @@
-//! What a hunt adds up to.
+//! The score of a hunt: its verdicts, counted.
 
 use crate::{Fate, Lived, Tried};
 
@@ -27,7 +27,7 @@ pub struct Score {
     pub invalid: usize,
     /// Those that are in no function as it is linked, such as under a condition that doesn't hold.
     pub idle: usize,
-    /// Those that ended a test without a verdict, or of which nobody can tell.
+    /// Those without a verdict: a test ended without one, or the tests can't be found.
     pub stopped: usize,
 }
 

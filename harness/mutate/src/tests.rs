@@ -1,4 +1,4 @@
-//! What becomes of mutants of shaders whose tests are known.
+//! Mutants of shaders whose tests are known, and their fates.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1
                      [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
                      tolerance = \"1 ulp\"\n";
 
-/// What `capped` is to return, in a module that isn't changed.
+/// The expected results of `capped`, in a module that isn't changed.
 const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
 
 fn folder(shader: &str, tests: &str) -> TempDir {
@@ -92,7 +92,7 @@ fn suggested_tests_kill() {
     }
 }
 
-/// What can't be judged says so: tests that fail, none, nothing to change, tests that assert nothing of it.
+/// Each case without a verdict has its words: failing tests, none, nothing to change, tests that assert nothing of it.
 #[test]
 fn nothing_is_judged_without_evidence() {
     let wrong = |shader: &str, tests: &str| {
@@ -192,7 +192,7 @@ fn texts_are_the_authors() {
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// What isn't valid, what conditions leave out and what never ends is no kill.
+/// A mutant that is invalid, left out by a condition or endless isn't killed.
 #[test]
 fn no_kill_is_made_up() {
     let shader = "fn sum(n: u32) -> f32 {\n    var s = 0.0;\n    for (var i = 0u; i < n; i += 1u) { s += 0.5; }\n    return s;\n}\n\
@@ -210,7 +210,7 @@ fn no_kill_is_made_up() {
     assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
-/// What no test can kill is accepted with a reason; an acceptance that accepts nothing is told.
+/// A mutant that no test can kill is accepted with a reason. An acceptance without a mutant is a complaint.
 #[test]
 fn acceptances_are_held() {
     let folder = folder(SHADER, TESTS);

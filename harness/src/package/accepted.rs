@@ -1,5 +1,5 @@
-//! What `karat.toml` declares of findings: inputs, hazards that are accepted, mutants that no test can kill, rows of the matrix
-//! that don't get far.
+//! The declarations of `karat.toml` about findings: inputs, hazards that are accepted, mutants that no test can kill, rows
+//! of the matrix that don't get far.
 
 use std::collections::BTreeMap;
 

@@ -71,7 +71,7 @@ impl Package {
     }
 }
 
-/// Whether the text that an error is in has tests: it can't be parsed, so the word alone says so.
+/// True if the text of an error holds the word `@test`. It can't be parsed, so the word alone decides.
 fn may_have_tests(error: &Diagnostic) -> bool {
     let text = error.location().map_or("@test", |place| &place.file.text);
     text.split('@').skip(1).any(|mark| mark.trim_start().starts_with("test"))

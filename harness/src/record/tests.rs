@@ -130,7 +130,7 @@ fn another_version_is_refused() {
     wrong("run.json` line 1");
 }
 
-/// What parts of a check found adds up, from each part.
+/// The findings of a check's parts add up, and each part counts.
 #[test]
 fn allowances_add_up() {
     let part = |wider, worst, unbounded| Allowance { cases: 10, wider, worst, unbounded };

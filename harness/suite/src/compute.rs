@@ -392,7 +392,7 @@ impl Assertion {
         let mut bound: BTreeMap<&str, bool> =
             self.declared.with.keys().map(|name| (&**name, false)).collect();
         let mut known = Vec::new();
-        // Of a pass that isn't there nobody knows what it reads.
+        // A pass that isn't there may read any resource.
         let mut unread = false;
         let count = self.passes.len();
         for (index, (name, groups)) in self.passes.iter().enumerate() {

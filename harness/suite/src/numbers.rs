@@ -58,7 +58,7 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Whether a component may hold a number: integers and `bool` hold some alone, and floats those that aren't too large.
+/// True if a component can hold a number. Integers and `bool` hold some alone, and floats those that aren't too large.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,
@@ -69,7 +69,7 @@ pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     }
 }
 
-/// What a cell of a table expects of a component: a finite number, `true` or `false`.
+/// The value that a cell of a table expects of a component: a finite number, `true` or `false`.
 ///
 /// A decimal that an `f32` is printed as stands for that `f32`, and so does each other one where
 /// results have to equal it.

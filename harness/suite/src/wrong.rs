@@ -22,7 +22,7 @@ pub struct Wrong {
     pub place: Option<String>,
     /// All of it, with an excerpt of the file.
     pub message: String,
-    /// What kind of fault it is.
+    /// The kind of fault.
     pub fault: Fault,
 }
 
@@ -51,7 +51,7 @@ impl Wrong {
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// What other tests may fail by, too, wherever they are; `None` of values, which are this test's own.
+    /// The cause that other tests may share; `None` for wrong values, which are this test's own.
     #[must_use]
     pub fn common(&self) -> Option<String> {
         match &self.fault {

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// What git prints, in a folder. Whatever the user's configuration says, names are whole, and as they are.
+/// The output of git in a folder. Names are whole and unquoted under any configuration.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);

@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut all: Vec<(String, Hunted)> = Vec::new();
     // Of several packages some have no tests, and an edit may touch no shader.
     let mut passed_over: Vec<String> = Vec::new();
-    // What takes long comes where there is something to try.
+    // Building the Rust tests takes long: only a mutant to try is worth it.
     let mut any = false;
     for (_, request) in &requests {
         any |= !request.mutants()?.0.is_empty();

@@ -247,7 +247,7 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
 }
 
 impl Evidence {
-    /// What records say was compared with goldens of a folder.
+    /// The goldens of a folder that records have compared with something.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();

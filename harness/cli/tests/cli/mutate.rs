@@ -82,7 +82,7 @@ fn a_pull_request_is_judged_by_its_lines() {
     write(&shaders, "new.wgsl", "fn third(x: f32) -> f32 { return x / 3.0; }\n");
     let both = karat(folder.path(), &["mutate", "--in-diff", "HEAD", "--all"]);
     assert!(both.code == Some(1) && both.out.contains("`new::third`"), "{both:?}");
-    // What the other branch has changed since is none of this one's.
+    // Later changes of the other branch aren't changes of this one.
     git(folder.path(), &["checkout", "-q", "--", "."]);
     git(folder.path(), &["branch", "work"]);
     write(&shaders, "calc.wgsl", &SHADER.replace("3.0", "4.0"));

@@ -78,7 +78,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
     assert!(report.out.contains("::error file=brdf.test.toml,line=3,col=1,"), "{report:?}");
 }
 
-/// Why no test can begin is told in full once, with the place of each test.
+/// A cause that stops every test stands there in full once, with the place of each test.
 #[test]
 fn what_all_tests_lack_is_told_once() {
     let folder = folder();

@@ -85,7 +85,7 @@ impl RustTests {
                 }
             }
             let all = Dependence::all(folder.path()).context("what tests linked can't be read")?;
-            // What a thread without a test's name linked may concern each test of its program.
+            // A thread without a test's name may have linked for any test of its program.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);
                 let users = tests.iter().filter(|test| !is_own || **test == one.test);
@@ -124,7 +124,7 @@ impl RustTests {
         let file = overlay.join(below);
         std::fs::create_dir_all(file.parent().unwrap_or(&overlay))?;
         std::fs::write(&file, &text)?;
-        // What another process can't open is of text in memory, which no overlay replaces.
+        // A file that another process can't open is text in memory, which no overlay replaces.
         let changes = |(one, _): &&(Dependence, BTreeSet<String>)| {
             one.is_current_with(&candidate.file, &text) == Some(false)
         };

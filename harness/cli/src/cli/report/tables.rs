@@ -309,7 +309,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    /// What ran on no path is a row that says so.
+    /// A test that ran on no path has a row that says so.
     #[test]
     fn a_check_without_a_path_is_an_error_in_the_table() {
         let none = Record { paths: Vec::new(), ..record(Verdict::Error, 0, None) };

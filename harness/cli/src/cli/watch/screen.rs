@@ -40,7 +40,7 @@ pub(super) struct Screen {
     title: RefCell<String>,
 }
 
-/// What fails: a title, and what is said of it.
+/// A failure: its title and its message.
 struct Failure {
     title: String,
     message: String,
@@ -226,8 +226,8 @@ impl Drop for Screen {
     }
 }
 
-/// What has no verdict or isn't valid, and then each test that fails, once for all paths on which it does: with what the
-/// first of them says.
+/// Paths without a verdict or with an invalid module come first. Each failing test follows once, with the message of the
+/// first path on which it fails.
 fn failures(lanes: &[Lane]) -> Vec<Failure> {
     let broken = lanes.iter().filter_map(|lane| {
         let Verdicts { broken, invalid, .. } = &lane.verdicts;
@@ -248,7 +248,7 @@ fn failures(lanes: &[Lane]) -> Vec<Failure> {
     broken.chain(tests).collect()
 }
 
-/// What keys do, as far as they do something: in short, where the line has no room for more.
+/// The keys that do something now, in short where the line has no room for more.
 fn keys(several: bool, hidden: bool, columns: usize) -> String {
     // These come first, since the end of a line that is too long isn't seen.
     let now = [(several, "n next"), (hidden, "\u{2191}\u{2193} scroll")];
