@@ -22,15 +22,15 @@ const NEVER: Life = Life { first: u32::MAX, last: 0, writes: 0, reads: 0 };
 
 /// One register of an operation: its file, its place in the pool, whether it is written.
 #[derive(Clone, Copy, Debug)]
-struct Operand {
-    file: File,
-    at: usize,
-    written: bool,
+pub(crate) struct Operand {
+    pub(crate) file: File,
+    pub(crate) at: usize,
+    pub(crate) written: bool,
 }
 
 const FILES: [File; 3] = [File::Float, File::Int, File::Bool];
 
-fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand> {
+pub(crate) fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand> {
     let mut at = start as usize;
     let parts = [(shape.outs, true), (shape.ins, false)];
     let each = parts.into_iter().flat_map(|(counts, written)| {
@@ -46,6 +46,14 @@ fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand> {
 
 /// Removes what isn't used, forwards copies and assigns registers.
 pub(crate) fn allocated(mut code: Code) -> Code {
+    if !code.statements.is_empty() {
+        let needed = crate::coverage::needed(&code);
+        for statement in &mut code.statements {
+            let own = &needed[statement.start as usize..statement.end as usize];
+            // One that computes nothing, such as a new name for a value, is no gap.
+            statement.needed = own.is_empty() || own.contains(&true);
+        }
+    }
     forward_copies(&mut code);
     remove_unused(&mut code);
     assign(&mut code);
@@ -301,6 +309,11 @@ fn remove_unused(code: &mut Code) {
     for instruction in &mut code.instructions {
         if let Some(&target) = moved.get(instruction.target as usize) {
             instruction.target = target;
+        }
+    }
+    for statement in &mut code.statements {
+        for place in [&mut statement.start, &mut statement.end] {
+            *place = moved[*place as usize];
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use naga::{AtomicFunction, Span};
 
+use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
@@ -311,6 +312,8 @@ pub(crate) struct Code {
     pub(crate) half: Option<Span>,
     /// Registers that are stored to, which worlds of a lane differ in.
     pub(crate) mutable: [Vec<u32>; 3],
+    /// Statements, if they are listed.
+    pub(crate) statements: Vec<Statement>,
     /// Ranges of registers that are found by index, which stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }

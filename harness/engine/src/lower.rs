@@ -23,6 +23,7 @@ use naga::{
 };
 
 use crate::code::{BufferSlot, Code, Constant, HandleSlot, Instruction, Op, Reg, Site};
+use crate::coverage::{Statement, StatementKind};
 use crate::refusal::Refusal;
 use crate::scalar::{Counts, File, Layouts, Scalar};
 use memory::Place;
@@ -52,6 +53,8 @@ pub struct Settings {
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,
+    /// Whether statements are listed, whose runs can then be counted.
+    pub statements: bool,
 }
 
 /// What an expression stands for.
@@ -471,6 +474,16 @@ impl<'m> Lower<'m> {
             site: self.site,
         });
         Ok(self.code.instructions.len() - 1)
+    }
+
+    /// Lists a statement, whose operations begin at one and end with the last one.
+    fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
+        if self.settings.statements && span.is_defined() {
+            let end = self.code.instructions.len() as u32;
+            let (function, start) = (scope.name.clone(), start as u32);
+            let listed = Statement { function, span, kind, needed: true, start, end };
+            self.code.statements.push(listed);
+        }
     }
 
     fn type_of(&self, scope: &Scope<'m>, handle: Handle<Expression>) -> TypeInner {

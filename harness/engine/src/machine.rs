@@ -21,6 +21,7 @@ use crate::code::{Code, Count, ImageKind, Instruction, Neighbour, Op, Site};
 use crate::columns::Columns;
 use karat_core::hazard::Kind;
 
+use crate::coverage::count;
 use crate::observer::{Here, Lanes, Missing, Observer, Wrong};
 use crate::options::{Elsewhere, Options};
 use crate::races::{Beyond, Bounds, Detector};
@@ -312,6 +313,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         let code = self.code;
         let mut at = self.at;
         let keeps_parting = self.detector.is_some() || SEEN && code.has_neighbours();
+        if let (0, Some(counts)) = (at, &self.options.counts) {
+            counts.come::<A>(0, case, &self.acting());
+        }
         let mut has_turn = std::mem::take(&mut self.paused);
         loop {
             let instruction = &code.instructions[at];
@@ -421,6 +425,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                     self.show_other::<SEEN>(observer, instruction, case, shown);
                 }
                 Op::Select(file) => {
+                    if let Some(counts) = &self.options.counts {
+                        let condition = self.bools.get(registers[registers.len() - 1]);
+                        counts.select::<A>(at - 1, condition, &self.acting());
+                    }
                     self.select(file, registers);
                     self.show_other::<SEEN>(observer, instruction, case, (file, registers[0], &[]));
                 }
@@ -531,7 +539,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.report::<SEEN>(observer, (instruction, registers), case, memory);
                     }
                 }
-                Op::Round => self.round(instruction)?,
+                Op::Round => {
+                    self.round(instruction)?;
+                    if let (Some(counts), Some(round)) = (&self.options.counts, self.open.last()) {
+                        counts.round::<A>(at - 1, *round, &self.acting());
+                    }
+                }
                 Op::If
                 | Op::Else
                 | Op::EndIf
@@ -549,7 +562,16 @@ impl<'p, A: Rules> Machine<'p, A> {
                 | Op::Continue(_)
                 | Op::Return(_) => {
                     let before = keeps_parting.then(|| self.active().to_vec());
+                    let came = self.counted(instruction.op);
                     let jumps = self.control(instruction.op, registers);
+                    if let Some(came) = came {
+                        self.count(
+                            came,
+                            (instruction.op, at),
+                            case,
+                            jumps.then_some(instruction.target),
+                        );
+                    }
                     if jumps {
                         at = instruction.target as usize;
                     }
@@ -579,7 +601,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                         });
                     }
                 }
-                Op::Discard => self.discard(),
+                Op::Discard => {
+                    self.discard();
+                    self.count(0, (instruction.op, at), case, None);
+                }
                 Op::Barrier(barrier) => {
                     if let Some(mut detector) = self.detector.take() {
                         let active = self.active().iter().map(|mask| A::possible(*mask));
@@ -597,6 +622,29 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         self.forget_lost();
         Ok(Pause::End)
+    }
+
+    /// How many lanes come to an operation that parts them, if that is counted.
+    #[inline]
+    fn counted(&self, op: Op) -> Option<u64> {
+        self.options.counts.as_ref()?;
+        Some(if op == Op::If { count::<A>(&self.acting()) } else { 0 })
+    }
+
+    /// Counts the lanes that go on behind an operation at which so many came.
+    fn count(&self, came: u64, (op, next): (Op, usize), case: usize, target: Option<u32>) {
+        let Some(counts) = &self.options.counts else { return };
+        let lanes = self.acting();
+        let stay = count::<A>(&lanes);
+        match op {
+            Op::If => {
+                counts.take(next - 1, 0, stay);
+                counts.take(next - 1, 1, came.saturating_sub(stay));
+            }
+            Op::Case(_) => counts.take(next - 1, 0, stay),
+            _ => {}
+        }
+        counts.come::<A>(target.map_or(next, |target| target as usize), case, &lanes);
     }
 
     /// Keeps where those lanes went that were active before and aren't any more.

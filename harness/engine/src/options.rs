@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::accuracy::Accuracy;
+use crate::coverage::Counts;
 use crate::schedule::Schedule;
 
 /// The element that an index outside of its array finds. WGSL allows a read there to give any element, or zero
@@ -78,6 +79,8 @@ pub struct Options {
     pub most_turns: usize,
     /// True if a dispatch returns the order of its atomics.
     pub shows_order: bool,
+    /// Counts what runs, in `f32`.
+    pub counts: Option<Arc<Counts>>,
 }
 
 impl Options {
@@ -103,6 +106,7 @@ impl Default for Options {
             schedule: Schedule::default(),
             most_turns: usize::MAX,
             shows_order: false,
+            counts: None,
         }
     }
 }

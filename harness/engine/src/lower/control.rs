@@ -6,6 +6,7 @@ use naga::{Block, Expression, Function, Handle, Statement, SwitchValue, valid::F
 
 use super::{Frame, Lower, Lowered, Open, STACK, Scope, Types, Value};
 use crate::code::{Compare, Op, Reg, Site};
+use crate::coverage::StatementKind;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
@@ -102,7 +103,11 @@ impl<'m> Lower<'m> {
         stacker::maybe_grow(STACK.0, STACK.1, || {
             for (statement, span) in block.span_iter() {
                 self.span = *span;
+                let start = self.code.instructions.len();
                 self.statement(scope, statement, *span)?;
+                if let Some(kind) = kind_of(statement) {
+                    self.list(scope, *span, kind, start);
+                }
             }
             Ok(())
         })
@@ -354,7 +359,7 @@ impl<'m> Lower<'m> {
         let start = self.emit(Op::Switch, &[], &[])?;
         self.open(Frame::Switch);
         let mut before: Option<usize> = None;
-        let mut falls = false;
+        let (mut falls, mut clause) = (false, 0);
         for (case, condition) in cases.iter().zip(conditions) {
             self.land();
             let condition = condition.unwrap_or(default);
@@ -364,8 +369,13 @@ impl<'m> Lower<'m> {
                 self.code.instructions[before].target = jump as u32;
             }
             before = Some(jump);
-            falls = case.fall_through;
             self.block(scope, &case.body)?;
+            // A clause of several values is several cases, of which the last has the statements.
+            falls = case.fall_through;
+            if !falls {
+                self.list(scope, span, StatementKind::Clause(clause), jump);
+                clause += 1;
+            }
         }
         let end = self.close(Op::EndSwitch)?;
         if let Some(before) = before {
@@ -393,6 +403,20 @@ impl<'m> Lower<'m> {
         self.code.marks.push([count(File::Float), count(File::Int), count(File::Bool)]);
         self.emit(Op::Mark(self.code.marks.len() as u32 - 1), &[], &sorted)?;
         Ok(())
+    }
+}
+
+/// The kind of a statement that is listed.
+fn kind_of(statement: &Statement) -> Option<StatementKind> {
+    let leaves = |block: &Block| matches!(block.last(), Some(Statement::Break));
+    match statement {
+        Statement::Block(_) => None,
+        Statement::If { accept, reject, .. } if accept.is_empty() && leaves(reject) => {
+            Some(StatementKind::Exit)
+        }
+        Statement::If { .. } => Some(StatementKind::If),
+        Statement::Loop { .. } => Some(StatementKind::Loop),
+        _ => Some(StatementKind::Plain),
     }
 }
 

@@ -6,6 +6,7 @@ use naga::{Expression, Handle, Literal, TypeInner};
 
 use super::{Lower, Lowered, STACK, Scope, Value};
 use crate::code::{Constant, Op, Reg, Site};
+use crate::coverage::StatementKind;
 use crate::lower::memory::Place;
 use crate::scalar::{File, Scalar};
 
@@ -189,11 +190,14 @@ impl<'m> Lower<'m> {
                 let accept = self.flat(scope, accept)?;
                 let reject = self.flat(scope, reject)?;
                 back!();
+                let start = self.code.instructions.len();
                 let mut registers = Vec::new();
                 for (k, (yes, no)) in accept.iter().zip(reject.iter()).enumerate() {
                     let condition = condition[if condition.len() == 1 { 0 } else { k }];
                     registers.push(self.select(condition, *yes, *no)?);
                 }
+                let span = scope.expressions.get_span(handle);
+                self.list(scope, span, StatementKind::Select, start);
                 flat(registers)
             }
             Expression::Relational { fun, argument } => self.relational(scope, fun, argument),

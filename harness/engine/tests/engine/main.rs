@@ -3,6 +3,7 @@
 mod builtins;
 mod common;
 mod control;
+mod coverage;
 mod differential;
 mod explore;
 mod hostile;

@@ -1,0 +1,330 @@
+//! Coverage: how often each statement runs, and which ways its branches take.
+//!
+//! Between two operations that change the mask all lanes stay, so one counter a straight line is enough, and nothing is counted
+//! inside of it. [`Settings::statements`](crate::Settings::statements) lists the statements, [`Options::counts`](crate::Options)
+//! has the counters.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use naga::Span;
+
+use crate::allocate::operands;
+use crate::arithmetic::sealed::Rules;
+use crate::code::{Binding, Code, Op, Walk};
+
+/// A statement of a program. One of a function that is called in two places is there twice.
+#[derive(Clone, Debug)]
+pub struct Statement {
+    /// The function that it stands in.
+    pub function: String,
+    /// Its bytes in the source.
+    pub span: Span,
+    /// What it is.
+    pub kind: StatementKind,
+    /// True if something that leaves the program is computed from it.
+    pub needed: bool,
+    /// Its operations, from the first to behind the last.
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+}
+
+/// The kind of a statement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StatementKind {
+    /// One without branches: a let-binding, an assignment, a call, a jump.
+    Plain,
+    /// `if`, `&&` or `||`. Its ways: the condition holds, or not. naga asks the opposite for `||`.
+    If,
+    /// `select`, an expression. Its ways: the condition holds, or not.
+    Select,
+    /// A clause of a `switch`, by its number. It has one way.
+    Clause(usize),
+    /// A loop. Its ways: it is left in the first round, in the second, or later.
+    Loop,
+    /// The condition of `for` or `while`, whose ways the loop has.
+    Exit,
+}
+
+/// The most ways that a statement has.
+const WAYS: usize = 3;
+
+/// The counters of a program's operations, which all runs add to.
+#[derive(Debug)]
+pub struct Counts(Vec<Counter>);
+
+#[derive(Debug, Default)]
+struct Counter {
+    /// Lanes that came.
+    lanes: AtomicU64,
+    /// The first case that came, and one more; 0: none.
+    first: AtomicU64,
+    ways: [AtomicU64; WAYS],
+}
+
+/// What is known of a statement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Count {
+    /// How many lanes came to it.
+    pub lanes: u64,
+    /// The first case that did.
+    pub first: Option<usize>,
+    /// How many lanes took each of its ways.
+    pub ways: [u64; WAYS],
+}
+
+impl Counts {
+    pub(crate) fn of(code: &Code) -> Self {
+        Self(code.instructions.iter().map(|_| Counter::default()).collect())
+    }
+
+    /// Lanes come to the straight line that begins at an operation.
+    pub(crate) fn come<A: Rules>(&self, at: usize, case: usize, lanes: &[A::Bool]) {
+        let Some(counter) = self.0.get(at) else { return };
+        let count = count::<A>(lanes);
+        if count == 0 {
+            return;
+        }
+        counter.lanes.fetch_add(count, Ordering::Relaxed);
+        let known = counter.first.load(Ordering::Relaxed);
+        if known == 0 || known > case as u64 {
+            let lane = lanes.iter().position(|active| A::possible(*active)).unwrap_or_default();
+            let number = (case + lane + 1) as u64;
+            let first = |known| (known == 0 || number < known).then_some(number);
+            let _ = counter.first.fetch_update(Ordering::Relaxed, Ordering::Relaxed, first);
+        }
+    }
+
+    pub(crate) fn take(&self, at: usize, way: usize, lanes: u64) {
+        self.0[at].ways[way].fetch_add(lanes, Ordering::Relaxed);
+    }
+
+    /// Lanes begin a round of a loop, its first one being 1. Until one more begins they leave in this one.
+    pub(crate) fn round<A: Rules>(&self, at: usize, round: u64, lanes: &[A::Bool]) {
+        let ways = &self.0[at].ways;
+        let Ok(way) = usize::try_from(round - 1) else { return };
+        if way < WAYS {
+            let count = count::<A>(lanes);
+            ways[way].fetch_add(count, Ordering::Relaxed);
+            if let Some(before) = way.checked_sub(1) {
+                ways[before].fetch_sub(count, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Lanes select by a condition; once both ways were taken nobody looks.
+    pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
+        let ways = &self.0[at].ways;
+        if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
+            let both = condition.iter().zip(lanes).map(|(own, lane)| A::and(*own, *lane));
+            let yes = both.map(|lane| u64::from(A::possible(lane))).sum();
+            self.take(at, 0, yes);
+            self.take(at, 1, count::<A>(lanes) - yes);
+        }
+    }
+}
+
+/// How many lanes may be active.
+pub(crate) fn count<A: Rules>(lanes: &[A::Bool]) -> u64 {
+    lanes.iter().map(|lane| u64::from(A::possible(*lane))).sum()
+}
+
+/// The operations behind which other lanes may be active.
+fn parts(op: Op) -> bool {
+    matches!(
+        op,
+        Op::If
+            | Op::Else
+            | Op::EndIf
+            | Op::Switch
+            | Op::Case(_)
+            | Op::EndSwitch
+            | Op::Loop
+            | Op::Continuing
+            | Op::BreakIf
+            | Op::EndLoop
+            | Op::Skip
+            | Op::Call
+            | Op::EndCall
+            | Op::Break(_)
+            | Op::Continue(_)
+            | Op::Return(_)
+            | Op::Discard
+    )
+}
+
+impl crate::Program {
+    /// Counters for [`Options::counts`](crate::Options::counts), all at zero.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        Counts::of(self.code())
+    }
+
+    /// The statements, if they were listed, each with its count.
+    pub fn counted<'p>(
+        &'p self,
+        counts: &'p Counts,
+    ) -> impl Iterator<Item = (&'p Statement, Count)> {
+        let code = self.code();
+        // The first operation of the straight line that each is in.
+        let mut lines: Vec<usize> = Vec::with_capacity(code.instructions.len() + 1);
+        let mut line = 0;
+        for (at, instruction) in code.instructions.iter().enumerate() {
+            lines.push(line);
+            line = if parts(instruction.op) { at + 1 } else { line };
+        }
+        lines.push(line);
+        code.statements.iter().map(move |statement| {
+            let of = |at: usize| counts.0.get(at);
+            let read = |one: &AtomicU64| one.load(Ordering::Relaxed);
+            let line = of(lines[statement.start as usize]);
+            let lanes = line.map_or(0, |one| read(&one.lanes));
+            let first = line.map_or(0, |one| read(&one.first)).checked_sub(1);
+            let ways = statement.branch(code).and_then(of).map(|one| one.ways.each_ref().map(read));
+            let count = Count {
+                lanes,
+                first: first.and_then(|first| usize::try_from(first).ok()),
+                ways: ways.unwrap_or_default(),
+            };
+            (statement, count)
+        })
+    }
+}
+
+impl Statement {
+    /// The operation that counts its ways.
+    fn branch(&self, code: &Code) -> Option<usize> {
+        let (start, end) = (self.start as usize, self.end as usize);
+        let mut own = (start..end).map(|at| (at, code.instructions[at].op));
+        let found = match self.kind {
+            StatementKind::Plain | StatementKind::Exit => None,
+            StatementKind::If => own.find(|(_, op)| *op == Op::If),
+            StatementKind::Select => own.find(|(_, op)| matches!(op, Op::Select(_))),
+            StatementKind::Loop => own.find(|(_, op)| *op == Op::Round),
+            // The clause itself begins the list.
+            StatementKind::Clause(_) => own.next(),
+        };
+        found.map(|(at, _)| at)
+    }
+}
+
+/// The operations that something which leaves the program is computed from: a result, or what is written into a buffer that
+/// outlives it. Of control flow those that decide about one of them.
+pub(crate) fn needed(code: &Code) -> Vec<bool> {
+    let mut frames: Vec<(Op, Option<usize>)> = Vec::new();
+    let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
+    let mut open: Vec<usize> = Vec::new();
+    for instruction in &code.instructions {
+        let ends = matches!(instruction.op, Op::EndIf | Op::EndSwitch | Op::EndLoop | Op::EndCall);
+        if matches!(instruction.op, Op::If | Op::Switch | Op::Loop | Op::Call) {
+            frames.push((instruction.op, open.last().copied()));
+            open.push(frames.len() - 1);
+        }
+        frame_of.push(open.last().copied());
+        if ends {
+            open.pop();
+        }
+    }
+    let mut analysis = Needed {
+        code,
+        frames: frames.iter().map(|(_, outer)| (*outer, false)).collect(),
+        registers: code.registers.map(|count| vec![false; count as usize]),
+        buffers: code.buffers.iter().map(|slot| slot.binding != Binding::Workgroup).collect(),
+    };
+    for (register, _) in &code.results {
+        analysis.registers[register.file as usize][register.index as usize] = true;
+    }
+    let mut needed = vec![false; code.instructions.len()];
+    loop {
+        let mut changed = false;
+        for at in (0..code.instructions.len()).rev() {
+            if !needed[at] && analysis.is_needed(at, frame_of[at]) {
+                analysis.need(at, frame_of[at]);
+                (needed[at], changed) = (true, true);
+            }
+        }
+        if !changed {
+            return needed;
+        }
+    }
+}
+
+struct Needed<'c> {
+    code: &'c Code,
+    /// What encloses each branch, loop and call, and whether something in it is needed.
+    frames: Vec<(Option<usize>, bool)>,
+    registers: [Vec<bool>; 3],
+    buffers: Vec<bool>,
+}
+
+impl Needed<'_> {
+    fn is_needed(&self, at: usize, frame: Option<usize>) -> bool {
+        let instruction = self.code.instructions[at];
+        let registers = || operands(self.code.shape(instruction.op), instruction.at);
+        let is = |file: crate::scalar::File, at: usize| {
+            self.registers[file as usize][self.code.pool[at] as usize]
+        };
+        match instruction.op {
+            // A jump decides about all that stands behind it in what it leaves.
+            Op::Break(depth) | Op::Continue(depth) | Op::Return(depth) => {
+                let mut target = frame;
+                for _ in 0..depth {
+                    target = target.and_then(|frame| self.frames[frame].0);
+                }
+                target.is_some_and(|frame| self.frames[frame].1)
+            }
+            Op::ImageStore(_) | Op::Discard | Op::Barrier(_) => true,
+            Op::Write(_, walk) | Op::Atomic(walk) => {
+                let written = self.buffers[self.walk(walk).buffer as usize];
+                written || registers().any(|one| one.written && is(one.file, one.at))
+            }
+            Op::Scatter(file, _) => {
+                self.range(file, instruction.at).any(|own| self.registers[file as usize][own])
+            }
+            // It saves time, and belongs to the loop that it stands behind.
+            Op::Skip | Op::Wrap(_) | Op::Mark(_) | Op::Halt => false,
+            op if parts(op) || op == Op::Round => frame.is_some_and(|frame| self.frames[frame].1),
+            _ => registers().any(|one| one.written && is(one.file, one.at)),
+        }
+    }
+
+    fn need(&mut self, at: usize, mut frame: Option<usize>) {
+        let code = self.code;
+        let instruction = code.instructions[at];
+        for one in operands(code.shape(instruction.op), instruction.at) {
+            if !one.written {
+                self.registers[one.file as usize][code.pool[one.at] as usize] = true;
+            }
+        }
+        match instruction.op {
+            Op::Gather(file, _) => {
+                // Its results come first, the range behind them.
+                let ranges: Vec<usize> = self.range(file, instruction.at + 1).collect();
+                ranges.into_iter().for_each(|own| self.registers[file as usize][own] = true);
+            }
+            Op::Load(_, walk) | Op::Atomic(walk) => {
+                let buffer = self.walk(walk).buffer as usize;
+                self.buffers[buffer] = true;
+            }
+            _ => {}
+        }
+        while let Some(own) = frame {
+            self.frames[own].1 = true;
+            frame = self.frames[own].0;
+        }
+    }
+
+    fn walk(&self, walk: u32) -> &Walk {
+        &self.code.walks[walk as usize]
+    }
+
+    /// The registers that stay together with one in the pool.
+    fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
+        let base = self.code.pool[at as usize];
+        let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {
+            pinned == file && (first..first + count).contains(&base)
+        };
+        let found = self.code.pinned.iter().find(is_own);
+        let (first, count) = found.map_or((base, 1), |&(_, first, count)| (first, count));
+        first as usize..(first + count) as usize
+    }
+}
