@@ -8,7 +8,6 @@
 mod agreement;
 mod allowances;
 mod allowed;
-pub(crate) mod arguments;
 mod batch;
 mod called;
 pub(crate) mod cause;

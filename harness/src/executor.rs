@@ -21,7 +21,7 @@ use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::fixture::{self, Fixtures};
 use crate::image::Image;
-use crate::interpret::Interpreted;
+use crate::interpret::{self, Interpreted};
 use crate::job::{self, Job, Reply};
 use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
@@ -135,6 +135,9 @@ fn expect_able(
     program: &Program,
     bindings: &[Binding],
 ) -> Result<(), ProbeError> {
+    if executor.path().api() != path::Api::Cpu {
+        interpret::unmeasured(program);
+    }
     let lacks = program.abilities(bindings).into_iter().find(|ability| !executor.can(*ability));
     lacks.map_or(Ok(()), |ability| {
         let (function, path) = (function.to_owned(), executor.path());
@@ -157,6 +160,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     if !executor.can(Ability::Frames) {
         return Err(DrawError::Unable { path: executor.path() });
     }
+    interpret::unmeasured(drawing.program());
     let needs = drawing.program().abilities(&drawing.all_bindings());
     match needs.into_iter().find(|ability| !executor.can(*ability)) {
         None => {

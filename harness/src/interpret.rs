@@ -4,6 +4,7 @@
 //! functions, fixtures and the author's files.
 
 mod alone;
+mod counted;
 mod coverage;
 mod dispatch;
 pub mod hazards;
@@ -36,11 +37,13 @@ use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{self, Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{ADAPTER, Program};
+use crate::reflect::{ADAPTER, Function, Program};
 use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub use alone::Alone;
+pub(crate) use counted::unmeasured;
+pub use counted::{Counted, CountedKind, Ran, statements_of};
 pub use coverage::{Coverage, of_outside};
 pub use coverage::{Missed, Uncovered};
 pub use dispatch::dispatch_briefly;
@@ -63,8 +66,7 @@ pub struct Interpreted {
     /// How a case becomes the four pixels of a quad, if it is one.
     quads: Option<Quads>,
     results: Vec<Scalar>,
-    name: String,
-    declared: Span,
+    function: Function,
     /// Knows the author's places.
     program: Arc<Program>,
     /// Rounds of loops that a case may make.
@@ -75,7 +77,7 @@ pub struct Interpreted {
 
 /// How an arithmetic of the path `cpu` lowers programs.
 fn lowering(via: Via) -> Settings {
-    Settings { contract: via == Via::Fma, ..Settings::default() }
+    Settings { contract: via == Via::Fma, statements: counted::counts(), ..Settings::default() }
 }
 
 /// Rounds after which a loop with a bound is ended, too: a case would take minutes.
@@ -133,8 +135,7 @@ impl Interpreted {
             arguments,
             quads: (function.form.fragment || varies).then(|| Quads::of(function)),
             results: function.result.lanes(),
-            name: function.name.clone(),
-            declared: function.span.clone(),
+            function: function.clone(),
             flush: false,
             program: Arc::clone(program),
             // What has a bound ends. The round in which a loop is left counts here, and there are at most
@@ -153,7 +154,7 @@ impl Interpreted {
 
     /// Where the function is declared.
     pub(crate) fn place(&self) -> &Span {
-        &self.declared
+        &self.function.span
     }
 
     /// The scalars of a result.
@@ -163,7 +164,21 @@ impl Interpreted {
 
     /// Results of some cases, in the words that a driver would write.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
-        self.words_of(self.call::<F32>(cases, arguments)?)
+        let counts = self.lowered.counts();
+        let options = Options { counts: counts.clone(), ..self.options() };
+        let words = self.words_of(self.call_with::<F32>(cases, arguments, &options)?)?;
+        counted::note(&self.program, &self.lowered, counts, &|case| {
+            let width = arguments.len() / cases;
+            let row = arguments.chunks(width.max(1)).nth(case / self.lanes())?;
+            let shown = self.function.arguments(row).into_iter();
+            Some(
+                shown
+                    .map(|(name, value)| format!("{name} = {value}"))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            )
+        });
+        Ok(words)
     }
 
     fn words_of(&self, results: Results<F32>) -> Result<Vec<u32>, ProbeError> {
@@ -250,7 +265,7 @@ impl Interpreted {
         // No proof waits for a long loop.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options);
-        let results = results.map_err(|stop| stopped(&self.program, &self.name, &stop))?;
+        let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
@@ -278,7 +293,7 @@ impl Interpreted {
         if self.quads.is_none() {
             return Ok(());
         }
-        let name = &self.name;
+        let name = &self.function.name;
         let message = format!(
             "`{name}` takes derivatives, of which WGSL doesn't say how exact they are: use a tolerance \
              of your own"
@@ -317,13 +332,13 @@ impl Interpreted {
         options: &Options,
         observer: &dyn Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
-        path::caught(Path::CPU, &[&self.name], Some(&self.declared), || {
+        path::caught(Path::CPU, &[&self.function.name], Some(&self.function.span), || {
             self.run(cases, arguments, options, observer).map_err(|stop| self.error(&stop))
         })
     }
 
     fn error(&self, stop: &Stop) -> ProbeError {
-        match stopped(&self.program, &self.name, stop) {
+        match stopped(&self.program, &self.function.name, stop) {
             // A case is all pixels of its quad.
             ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
                 ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }

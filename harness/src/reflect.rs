@@ -139,6 +139,20 @@ impl Program {
         self.linked.sources.files()
     }
 
+    /// The features and the values of overrides that it was made with, as people write them.
+    #[must_use]
+    pub fn variant(&self) -> String {
+        let overrides = self.overrides.iter().map(|(name, value)| format!("{name}={value}"));
+        let all: Vec<String> =
+            self.linked.sources.features().into_iter().chain(overrides).collect();
+        all.join(", ")
+    }
+
+    /// The author's path of a function in its text: `fresnel::schlick`.
+    pub(crate) fn path_of(&self, linked: &str) -> String {
+        self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
+    }
+
     /// The modules that it was linked from.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         self.linked.sources.modules()

@@ -14,7 +14,6 @@ pub use karat_core::{diagnostic, output, settings, stats};
 
 /// Checks of functions whose types are known at run time, and tests in WGSL.
 pub mod check {
-    pub use crate::check::arguments::arguments;
     pub use crate::check::cause::cause_of;
     pub use crate::check::condition::Condition;
     pub use crate::check::disagreement::{

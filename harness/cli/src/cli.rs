@@ -10,6 +10,7 @@ mod call;
 mod check;
 mod child;
 mod compare;
+mod coverage;
 mod diff;
 mod doctor;
 mod git;
@@ -238,6 +239,13 @@ enum Command {
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
+    /// Find the lines and branches of shaders that no test runs, and lines whose values none looks at
+    #[command(
+        after_help = "Examples:\n  karat coverage --missing\n  karat coverage shaders --html coverage.html\n  \
+                      karat coverage --in-diff main --fail-under-lines 90\n  karat coverage --lcov lcov.info -- -p my-crate\n\n\
+                      Exit codes: 0 the tests pass, and enough lines ran; 1 they don't, or too few did; 2 nothing was counted."
+    )]
+    Coverage(coverage::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
@@ -373,6 +381,13 @@ impl PackageArgs {
     }
 }
 
+/// A share in per cent, as options have it.
+fn percent(text: &str) -> Result<f64, String> {
+    let number = text.trim_end_matches('%').trim().parse::<f64>();
+    let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
+    number.ok_or_else(|| "write a number from 0 to 100".to_owned())
+}
+
 /// A package with some features.
 fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::Package {
     features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
@@ -451,6 +466,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Matrix(args) => matrix::run(&args, out),
         Command::Compare(args) => compare::run(&args, out),
         Command::Mutate(args) => mutate::run(&args, out),
+        Command::Coverage(args) => coverage::run(&args, out),
         Command::Hazards(args) => hazards::run(&args, out),
         Command::Call(args) => call::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),

@@ -17,7 +17,7 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 16] = [
+const VARIABLES: [(&str, &str); 17] = [
     (
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
@@ -45,6 +45,10 @@ const VARIABLES: [(&str, &str); 16] = [
         "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: it isn't asked (the one that is found)",
     ),
     (RECORD, "folder that verdicts are written into, as JSON lines (none; `karat test` sets it)"),
+    (
+        COVERAGE,
+        "folder for counts of the statements that tests run on `cpu` (none; `karat coverage` sets it)",
+    ),
     (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
 ];
 
@@ -73,6 +77,7 @@ const FAILURES: &str = "KARAT_FAILURES";
 const FRAMES: &str = "KARAT_FRAMES";
 const OVERLAY: &str = "KARAT_OVERLAY";
 const RECORD: &str = "KARAT_RECORD";
+const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
@@ -226,6 +231,12 @@ pub fn tint() -> Option<PathBuf> {
 #[doc(hidden)]
 pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
+}
+
+/// The folder for counts of statements.
+#[doc(hidden)]
+pub fn coverage() -> Option<PathBuf> {
+    set(COVERAGE).map(PathBuf::from)
 }
 
 /// Rounds that a case may make in the engine. A wrong setting is told by what reads others.

@@ -4,13 +4,15 @@
 //! inside of it. [`Settings::statements`](crate::Settings::statements) lists the statements, [`Options::counts`](crate::Options)
 //! has the counters.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use naga::Span;
+use naga::{Block, Expression, Module, Span};
 
 use crate::allocate::operands;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Binding, Code, Op, Walk};
+use crate::lower::STACK;
 
 /// A statement of a program. One of a function that is called in two places is there twice.
 #[derive(Clone, Debug)]
@@ -33,6 +35,8 @@ pub struct Statement {
 pub enum StatementKind {
     /// One without branches: a let-binding, an assignment, a call, a jump.
     Plain,
+    /// `switch`, whose clauses are listed apart.
+    Switch,
     /// `if`, `&&` or `||`. Its ways: the condition holds, or not. naga asks the opposite for `||`.
     If,
     /// `select`, an expression. Its ways: the condition holds, or not.
@@ -73,10 +77,6 @@ pub struct Count {
 }
 
 impl Counts {
-    pub(crate) fn of(code: &Code) -> Self {
-        Self(code.instructions.iter().map(|_| Counter::default()).collect())
-    }
-
     /// Lanes come to the straight line that begins at an operation.
     pub(crate) fn come<A: Rules>(&self, at: usize, case: usize, lanes: &[A::Bool]) {
         let Some(counter) = self.0.get(at) else { return };
@@ -153,13 +153,15 @@ fn parts(op: Op) -> bool {
 }
 
 impl crate::Program {
-    /// Counters for [`Options::counts`](crate::Options::counts), all at zero.
+    /// Counters for [`Options::counts`](crate::Options::counts), all at zero; `None` if no statements were listed.
     #[must_use]
-    pub fn counts(&self) -> Counts {
-        Counts::of(self.code())
+    pub fn counts(&self) -> Option<Arc<Counts>> {
+        let code = self.code();
+        let counters = || code.instructions.iter().map(|_| Counter::default()).collect();
+        (!code.statements.is_empty()).then(|| Arc::new(Counts(counters())))
     }
 
-    /// The statements, if they were listed, each with its count.
+    /// The statements, each with its count.
     pub fn counted<'p>(
         &'p self,
         counts: &'p Counts,
@@ -196,7 +198,7 @@ impl Statement {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));
         let found = match self.kind {
-            StatementKind::Plain | StatementKind::Exit => None,
+            StatementKind::Plain | StatementKind::Switch | StatementKind::Exit => None,
             StatementKind::If => own.find(|(_, op)| *op == Op::If),
             StatementKind::Select => own.find(|(_, op)| matches!(op, Op::Select(_))),
             StatementKind::Loop => own.find(|(_, op)| *op == Op::Round),
@@ -204,6 +206,77 @@ impl Statement {
             StatementKind::Clause(_) => own.next(),
         };
         found.map(|(at, _)| at)
+    }
+}
+
+/// The statements of all functions and entry points of a module, whether or not something runs them.
+#[must_use]
+pub fn statements(module: &Module) -> Vec<Statement> {
+    let functions = module.functions.iter();
+    let functions = functions.map(|(_, one)| (one.name.clone().unwrap_or_default(), one));
+    let points = module.entry_points.iter().map(|one| (one.name.clone(), &one.function));
+    let mut all = Vec::new();
+    for (name, function) in functions.chain(points) {
+        let mut list = |span: Span, kind| {
+            if span.is_defined() {
+                let function = name.clone();
+                all.push(Statement { function, span, kind, needed: true, start: 0, end: 0 });
+            }
+        };
+        for (handle, expression) in function.expressions.iter() {
+            if matches!(expression, Expression::Select { .. }) {
+                list(function.expressions.get_span(handle), StatementKind::Select);
+            }
+        }
+        list_block(&function.body, &mut list);
+    }
+    all
+}
+
+fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
+    stacker::maybe_grow(STACK.0, STACK.1, || {
+        for (statement, span) in block.span_iter() {
+            if let Some(kind) = StatementKind::of(statement) {
+                list(*span, kind);
+            }
+            match statement {
+                naga::Statement::Block(block) => list_block(block, list),
+                naga::Statement::If { accept, reject, .. } => {
+                    list_block(accept, list);
+                    list_block(reject, list);
+                }
+                naga::Statement::Loop { body, continuing, .. } => {
+                    list_block(body, list);
+                    list_block(continuing, list);
+                }
+                naga::Statement::Switch { cases, .. } => {
+                    // A clause of several values is several cases, of which the last has the statements.
+                    for (clause, case) in cases.iter().filter(|case| !case.fall_through).enumerate()
+                    {
+                        list(*span, StatementKind::Clause(clause));
+                        list_block(&case.body, list);
+                    }
+                }
+                _ => {}
+            }
+        }
+    });
+}
+
+impl StatementKind {
+    /// `None` of what isn't listed.
+    pub(crate) fn of(statement: &naga::Statement) -> Option<Self> {
+        let leaves = |block: &Block| matches!(block.last(), Some(naga::Statement::Break));
+        Some(match statement {
+            naga::Statement::Block(_) => return None,
+            naga::Statement::If { accept, reject, .. } if accept.is_empty() && leaves(reject) => {
+                Self::Exit
+            }
+            naga::Statement::If { .. } => Self::If,
+            naga::Statement::Loop { .. } => Self::Loop,
+            naga::Statement::Switch { .. } => Self::Switch,
+            _ => Self::Plain,
+        })
     }
 }
 

@@ -108,7 +108,7 @@ mod texture;
 pub use accuracy::Accuracy;
 pub use arithmetic::{Arithmetic, F32, F64, Intervals};
 pub use code::Site;
-pub use coverage::{Count, Counts, Statement, StatementKind};
+pub use coverage::{Count, Counts, Statement, StatementKind, statements};
 pub use dispatch::{Turn, pixel_of};
 pub use explore::Explorer;
 pub use interval::{Interval, Range, Truth};

@@ -36,7 +36,7 @@ const MOST_OPERATIONS: usize = 1 << 20;
 const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
 
 /// What is kept free of the stack for one level of nesting, and how much is added when less is.
-const STACK: (usize, usize) = (128 << 10, 2 << 20);
+pub(crate) const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
 /// Values of overrides, by name or by id in decimal.
 pub type Overrides = HashMap<String, f64>;

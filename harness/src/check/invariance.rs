@@ -1,6 +1,5 @@
 //! Results that stay the same when the arguments are transformed, or change by a known factor.
 
-use super::arguments::arguments;
 use super::batch::Batch;
 use super::demand::Demand;
 use super::plan::Plan;
@@ -181,8 +180,8 @@ impl Plan<'_> {
                 let exhibit = |case: usize| {
                     let plain = batch.arguments(case).to_vec();
                     let primed = batch.with_lanes(&lanes).of(case);
-                    let own = arguments(called.function(), &plain);
-                    let primed = arguments(called.function(), primed).into_iter();
+                    let own = called.function().arguments(&plain);
+                    let primed = called.function().arguments(primed).into_iter();
                     let changed = primed.zip(&own).filter(|(primed, plain)| primed != *plain);
                     Exhibit {
                         varied: changed.map(|((name, v), _)| (format!("{name}'"), v)).collect(),

@@ -1,6 +1,5 @@
 //! What the verbs about properties share: results of several dispatches, judged case by case.
 
-use super::arguments::arguments;
 use super::batch::Batch;
 use super::cause::cause;
 use super::disagreement::CaseFailure;
@@ -46,7 +45,7 @@ impl Session<'_> {
         let tally = PathTally::new(&self.called, sum, |shown: Shown| {
             let case = usize::try_from(shown.case - batch.first).expect("in this batch");
             let Exhibit { lanes, varied, compared, actual, expected, judged } = exhibit(case);
-            let mut arguments = arguments(function, &lanes);
+            let mut arguments = function.arguments(&lanes);
             arguments.extend(varied);
             let expected = Some(&*expected);
             let remembered = shown.case >= self.count();

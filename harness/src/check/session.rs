@@ -4,7 +4,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::arguments::arguments;
 use super::batch::{Batch, Rows, SEARCHED};
 use super::called::{Called, Fitting};
 use super::cause::cause;
@@ -430,7 +429,7 @@ impl<'a> Session<'a> {
                 let actual = results.of(case);
                 let (judged, expected) = (judge.judge(case, actual), expect(case));
                 let function = self.called.function();
-                let arguments = arguments(function, batch.arguments(case));
+                let arguments = function.arguments(batch.arguments(case));
                 let expected = expected.as_deref();
                 let remembered = (self.count()..SEARCHED).contains(&shown.case);
                 let case = shown.case;

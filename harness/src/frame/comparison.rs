@@ -10,6 +10,7 @@ use crate::golden::{
     VARIANCE,
 };
 use crate::image::{Image, Part};
+use crate::interpret::unmeasured;
 use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{Adapter, Path};
@@ -56,6 +57,9 @@ impl Frame<'_> {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
             leave_frame_out();
+            if let Ok(drawing) = self.scene.drawing() {
+                unmeasured(drawing.program());
+            }
         }
         left_out
     }

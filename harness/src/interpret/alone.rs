@@ -6,7 +6,7 @@ use karat_engine::{F32, Observer, Options, Program as Lowered, Resources, Runs};
 
 use super::Quads;
 use super::trace::Traced;
-use super::{lowering, refused, stopped, supply};
+use super::{counted, lowering, refused, stopped, supply};
 use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError, Via};
 use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
@@ -112,7 +112,12 @@ impl Alone {
     /// For each case the words of what the function returns, of what its pointers point to and of the
     /// resources that it writes.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
-        self.words_with(cases, arguments, &Options::default())
+        let counts = self.lowered.counts();
+        let options = Options { counts: counts.clone(), ..Options::default() };
+        let words = self.words_with(cases, arguments, &options)?;
+        // Each case is a dispatch of its own.
+        counted::note(&self.program, &self.lowered, counts, &|_| None);
+        Ok(words)
     }
 
     fn words_with(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use karat_engine::{F32, Options, Program as Lowered, Resources, Settings, Stop};
 
 use super::supply::{self, after};
-use super::{lowering, refused, stopped};
+use super::{counted, lowering, refused, stopped};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::path::{self, Path, Via};
 use crate::settings;
@@ -129,8 +129,11 @@ impl<'p> Prepared<'p> {
     pub(super) fn dispatched(&self, options_of: OfPass<'_>) -> Result<Afterwards, DispatchError> {
         let mut number = 0..;
         let held = self.run(&mut |pass, lowered, resources| {
-            let options = options_of(number.next().unwrap_or_default());
+            let counts = lowered.counts();
+            let own = options_of(number.next().unwrap_or_default());
+            let options = Options { counts: counts.clone(), ..own };
             lowered.dispatch::<F32>(pass.workgroups, resources, &options, &())?;
+            counted::note(&pass.program, lowered, counts, &|_| None);
             Ok(true)
         })?;
         Ok(self.left(&held))

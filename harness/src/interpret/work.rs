@@ -94,7 +94,7 @@ impl Interpreted {
         let each = self.lanes();
         let all = results.long().iter().map(|(lane, span)| {
             let at = place(&self.program, span.to_range());
-            (lane / each, at.unwrap_or_else(|| self.declared.clone()).first_line())
+            (lane / each, at.unwrap_or_else(|| self.function.span.clone()).first_line())
         });
         Ok(all.collect())
     }

@@ -427,6 +427,16 @@ pub(crate) struct Sources {
 }
 
 impl Sources {
+    /// The features that are on in the package, as people write them.
+    pub(crate) fn features(&self) -> Vec<String> {
+        let all = self.packages[0].1.features.iter();
+        let written = all.filter_map(|(name, feature)| match feature {
+            Feature::Flag(on) => on.then(|| name.clone()),
+            Feature::Number(value) => Some(format!("{name}={value}")),
+        });
+        written.collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
     /// The files among them.
     pub(crate) fn files(&self) -> &[FileRead] {
         &self.files

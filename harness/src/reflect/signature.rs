@@ -101,6 +101,18 @@ impl Passed {
 }
 
 impl Function {
+    /// Splits the words of all arguments by its parameters: names, and values as people read them.
+    #[must_use]
+    pub fn arguments(&self, mut words: &[u32]) -> Vec<(String, String)> {
+        let mut arguments = Vec::new();
+        for (name, shape) in &self.parameters {
+            let (own, others) = words.split_at(shape.lanes().len());
+            words = others;
+            arguments.push((name.clone(), shape.format(own)));
+        }
+        arguments
+    }
+
     /// The shapes that one invocation's call gives: the result, and what pointers point to.
     pub fn outputs(&self) -> Vec<(String, Shape)> {
         let returned = self.form.returns.iter().map(|shape| (RESULT.to_owned(), shape.clone()));

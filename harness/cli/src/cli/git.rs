@@ -1,9 +1,11 @@
 //! Git, asked for a moment.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
@@ -22,4 +24,56 @@ pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> 
         }
     }
     Ok(output.stdout)
+}
+
+/// The lines of a folder's files that changed since this branch left a revision, and those of files that git doesn't know.
+pub(super) fn lines_since(
+    revision: &str,
+    folder: &Path,
+) -> anyhow::Result<BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>> {
+    let around = if folder.is_file() { folder.parent().unwrap_or(folder) } else { folder };
+    let git = |arguments: &[&str]| -> anyhow::Result<String> {
+        Ok(String::from_utf8_lossy(&git(around, arguments)?).into_owned())
+    };
+    ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
+    let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));
+    let mut all: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>> = BTreeMap::new();
+    let place = |name: &str| {
+        let path = root.join(name);
+        path.canonicalize().with_context(|| format!("git names `{}`", path.display()))
+    };
+    let diff = git(&[
+        "diff",
+        "--merge-base",
+        "--no-color",
+        "--no-ext-diff",
+        "--unified=0",
+        "--diff-filter=d",
+        "--src-prefix=a/",
+        "--dst-prefix=b/",
+        revision,
+        "--",
+        ".",
+    ])?;
+    let mut file = None;
+    for line in diff.lines() {
+        if let Some(name) = line.strip_prefix("+++ ") {
+            // A tab ends a name that has blanks.
+            let name = name.trim_end_matches('\t');
+            ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
+            file = name.strip_prefix("b/").map(place).transpose()?;
+        } else if let (Some(file), Some(hunk)) = (&file, line.strip_prefix("@@ ")) {
+            let after = hunk.split(' ').find_map(|part| part.strip_prefix('+')).unwrap_or_default();
+            let (start, count) = after.split_once(',').unwrap_or((after, "1"));
+            let (start, count): (usize, usize) = (start.parse()?, count.parse()?);
+            if count > 0 {
+                all.entry(file.clone()).or_default().push(start..=start + count - 1);
+            }
+        }
+    }
+    let others = git(&["ls-files", "-z", "--others", "--exclude-standard", "--full-name", "."])?;
+    for name in others.split('\0').filter(|name| !name.is_empty()) {
+        all.entry(place(name)?).or_default().push(1..=usize::MAX);
+    }
+    Ok(all)
 }

@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -17,7 +16,7 @@ use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
 use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Others, Request, Score, Tried};
 
-use super::git::git;
+use super::git::lines_since;
 use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::test::some;
@@ -46,7 +45,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
     /// Fail below this score, in per cent [default: 100]
-    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under: Option<f64>,
     /// The path that tests run on
     #[arg(long, value_name = "PATH", default_value = "cpu")]
@@ -71,12 +70,6 @@ pub(super) struct Args {
     scratch: Option<PathBuf>,
     #[command(flatten)]
     place: PlaceArgs,
-}
-
-fn percent(text: &str) -> Result<f64, String> {
-    let number = text.trim_end_matches('%').trim().parse::<f64>();
-    let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
-    number.ok_or_else(|| "write a number from 0 to 100".to_owned())
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -499,56 +492,4 @@ fn as_json(one: &Tried) -> serde_json::Value {
         "rule": mutant.rule.to_string(), "original": mutant.original, "replacement": mutant.replacement,
         "result": one.fate,
     })
-}
-
-/// The lines of a folder's files that changed since this branch left a revision, and those of files that git doesn't know.
-fn lines_since(
-    revision: &str,
-    folder: &Path,
-) -> anyhow::Result<BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>> {
-    let around = if folder.is_file() { folder.parent().unwrap_or(folder) } else { folder };
-    let git = |arguments: &[&str]| -> anyhow::Result<String> {
-        Ok(String::from_utf8_lossy(&git(around, arguments)?).into_owned())
-    };
-    ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
-    let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));
-    let mut all: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>> = BTreeMap::new();
-    let place = |name: &str| {
-        let path = root.join(name);
-        path.canonicalize().with_context(|| format!("git names `{}`", path.display()))
-    };
-    let diff = git(&[
-        "diff",
-        "--merge-base",
-        "--no-color",
-        "--no-ext-diff",
-        "--unified=0",
-        "--diff-filter=d",
-        "--src-prefix=a/",
-        "--dst-prefix=b/",
-        revision,
-        "--",
-        ".",
-    ])?;
-    let mut file = None;
-    for line in diff.lines() {
-        if let Some(name) = line.strip_prefix("+++ ") {
-            // A tab ends a name that has blanks.
-            let name = name.trim_end_matches('\t');
-            ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
-            file = name.strip_prefix("b/").map(place).transpose()?;
-        } else if let (Some(file), Some(hunk)) = (&file, line.strip_prefix("@@ ")) {
-            let after = hunk.split(' ').find_map(|part| part.strip_prefix('+')).unwrap_or_default();
-            let (start, count) = after.split_once(',').unwrap_or((after, "1"));
-            let (start, count): (usize, usize) = (start.parse()?, count.parse()?);
-            if count > 0 {
-                all.entry(file.clone()).or_default().push(start..=start + count - 1);
-            }
-        }
-    }
-    let others = git(&["ls-files", "-z", "--others", "--exclude-standard", "--full-name", "."])?;
-    for name in others.split('\0').filter(|name| !name.is_empty()) {
-        all.entry(place(name)?).or_default().push(1..=usize::MAX);
-    }
-    Ok(all)
 }

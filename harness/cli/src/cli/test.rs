@@ -133,7 +133,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     subjects.add_packages(used.clone(), asked.is_whole());
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
     // One case run again is no run: the record of all that failed stays.
-    let is_replay = std::env::var_os("KARAT_CASE").is_some_and(|case| !case.is_empty());
+    // Nor is one on `cpu` alone that counts what runs.
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_replay = is_set("KARAT_CASE") || is_set("KARAT_COVERAGE");
     if !is_replay {
         subjects
             .write(&project.record())

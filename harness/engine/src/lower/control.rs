@@ -105,7 +105,7 @@ impl<'m> Lower<'m> {
                 self.span = *span;
                 let start = self.code.instructions.len();
                 self.statement(scope, statement, *span)?;
-                if let Some(kind) = kind_of(statement) {
+                if let Some(kind) = StatementKind::of(statement) {
                     self.list(scope, *span, kind, start);
                 }
             }
@@ -403,20 +403,6 @@ impl<'m> Lower<'m> {
         self.code.marks.push([count(File::Float), count(File::Int), count(File::Bool)]);
         self.emit(Op::Mark(self.code.marks.len() as u32 - 1), &[], &sorted)?;
         Ok(())
-    }
-}
-
-/// The kind of a statement that is listed.
-fn kind_of(statement: &Statement) -> Option<StatementKind> {
-    let leaves = |block: &Block| matches!(block.last(), Some(Statement::Break));
-    match statement {
-        Statement::Block(_) => None,
-        Statement::If { accept, reject, .. } if accept.is_empty() && leaves(reject) => {
-            Some(StatementKind::Exit)
-        }
-        Statement::If { .. } => Some(StatementKind::If),
-        Statement::Loop { .. } => Some(StatementKind::Loop),
-        _ => Some(StatementKind::Plain),
     }
 }
 

@@ -12,14 +12,19 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let settings = Settings { statements: true, ..Settings::default() };
     let program = Program::function(&module, &info, "f", &settings).expect("it lowers");
     let rows: Vec<u32> = x.iter().map(|x| x.to_bits()).collect();
-    let counts = Arc::new(program.counts());
+    let counts = program.counts().expect("statements are listed");
     let options = Options { counts: Some(Arc::clone(&counts)), ..Options::default() };
     let own = program.call::<F32>(x.len(), &rows, &Resources::new(), &options, &());
     let plain = Program::function(&module, &info, "f", &Settings::default()).expect("it lowers");
     let usual = plain.call::<F32>(x.len(), &rows, &Resources::new(), &Options::default(), &());
     assert_eq!(own.expect("it runs").words(), usual.expect("it runs").words());
     let text_of = |span: naga::Span| text[span.to_range().expect("it is written")].to_owned();
-    let all = program.counted(&counts);
+    // What runs is what is there.
+    let there = karat_engine::statements(&module);
+    let known = |one: &karat_engine::Statement| {
+        there.iter().any(|own| (own.span, own.kind) == (one.span, one.kind))
+    };
+    let all = program.counted(&counts).inspect(|(one, _)| assert!(known(one), "{one:?}"));
     all.map(|(one, count)| (text_of(one.span), one.kind, one.needed, count)).collect()
 }
 
@@ -97,7 +102,7 @@ fn invocations_are_counted() {
     let (module, info) = common::module(text);
     let settings = Settings { statements: true, ..Settings::default() };
     let program = Program::entry_point(&module, &info, "f", &settings).expect("it lowers");
-    let counts = Arc::new(program.counts());
+    let counts = program.counts().expect("statements are listed");
     let options = Options { counts: Some(Arc::clone(&counts)), ..Options::default() };
     let mut resources = Resources::new();
     resources.set_buffer(0, 0, vec![0; 64]);

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 
 use karat::fixture::Fixtures;
-use karat::unstable::check::arguments;
 use karat::unstable::executor::{self, Caller};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat_core::domain::Stream as _;
@@ -297,7 +296,7 @@ fn changed(
         pair.shared.results.iter().filter(differs).copied().unzip();
     let is_whole = pair.shared.is_same();
     let matter = lanes_that_matter(pair, (rows, count, simpler), &row, &result)?;
-    let mut given = arguments(function, &row);
+    let mut given = function.arguments(&row);
     let mut at = 0;
     given.retain(|(name, _)| {
         let shape = function.parameters.iter().find(|(known, _)| known == name);

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use karat::unstable::check::{arguments, cause_of};
+use karat::unstable::check::cause_of;
 use karat::unstable::interpret::hazards::{Found, Hazards as InCases, Kind, LONG};
 use karat::unstable::interpret::{Interpreted, long_cases};
 use karat::unstable::probe::{ProbeError, Probed};
@@ -392,7 +392,7 @@ impl Trial {
     /// The arguments of a case, and members of buffers.
     fn described(&self, row: &[u32], members: &[(String, String)]) -> Vec<(String, String)> {
         let mut named =
-            if row.is_empty() { Vec::new() } else { arguments(self.probed.function(), row) };
+            if row.is_empty() { Vec::new() } else { self.probed.function().arguments(row) };
         named.extend(members.iter().take(MEMBERS).cloned());
         named
     }

@@ -4,7 +4,6 @@ use super::assertion::Assertion;
 use super::sum::Sum;
 use super::{Integrals, Nodes};
 use crate::check::Failure;
-use crate::check::arguments::arguments;
 use crate::check::disagreement::{CaseFailure, NodeFailure};
 use crate::check::path_tally::PathTally;
 use crate::check::session::Session;
@@ -180,7 +179,7 @@ impl Group {
         let node = sum.bad.as_ref().map(|bad| NodeFailure {
             index: bad.node,
             weight: case.nodes.weights[bad.node],
-            arguments: arguments(function, case.nodes.row(bad.node, session.called.words)),
+            arguments: function.arguments(case.nodes.row(bad.node, session.called.words)),
             result: function.result.format(&bad.result),
         });
         let integral = (&*sum.totals(), case.own, node);
@@ -196,7 +195,7 @@ impl Group {
 impl Case {
     /// The arguments that are the same at each node, by their names: those that the integral is of.
     fn shared(&self, function: &Function, words: usize) -> Vec<(String, String)> {
-        let all = |node: usize| arguments(function, self.nodes.row(node, words));
+        let all = |node: usize| function.arguments(self.nodes.row(node, words));
         let mut shared = all(0);
         let mut at = 0;
         for (index, (_, shape)) in function.parameters.iter().enumerate().rev() {

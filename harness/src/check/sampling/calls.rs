@@ -1,6 +1,5 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
-use crate::check::arguments::arguments;
 use crate::check::called::Called;
 use crate::check::{Failure, Mismatch};
 use crate::domain::Source;
@@ -60,7 +59,8 @@ impl Calls<'_> {
     /// A call as a message shows it: arguments and result.
     pub(super) fn shown(&self, lanes: &[u32], result: &[u32]) -> String {
         let function = self.called.function();
-        let list: Vec<String> = arguments(function, lanes)
+        let list: Vec<String> = function
+            .arguments(lanes)
             .into_iter()
             .map(|(name, value)| format!("{name} = {value}"))
             .collect();

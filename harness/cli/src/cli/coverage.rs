@@ -1,0 +1,245 @@
+//! `karat coverage`
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, ensure};
+use karat::Package;
+use karat::unstable::diagnostic::shown;
+use karat::unstable::interpret::{Ran, statements_of};
+use karat::unstable::output::{counted, tell};
+use karat::unstable::reflect::Program;
+use karat_suite::Suite;
+
+use super::git::lines_since;
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
+use super::{Ending, Outcome, PlaceArgs, suite, write_json};
+
+mod html;
+mod lcov;
+mod union;
+
+use self::union::{Sum, Union};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Only tests whose names contain this
+    #[arg(long, value_name = "FILTER")]
+    tests: Option<String>,
+    /// List the lines that no test runs, and the ways of branches that none takes
+    #[arg(long)]
+    missing: bool,
+    /// Only lines that changed since this branch left a revision of git, such as `main`
+    #[arg(long, value_name = "REVISION")]
+    in_diff: Option<String>,
+    /// Fail if less of the measured lines ran, in per cent
+    #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
+    fail_under_lines: Option<f64>,
+    /// Write LCOV's format into this file, with a record for each test
+    #[arg(long, value_name = "FILE")]
+    lcov: Option<PathBuf>,
+    /// Write a page into this file: click a line to see which tests and which inputs come to it
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long, conflicts_with = "missing")]
+    json: bool,
+    /// The paths that tests run on: `cpu` alone counts
+    #[arg(long, value_name = "PATHS", default_value = "cpu")]
+    paths: String,
+    /// More arguments of `karat test`
+    #[arg(last = true, value_name = "ARGUMENTS")]
+    more: Vec<String>,
+    #[command(flatten)]
+    place: PlaceArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let paths = karat::unstable::path::named("--paths", &args.paths)?;
+    let is_engine = |path: &karat::Path| path.api() == karat::unstable::path::Api::Cpu;
+    ensure!(
+        paths.iter().any(is_engine),
+        "`cpu` alone counts what runs, and `{}` isn't it: nothing would be measured",
+        args.paths
+    );
+    let project = Project::find()?;
+    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let passed = tests(args, folder.path(), paths.iter().all(is_engine))?;
+    let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
+    ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
+    let mut packages = project.packages(&args.place.package())?;
+    let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
+    let used: BTreeSet<_> = used.collect();
+    if args.place.package().package.is_none() {
+        // A folder of shaders that no test uses is none of theirs, as in `karat test`.
+        let is_used = |package: &Package| {
+            let root = std::path::absolute(package.root()).unwrap_or_else(|_| package.root());
+            used.iter().any(|file| file.starts_with(&root))
+        };
+        packages.retain(is_used);
+    }
+    let (mut union, mut invalid) = (Union::default(), Vec::new());
+    for package in &packages {
+        invalid.extend(add(&mut union, package)?);
+    }
+    ran.iter().for_each(|ran| union.run(ran));
+    if let Some(revision) = &args.in_diff {
+        let mut lines = std::collections::BTreeMap::new();
+        for package in &packages {
+            lines.extend(lines_since(revision, &package.root())?);
+        }
+        union.keep_lines(&lines);
+    }
+    let sum = union.sum();
+    if let Some(file) = &args.lcov {
+        std::fs::write(file, lcov::written(&union))
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    if let Some(file) = &args.html {
+        std::fs::write(file, html::page(&union)?)
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    let least = args.fail_under_lines.unwrap_or_default();
+    // Of an edit without shaders there is nothing to measure.
+    let enough = match sum.percent() {
+        Some(percent) => percent >= least,
+        None => args.in_diff.is_some(),
+    };
+    let good = passed && enough;
+    if args.json {
+        write_json(&union.as_json(), out)?;
+    } else {
+        write_files(&union, out)?;
+        write_variants(&union, out)?;
+        if args.missing {
+            write_missing(&union, out)?;
+        }
+        let tests: BTreeSet<&str> = ran.iter().map(|ran| &*ran.test).collect();
+        let mut parts = vec![format!("{sum} by {}", counted(tests.len(), "test"))];
+        if sum.weak > 0 {
+            let lines = counted(sum.weak, "line");
+            parts.push(format!("no test looks at what {lines} of them compute"));
+        }
+        if sum.unmeasured > 0 {
+            let lines = counted(sum.unmeasured, "line");
+            parts.push(format!("{lines} not measured: frames and drivers alone run them"));
+        }
+        if !invalid.is_empty() {
+            let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
+            let named = super::test::some(&invalid);
+            parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
+        }
+        if !passed {
+            parts.push("tests failed, see above".to_owned());
+        } else if !enough {
+            parts.push(format!("{least}% of the lines are asked for"));
+        }
+        let style = if good { GOOD } else { BAD };
+        writeln!(out, "{style}{}{style:#}", parts.join("; "))?;
+    }
+    Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// Runs the tests, with what they print beside this command's results. Whether they passed.
+fn tests(args: &Args, folder: &std::path::Path, only_engine: bool) -> anyhow::Result<bool> {
+    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let mut command = Command::new(program);
+    let place = args.place.package();
+    command.arg("test").args(&place.package).args(&args.tests);
+    for feature in suite::written(&place.features) {
+        command.args(["--feature", &feature]);
+    }
+    command.args(&args.more).stdout(Stdio::from(std::io::stderr()));
+    command.env("KARAT_PATHS", &args.paths).env("KARAT_COVERAGE", folder);
+    for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_CASE", "KARAT_INPUT"] {
+        command.env_remove(setting);
+    }
+    command.envs(only_engine.then_some(("KARAT_FRAMES", "off")));
+    let status = command.status().context("the tests can't be run")?;
+    match status.code() {
+        Some(0) => Ok(true),
+        Some(1) => Ok(false),
+        // They have said why.
+        Some(2 | 3) => Err(super::Reported.into()),
+        _ => anyhow::bail!("the tests ended without a result ({status})"),
+    }
+}
+
+/// Adds all that a package has. Returns the modules that aren't valid.
+fn add(union: &mut Union, package: &Package) -> anyhow::Result<Vec<String>> {
+    let suite = Suite::of(package.clone())?;
+    let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
+    let mut invalid = Vec::new();
+    for module in package.modules()? {
+        match Program::of_module(package, &module) {
+            // A test isn't what is tested.
+            Ok(program) => union.add(
+                &package.root(),
+                statements_of(&program).into_iter().filter(|one| !tests.contains(&*one.function)),
+            ),
+            Err(error) => {
+                tell(&format!("`{module}` isn't valid: {error}"));
+                invalid.push(module);
+            }
+        }
+    }
+    union.leave_out(tests.iter().map(|test| (*test).to_owned()));
+    Ok(invalid)
+}
+
+/// A row for each file.
+fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
+    let head = ["file", "lines", "ways", "functions", "not run", "not looked at", "not measured"];
+    let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6]).leaving(&[3, 5, 6]);
+    for (file, own) in union.files() {
+        let sum = own.sum();
+        let style = if sum.ran == sum.lines && sum.taken == sum.ways { GOOD } else { BAD };
+        let counts = [sum.lines - sum.unmeasured - sum.ran, sum.weak, sum.unmeasured];
+        let shares = [
+            Sum::share(sum.ran, sum.lines - sum.unmeasured),
+            Sum::share(sum.taken, sum.ways),
+            Sum::share(sum.called, sum.functions),
+        ];
+        let cells = shares.into_iter().chain(counts.map(|count| count.to_string()));
+        table.row(style, [shown(file)].into_iter().chain(cells).collect());
+    }
+    table.write(out)?;
+    writeln!(out)
+}
+
+/// What each variant ran, if there are several.
+fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
+    let variants = union.variants();
+    if variants.len() < 2 {
+        return Ok(());
+    }
+    let mut table = Table::new(&["variant", "lines run", "by it alone"], &[1, 2]);
+    for (variant, lines, alone) in variants {
+        let name = if variant.is_empty() { "no feature" } else { variant };
+        table.row(DIM, vec![name.to_owned(), lines.to_string(), alone.to_string()]);
+    }
+    table.write(out)?;
+    writeln!(out)
+}
+
+/// The lines that no test runs, and the ways that none takes.
+fn write_missing(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
+    for (file, own) in union.files() {
+        let missing = own.missing();
+        if !missing.is_empty() {
+            writeln!(out, "{HEAD}{}{HEAD:#}", shown(file))?;
+        }
+        for (lines, why, is_gap) in missing {
+            let style = if is_gap { BAD } else { KNOWN };
+            let place = match lines {
+                [first, last] if first == last => format!("{first}"),
+                [first, last] => format!("{first}-{last}"),
+            };
+            writeln!(out, "{style}{place:>9}{style:#} {why}")?;
+        }
+    }
+    Ok(())
+}

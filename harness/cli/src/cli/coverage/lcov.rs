@@ -1,0 +1,74 @@
+//! LCOV's tracefile, as `geninfo(1)` describes it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::path::Path;
+
+use super::union::{File, Seen, Union};
+
+/// A record without a test for all that there is, and one for each test and file.
+pub(super) fn written(union: &Union) -> String {
+    let mut text = String::new();
+    for (file, own) in union.files() {
+        record(&mut text, file, own, None);
+        let tests: BTreeSet<&String> =
+            own.statements.values().flat_map(|seen| seen.tests.keys()).collect();
+        for test in tests {
+            record(&mut text, file, own, Some(test));
+        }
+    }
+    text
+}
+
+/// What a test ran of a file. `None`: what there is, at zero.
+fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
+    let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
+    // A name has letters, digits and `_`.
+    let name = |test: &str| test.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+    let mut line = |line: std::fmt::Arguments<'_>| writeln!(text, "{line}").expect("memory");
+    line(format_args!("TN:{}", test.map_or(String::new(), |test| name(test))));
+    line(format_args!("SF:{}", file.display()));
+    let mut functions: BTreeMap<&str, (usize, u64)> = own.functions();
+    functions.values_mut().for_each(|(_, count)| *count = 0);
+    for seen in own.statements.values() {
+        if let Some((_, called)) = functions.get_mut(&*seen.sum.function) {
+            *called = (*called).max(count(seen));
+        }
+    }
+    for (name, (first, _)) in &functions {
+        line(format_args!("FN:{first},{name}"));
+    }
+    for (name, (_, called)) in &functions {
+        line(format_args!("FNDA:{called},{name}"));
+    }
+    line(format_args!("FNF:{}", functions.len()));
+    line(format_args!("FNH:{}", functions.values().filter(|(_, called)| *called > 0).count()));
+    let (mut ways, mut taken) = (0, 0);
+    for (block, seen) in own.branches().enumerate() {
+        let came = test.and_then(|test| seen.tests.get(test));
+        for (way, _) in seen.sum.ways().enumerate() {
+            let count = came.map(|came| came.taken.get(way).copied().unwrap_or_default());
+            ways += 1;
+            taken += usize::from(count.is_some_and(|count| count > 0));
+            // A branch that nothing came to has no count.
+            let count = count.map_or_else(|| "-".to_owned(), |count| count.to_string());
+            line(format_args!("BRDA:{},{block},{way},{count}", seen.sum.lines[0]));
+        }
+    }
+    line(format_args!("BRF:{ways}"));
+    line(format_args!("BRH:{taken}"));
+    let lines = own.lines();
+    let lines: Vec<(usize, u64)> = lines
+        .iter()
+        .filter(|(_, line)| line.measured)
+        .map(|(number, line)| {
+            (*number, line.seen.iter().map(|seen| count(seen)).max().unwrap_or_default())
+        })
+        .collect();
+    for (number, count) in &lines {
+        line(format_args!("DA:{number},{count}"));
+    }
+    line(format_args!("LF:{}", lines.len()));
+    line(format_args!("LH:{}", lines.iter().filter(|(_, count)| *count > 0).count()));
+    line(format_args!("end_of_record"));
+}

@@ -1,0 +1,351 @@
+//! What all tests ran together, by files.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use karat::unstable::interpret::{Counted, CountedKind, Ran};
+
+/// A statement's lines, its column and its kind.
+type Key = ([usize; 2], usize, CountedKind);
+
+/// What tests ran, by files.
+#[derive(Debug, Default)]
+pub(super) struct Union {
+    files: BTreeMap<PathBuf, File>,
+    /// Functions that are tests.
+    tests: BTreeSet<String>,
+}
+
+/// What tests ran of a file.
+#[derive(Debug, Default)]
+pub(super) struct File {
+    pub(super) statements: BTreeMap<Key, Seen>,
+}
+
+/// A statement, and who came to it.
+#[derive(Debug)]
+pub(super) struct Seen {
+    pub(super) sum: Counted,
+    /// True if something ran it without counting.
+    unmeasured: bool,
+    /// The tests that came, each with the count, the first input and the ways that it took.
+    pub(super) tests: BTreeMap<String, Came>,
+    variants: BTreeSet<String>,
+}
+
+/// What a test did at a statement.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Came {
+    pub(super) count: u64,
+    pub(super) input: Option<String>,
+    pub(super) taken: Vec<u64>,
+}
+
+/// What is known of a line.
+#[derive(Clone, Debug)]
+pub(super) struct Line<'u> {
+    /// How many came.
+    pub(super) count: u64,
+    /// False if frames and drivers alone run it.
+    pub(super) measured: bool,
+    /// True if it runs, and nothing that a test looks at is computed from it.
+    pub(super) weak: bool,
+    /// Its statements.
+    pub(super) seen: Vec<&'u Seen>,
+}
+
+/// What is covered, and of how much.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub(super) struct Sum {
+    pub(super) lines: usize,
+    pub(super) ran: usize,
+    pub(super) weak: usize,
+    pub(super) unmeasured: usize,
+    pub(super) ways: usize,
+    pub(super) taken: usize,
+    pub(super) functions: usize,
+    pub(super) called: usize,
+}
+
+impl Union {
+    /// Adds statements of a package, which nothing ran yet.
+    pub(super) fn add(&mut self, root: &Path, all: impl Iterator<Item = Counted>) {
+        let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
+        for one in all {
+            let file = canonical(&one.file);
+            // Imported modules of others have tests of their own.
+            if file.starts_with(&root) {
+                self.files.entry(file).or_default().seen(&one);
+            }
+        }
+    }
+
+    /// Leaves out functions that are tests.
+    pub(super) fn leave_out(&mut self, tests: impl Iterator<Item = String>) {
+        self.tests.extend(tests);
+    }
+
+    /// Adds what a test ran, of the files that are known.
+    pub(super) fn run(&mut self, ran: &Ran) {
+        for one in &ran.statements {
+            if self.tests.contains(&one.function) {
+                continue;
+            }
+            // Under another variant a file has other statements.
+            let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
+            let seen = file.seen(one);
+            match one.count {
+                None => seen.unmeasured = true,
+                Some(0) => {}
+                Some(count) => {
+                    let own = seen.tests.entry(ran.test.clone()).or_default();
+                    own.count += count;
+                    own.input = own.input.take().or_else(|| one.input.clone());
+                    own.taken.resize(one.taken.len(), 0);
+                    own.taken.iter_mut().zip(&one.taken).for_each(|(own, more)| *own += more);
+                    seen.variants.insert(ran.variant.clone());
+                }
+            }
+            if one.count.is_some_and(|count| count > 0) {
+                // What isn't run says nothing of what is looked at.
+                match seen.sum.count {
+                    Some(0) => seen.sum = one.clone(),
+                    _ => seen.sum.add(one),
+                }
+            }
+        }
+    }
+
+    /// Keeps what is in some lines of files.
+    pub(super) fn keep_lines(&mut self, lines: &BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) {
+        for (file, own) in &mut self.files {
+            let kept = lines.get(file);
+            let touches = |key: &Key| {
+                let [first, last] = key.0;
+                kept.is_some_and(|kept| {
+                    kept.iter().any(|one| *one.start() <= last && first <= *one.end())
+                })
+            };
+            own.statements.retain(|key, _| touches(key));
+        }
+        self.files.retain(|_, own| !own.statements.is_empty());
+    }
+
+    pub(super) fn files(&self) -> impl Iterator<Item = (&Path, &File)> {
+        self.files.iter().map(|(file, own)| (file.as_path(), own))
+    }
+
+    pub(super) fn sum(&self) -> Sum {
+        self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
+    }
+
+    /// Each variant, with the lines that ran under it, and those of them that ran under no other.
+    pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
+        let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        for line in self.files.values().flat_map(|file| file.lines().into_values()) {
+            let own: BTreeSet<&String> = line.seen.iter().flat_map(|seen| &seen.variants).collect();
+            for variant in &own {
+                let (lines, alone) = known.entry(variant).or_default();
+                *lines += 1;
+                *alone += usize::from(own.len() == 1);
+            }
+        }
+        known.into_iter().map(|(name, (lines, alone))| (name, lines, alone)).collect()
+    }
+
+    pub(super) fn as_json(&self) -> serde_json::Value {
+        let files = self.files().map(|(file, own)| {
+            let lines = own.lines().into_iter().map(|(number, line)| {
+                let tests: BTreeSet<&String> =
+                    line.seen.iter().flat_map(|seen| seen.tests.keys()).collect();
+                serde_json::json!({
+                    "line": number, "count": line.count, "measured": line.measured, "looked_at": !line.weak, "tests": tests,
+                })
+            });
+            let branches = own.branches().map(|seen| {
+                let ways: BTreeMap<&str, u64> = seen.sum.ways().collect();
+                let [line, _] = seen.sum.lines;
+                serde_json::json!({ "line": line, "column": seen.sum.column, "kind": seen.sum.kind, "ways": ways })
+            });
+            serde_json::json!({
+                "file": file, "sum": own.sum(), "lines": lines.collect::<Vec<_>>(), "branches": branches.collect::<Vec<_>>(),
+            })
+        });
+        serde_json::json!({ "sum": self.sum(), "files": files.collect::<Vec<_>>() })
+    }
+}
+
+impl File {
+    fn seen(&mut self, one: &Counted) -> &mut Seen {
+        let new = || Seen {
+            sum: Counted { count: Some(0), taken: vec![0; one.taken.len()], ..one.clone() },
+            unmeasured: false,
+            tests: BTreeMap::new(),
+            variants: BTreeSet::new(),
+        };
+        self.statements.entry((one.lines, one.column, one.kind)).or_insert_with(new)
+    }
+
+    /// What is known of each line that has a statement.
+    pub(super) fn lines(&self) -> BTreeMap<usize, Line<'_>> {
+        let mut lines: BTreeMap<usize, Line<'_>> = BTreeMap::new();
+        for seen in self.statements.values() {
+            let [first, last] = seen.sum.lines;
+            for number in first..=last {
+                let new = || Line { count: 0, measured: false, weak: true, seen: Vec::new() };
+                let line = lines.entry(number).or_insert_with(new);
+                line.count = line.count.max(seen.count());
+                line.measured |= seen.is_measured();
+                line.weak &= seen.count() == 0 || !seen.sum.needed;
+                line.seen.push(seen);
+            }
+        }
+        for line in lines.values_mut() {
+            line.weak &= line.count > 0;
+        }
+        lines
+    }
+
+    /// The branches that are measured. Nothing is known of the ways of a `select` whose value nothing needs.
+    pub(super) fn branches(&self) -> impl Iterator<Item = &Seen> {
+        self.statements.values().filter(|seen| {
+            let is_idle = seen.sum.kind == CountedKind::Select && !seen.sum.needed;
+            seen.is_measured() && !is_idle && seen.sum.ways().next().is_some()
+        })
+    }
+
+    /// The functions, each with its first line and how many came there.
+    pub(super) fn functions(&self) -> BTreeMap<&str, (usize, u64)> {
+        let mut functions: BTreeMap<&str, (usize, u64)> = BTreeMap::new();
+        for seen in self.statements.values().filter(|seen| seen.is_measured()) {
+            let own = functions.entry(&seen.sum.function).or_insert((seen.sum.lines[0], 0));
+            own.0 = own.0.min(seen.sum.lines[0]);
+            own.1 = own.1.max(seen.count());
+        }
+        functions
+    }
+
+    pub(super) fn sum(&self) -> Sum {
+        let (lines, functions) = (self.lines(), self.functions());
+        let of = |is: fn(&Line<'_>) -> bool| lines.values().filter(|line| is(line)).count();
+        let ways = || self.branches().flat_map(|seen| seen.sum.ways());
+        Sum {
+            lines: lines.len(),
+            ran: of(|line| line.count > 0),
+            weak: of(|line| line.weak),
+            unmeasured: of(|line| !line.measured),
+            ways: ways().count(),
+            taken: ways().filter(|(_, count)| *count > 0).count(),
+            functions: functions.len(),
+            called: functions.values().filter(|(_, count)| *count > 0).count(),
+        }
+    }
+
+    /// What is missing, in the order of lines: the first and the last one, what it is, and whether a test could run more.
+    pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
+        let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
+        let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {
+            Some(([_, last], known, _)) if *known == why && *last + 1 == line => *last = line,
+            _ => all.push(([line; 2], why, is_gap)),
+        };
+        let lines = self.lines();
+        for (number, line) in &lines {
+            let function = &line.seen[0].sum.function;
+            if !line.measured {
+                add(*number, format!("not measured, of `{function}`"), false);
+            } else if line.count == 0 {
+                add(*number, format!("no test runs it, of `{function}`"), true);
+            } else if line.weak {
+                add(*number, format!("no test looks at what it computes, of `{function}`"), false);
+            }
+        }
+        for seen in self.branches().filter(|seen| seen.count() > 0) {
+            let never = seen.sum.ways().filter(|(_, count)| *count == 0).map(|(way, _)| way);
+            let never: Vec<&str> = never.collect();
+            if !never.is_empty() {
+                let what = match seen.sum.kind {
+                    CountedKind::Clause(number) => format!("clause {} of `switch`", number + 1),
+                    kind => format!("`{}`", word(kind)),
+                };
+                let [line, _] = seen.sum.lines;
+                all.push(([line; 2], format!("{what} is never: {}", never.join(", ")), true));
+            }
+        }
+        all.sort_by_key(|(lines, ..)| *lines);
+        all
+    }
+}
+
+/// A branch as WGSL writes it.
+pub(super) fn word(kind: CountedKind) -> &'static str {
+    match kind {
+        CountedKind::Plain => "statement",
+        CountedKind::If => "if",
+        CountedKind::Logical => "&&, ||",
+        CountedKind::Select => "select",
+        CountedKind::Switch | CountedKind::Clause(_) => "switch",
+        CountedKind::For => "for, while",
+        CountedKind::Loop => "loop",
+    }
+}
+
+impl Seen {
+    pub(super) fn count(&self) -> u64 {
+        self.sum.count.unwrap_or_default()
+    }
+
+    pub(super) fn is_measured(&self) -> bool {
+        self.count() > 0 || !self.unmeasured
+    }
+}
+
+impl Sum {
+    fn and(self, other: Self) -> Self {
+        Self {
+            lines: self.lines + other.lines,
+            ran: self.ran + other.ran,
+            weak: self.weak + other.weak,
+            unmeasured: self.unmeasured + other.unmeasured,
+            ways: self.ways + other.ways,
+            taken: self.taken + other.taken,
+            functions: self.functions + other.functions,
+            called: self.called + other.called,
+        }
+    }
+
+    /// The lines that ran, in per cent of those that are measured; `None` if none is.
+    pub(super) fn percent(&self) -> Option<f64> {
+        per_cent(self.ran, self.lines - self.unmeasured)
+    }
+
+    /// A share as people read it.
+    pub(super) fn share(some: usize, all: usize) -> String {
+        per_cent(some, all).map_or_else(|| "-".to_owned(), |percent| format!("{percent}%"))
+    }
+}
+
+/// Not rounded up: 100 is all.
+#[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
+fn per_cent(some: usize, all: usize) -> Option<f64> {
+    (all > 0).then(|| (1000 * some / all) as f64 / 10.0)
+}
+
+impl fmt::Display for Sum {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let measured = self.lines - self.unmeasured;
+        let of = |some: usize, all: usize| format!("{} ({some} of {all})", Self::share(some, all));
+        write!(
+            f,
+            "lines {}, ways {}, functions {}",
+            of(self.ran, measured),
+            of(self.taken, self.ways),
+            of(self.called, self.functions)
+        )
+    }
+}
+
+fn canonical(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_| file.to_owned())
+}

@@ -1,0 +1,215 @@
+//! Coverage of tests: how often each of an author's statements runs, and which ways its branches take.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use karat_engine::{Count, Counts, Program as Lowered, Statement, StatementKind, statements};
+use serde::{Deserialize, Serialize};
+
+use crate::record;
+use crate::reflect::Program;
+use crate::settings;
+
+/// How files end that have what tests ran.
+const ENDING: &str = "coverage";
+
+/// The statements of a program, and how often a test ran them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ran {
+    /// The test.
+    pub test: String,
+    /// The features and the values of overrides that its program was made with; empty: none.
+    pub variant: String,
+    /// All that the program has.
+    pub statements: Vec<Counted>,
+}
+
+/// A statement, or a branch of it, in the author's file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Counted {
+    /// The file.
+    pub file: PathBuf,
+    /// Its first and its last line, from 1. What has statements in it has one line.
+    pub lines: [usize; 2],
+    /// Its column in the first one, from 1.
+    pub column: usize,
+    /// The function: `fresnel::schlick`.
+    pub function: String,
+    /// What it is.
+    pub kind: CountedKind,
+    /// How many cases, pixels or invocations came; `None` where it isn't known, since no engine ran it.
+    pub count: Option<u64>,
+    /// How many took each of the [ways](Self::ways) of a branch.
+    pub taken: Vec<u64>,
+    /// True if something that the test looks at is computed from it.
+    pub needed: bool,
+    /// The first input that came, if it was a call's: `x = 0.5`.
+    pub input: Option<String>,
+}
+
+/// The kind of a statement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CountedKind {
+    /// One without branches.
+    Plain,
+    /// `if`
+    If,
+    /// `&&` or `||`
+    Logical,
+    /// `select`
+    Select,
+    /// `switch`
+    Switch,
+    /// A clause of a `switch`, by its number.
+    Clause(usize),
+    /// `for` or `while`
+    For,
+    /// `loop`
+    Loop,
+}
+
+impl Counted {
+    /// The ways of a branch, each with how many took it; none of what has no branches.
+    pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        let names: &[&str] = match self.kind {
+            CountedKind::Plain | CountedKind::Switch => &[],
+            CountedKind::If | CountedKind::Select => &["true", "false"],
+            CountedKind::Logical => &["decided on the right", "decided on the left"],
+            CountedKind::Clause(_) => &["taken"],
+            CountedKind::For => &["no round", "one round", "many rounds"],
+            CountedKind::Loop => &["one round", "two rounds", "more rounds"],
+        };
+        names.iter().copied().zip(self.taken.iter().copied())
+    }
+
+    /// Adds what another run did with the same statement.
+    pub fn add(&mut self, other: &Self) {
+        self.count = match (self.count, other.count) {
+            (Some(a), Some(b)) => Some(a + b),
+            (a, b) => a.or(b),
+        };
+        self.taken.iter_mut().zip(&other.taken).for_each(|(own, more)| *own += more);
+        self.needed |= other.needed;
+        if self.input.is_none() {
+            self.input.clone_from(&other.input);
+        }
+    }
+
+    /// What is the same of all runs.
+    #[must_use]
+    pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
+        (self.file.clone(), self.lines, self.column, self.kind)
+    }
+}
+
+impl Ran {
+    /// What the tests of a run wrote down.
+    ///
+    /// # Errors
+    /// If a file can't be read, or holds something else.
+    pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
+        let mut all = Vec::new();
+        for entry in std::fs::read_dir(folder)? {
+            let file = entry?.path();
+            if file.extension().is_some_and(|ending| ending == ENDING) {
+                for line in std::fs::read_to_string(&file)?.lines() {
+                    all.push(serde_json::from_str(line)?);
+                }
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// All statements of a program in files, none of which ran.
+#[must_use]
+pub fn statements_of(program: &Program) -> Vec<Counted> {
+    let all = statements(program.module());
+    let all = all.iter().map(|one| (one, Count::default()));
+    merged(all.filter_map(|(one, count)| counted(program, one, count, &|_| None)))
+}
+
+/// True if what tests run is counted.
+pub(crate) fn counts() -> bool {
+    record::is_kept() && settings::coverage().is_some()
+}
+
+/// Writes down what a test ran of a program. `input` names a case.
+pub(super) fn note(
+    program: &Program,
+    lowered: &Lowered,
+    counts: Option<Arc<Counts>>,
+    input: &dyn Fn(usize) -> Option<String>,
+) {
+    let Some(counts) = counts else { return };
+    let all = lowered.counted(&counts);
+    write(program, merged(all.filter_map(|(one, count)| counted(program, one, count, input))));
+}
+
+/// Writes down that a test runs a program where nothing is counted.
+pub(crate) fn unmeasured(program: &Program) {
+    if counts() {
+        let mut all = statements_of(program);
+        all.iter_mut().for_each(|one| one.count = None);
+        write(program, all);
+    }
+}
+
+fn write(program: &Program, statements: Vec<Counted>) {
+    let Some(folder) = settings::coverage().filter(|_| !statements.is_empty()) else { return };
+    let test = std::thread::current().name().unwrap_or("main").to_owned();
+    let ran = Ran { test, variant: program.variant(), statements };
+    record::append(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
+}
+
+/// A statement at its place; `None` if it is in no file.
+fn counted(
+    program: &Program,
+    Statement { function, span, kind, needed, .. }: &Statement,
+    count: Count,
+    input: &dyn Fn(usize) -> Option<String>,
+) -> Option<Counted> {
+    let span = program.resolve(span.to_range()?)?;
+    let text = span.file.text.get(span.range.clone())?.trim();
+    let kind = match kind {
+        StatementKind::Plain => CountedKind::Plain,
+        StatementKind::Switch => CountedKind::Switch,
+        StatementKind::If if text.starts_with("if") => CountedKind::If,
+        StatementKind::If => CountedKind::Logical,
+        StatementKind::Select => CountedKind::Select,
+        StatementKind::Clause(number) => CountedKind::Clause(*number),
+        StatementKind::Loop if text.starts_with("loop") => CountedKind::Loop,
+        StatementKind::Loop => CountedKind::For,
+        StatementKind::Exit => return None,
+    };
+    let read = span.file.read()?;
+    let (line, column) = span.file.line_column(span.range.start);
+    let last = match kind {
+        CountedKind::Plain => span.file.line_column(span.range.end.saturating_sub(1)).0,
+        _ => line,
+    };
+    let mut one = Counted {
+        file: std::path::absolute(&read.file).unwrap_or(read.file),
+        lines: [line, last],
+        column,
+        function: program.path_of(function),
+        kind,
+        count: Some(count.lanes),
+        taken: count.ways.to_vec(),
+        needed: *needed,
+        input: count.first.and_then(input),
+    };
+    one.taken.truncate(one.ways().count());
+    Some(one)
+}
+
+/// Each statement once, with the sum over the places that its function is called in.
+fn merged(all: impl Iterator<Item = Counted>) -> Vec<Counted> {
+    let mut known: BTreeMap<_, Counted> = BTreeMap::new();
+    for one in all {
+        known.entry(one.key()).and_modify(|own| own.add(&one)).or_insert(one);
+    }
+    known.into_values().collect()
+}
