@@ -19,6 +19,8 @@ use crate::lower::STACK;
 pub struct Statement {
     /// The function that it stands in.
     pub function: String,
+    /// The number of the call that brings that function here.
+    pub call: usize,
     /// Its bytes in the source.
     pub span: Span,
     /// What it is.
@@ -220,7 +222,9 @@ pub fn statements(module: &Module) -> Vec<Statement> {
         let mut list = |span: Span, kind| {
             if span.is_defined() {
                 let function = name.clone();
-                all.push(Statement { function, span, kind, needed: true, start: 0, end: 0 });
+                let own =
+                    Statement { function, call: 0, span, kind, needed: true, start: 0, end: 0 };
+                all.push(own);
             }
         };
         for (handle, expression) in function.expressions.iter() {

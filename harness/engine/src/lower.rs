@@ -70,6 +70,8 @@ pub(crate) enum Value {
 /// Expressions of a function, or of the module, and what they are.
 pub(crate) struct Scope<'m> {
     name: String,
+    /// The number of the call.
+    call: usize,
     expressions: &'m Arena<Expression>,
     types: Types<'m>,
     function: Option<&'m Function>,
@@ -117,6 +119,8 @@ pub(crate) struct Lower<'m> {
     overrides: HashMap<Handle<Override>, Value>,
     constant_values: HashMap<Handle<naga::Constant>, Value>,
     open: Vec<Open>,
+    /// Calls that have begun.
+    calls: usize,
     /// Sizes of a workgroup that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
     /// Whether the program is an entry point, whose invocations share memory.
@@ -158,6 +162,7 @@ impl<'m> Lower<'m> {
             overrides: HashMap::new(),
             constant_values: HashMap::new(),
             open: Vec::new(),
+            calls: 0,
             sizes: None,
             shared,
             drawn: false,
@@ -405,6 +410,7 @@ impl<'m> Lower<'m> {
         let expressions = &self.module.global_expressions;
         Scope {
             name: String::new(),
+            call: 0,
             expressions,
             types: Types::Module(self.info),
             function: None,
@@ -481,7 +487,8 @@ impl<'m> Lower<'m> {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;
             let (function, start) = (scope.name.clone(), start as u32);
-            let listed = Statement { function, span, kind, needed: true, start, end };
+            let call = scope.call;
+            let listed = Statement { function, call, span, kind, needed: true, start, end };
             self.code.statements.push(listed);
         }
     }

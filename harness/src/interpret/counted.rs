@@ -127,8 +127,8 @@ impl Ran {
 #[must_use]
 pub fn statements_of(program: &Program) -> Vec<Counted> {
     let all = statements(program.module());
-    let all = all.iter().map(|one| (one, Count::default()));
-    merged(all.filter_map(|(one, count)| counted(program, one, count, &|_| None)))
+    let of = |one| counted(program, one, Count::default(), &|_| None);
+    merged(all.iter().filter_map(|one| Some((one.call, of(one)?))))
 }
 
 /// True if what tests run is counted.
@@ -145,7 +145,8 @@ pub(super) fn note(
 ) {
     let Some(counts) = counts else { return };
     let all = lowered.counted(&counts);
-    write(program, merged(all.filter_map(|(one, count)| counted(program, one, count, input))));
+    let all = all.filter_map(|(one, count)| Some((one.call, counted(program, one, count, input)?)));
+    write(program, merged(all));
 }
 
 /// Writes down that a test runs a program where nothing is counted.
@@ -205,11 +206,17 @@ fn counted(
     Some(one)
 }
 
-/// Each statement once, with the sum over the places that its function is called in.
-fn merged(all: impl Iterator<Item = Counted>) -> Vec<Counted> {
+/// Each statement once, with the sum over the calls of its function. For naga one may be several, such as a value and its store.
+fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
+    let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
+    for (call, one) in all {
+        let known = of_calls.entry((one.key(), call)).or_insert_with(|| one.clone());
+        known.count = known.count.max(one.count);
+        known.needed |= one.needed;
+    }
     let mut known: BTreeMap<_, Counted> = BTreeMap::new();
-    for one in all {
-        known.entry(one.key()).and_modify(|own| own.add(&one)).or_insert(one);
+    for ((key, _), one) in of_calls {
+        known.entry(key).and_modify(|own| own.add(&one)).or_insert(one);
     }
     known.into_values().collect()
 }

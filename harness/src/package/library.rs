@@ -427,9 +427,9 @@ pub(crate) struct Sources {
 }
 
 impl Sources {
-    /// The features that are on in the package, as people write them.
+    /// The features that are on in some package, as people write them.
     pub(crate) fn features(&self) -> Vec<String> {
-        let all = self.packages[0].1.features.iter();
+        let all = self.packages.iter().flat_map(|(_, package)| &package.features);
         let written = all.filter_map(|(name, feature)| match feature {
             Feature::Flag(on) => on.then(|| name.clone()),
             Feature::Number(value) => Some(format!("{name}={value}")),

@@ -28,8 +28,10 @@ impl<'m> Lower<'m> {
         name: &str,
         arguments: Vec<Value>,
     ) -> Lowered<Option<Value>> {
+        self.calls += 1;
         let mut scope = Scope {
             name: name.to_owned(),
+            call: self.calls,
             expressions: &function.expressions,
             types: Types::Function(info),
             function: Some(function),

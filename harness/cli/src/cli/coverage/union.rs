@@ -90,11 +90,13 @@ impl Union {
     /// Adds what a test ran, of the files that are known.
     pub(super) fn run(&mut self, ran: &Ran) {
         for one in &ran.statements {
-            if self.tests.contains(&one.function) {
+            let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
+            // Under another variant a file has other statements. What imports it has a name of its own for it.
+            let is_new = !file.statements.contains_key(&(one.lines, one.column, one.kind));
+            let is = |test: &String| format!("::{}", one.function).ends_with(&format!("::{test}"));
+            if is_new && self.tests.iter().any(is) {
                 continue;
             }
-            // Under another variant a file has other statements.
-            let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
             let seen = file.seen(one);
             match one.count {
                 None => seen.unmeasured = true,
@@ -111,7 +113,10 @@ impl Union {
             if one.count.is_some_and(|count| count > 0) {
                 // What isn't run says nothing of what is looked at.
                 match seen.sum.count {
-                    Some(0) => seen.sum = one.clone(),
+                    Some(0) => {
+                        let function = std::mem::take(&mut seen.sum.function);
+                        seen.sum = Counted { function, ..one.clone() };
+                    }
                     _ => seen.sum.add(one),
                 }
             }
@@ -283,10 +288,10 @@ pub(super) fn word(kind: CountedKind) -> &'static str {
     match kind {
         CountedKind::Plain => "statement",
         CountedKind::If => "if",
-        CountedKind::Logical => "&&, ||",
+        CountedKind::Logical => "&& or ||",
         CountedKind::Select => "select",
         CountedKind::Switch | CountedKind::Clause(_) => "switch",
-        CountedKind::For => "for, while",
+        CountedKind::For => "for or while",
         CountedKind::Loop => "loop",
     }
 }
