@@ -419,21 +419,6 @@ pub(crate) fn write(record: &Record) {
     }
 }
 
-/// Appends a line to this process's file of a kind, by its ending, in a folder.
-///
-/// # Panics
-/// If it can't be written.
-pub(crate) fn append(folder: &Path, ending: &str, line: &str) {
-    let path = folder.join(format!("{}.{ending}", std::process::id()));
-    let appended = std::fs::create_dir_all(folder)
-        .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
-        // In one piece: threads write at once.
-        .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
-    if let Err(error) = appended {
-        panic!("can't write the record `{}`: {error}", path.display());
-    }
-}
-
 /// How files end that have the tests whose frames are left out.
 const LEFT_OUT: &str = "left-out";
 
@@ -443,7 +428,7 @@ const LEFT_OUT: &str = "left-out";
 /// As [`write`].
 pub(crate) fn leave_out(test: &str) {
     if let Some(folder) = crate::settings::record() {
-        append(&folder, LEFT_OUT, test);
+        crate::image::append_line(&folder, LEFT_OUT, test);
     }
 }
 

@@ -32,6 +32,7 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cli/lsp/run.rs", 1, OURS),
     ("cli/src/cli/manual.rs", 3, CARGO), // and the browser, which returns when it has the page
     ("cli/src/cli/matrix.rs", 1, OURS),
+    ("cli/src/cli/coverage.rs", 1, OURS),
     ("cli/src/cli/mutate.rs", 1, OURS),
     ("cli/src/cli/record.rs", 1, TESTS),
     ("cli/src/cli/render.rs", 1, CARGO),

@@ -14,7 +14,7 @@ pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
 #[doc(hidden)]
 pub use self::whole::{Staged, remove_leftover};
-pub use self::whole::{is_beside, is_leftover, write_whole};
+pub use self::whole::{append_line, is_beside, is_leftover, write_whole};
 
 use std::sync::Arc;
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use karat_engine::{Count, Counts, Program as Lowered, Statement, StatementKind, statements};
 use serde::{Deserialize, Serialize};
 
-use crate::record;
+use crate::image::append_line;
 use crate::reflect::Program;
 use crate::settings;
 
@@ -66,6 +66,8 @@ pub enum CountedKind {
     Clause(usize),
     /// `for` or `while`
     For,
+    /// One that goes round equally often in each call.
+    Fixed,
     /// `loop`
     Loop,
 }
@@ -74,7 +76,7 @@ impl Counted {
     /// The ways of a branch, each with how many took it; none of what has no branches.
     pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let names: &[&str] = match self.kind {
-            CountedKind::Plain | CountedKind::Switch => &[],
+            CountedKind::Plain | CountedKind::Switch | CountedKind::Fixed => &[],
             CountedKind::If | CountedKind::Select => &["true", "false"],
             CountedKind::Logical => &["decided on the right", "decided on the left"],
             CountedKind::Clause(_) => &["taken"],
@@ -127,13 +129,14 @@ impl Ran {
 #[must_use]
 pub fn statements_of(program: &Program) -> Vec<Counted> {
     let all = statements(program.module());
-    let of = |one| counted(program, one, Count::default(), &|_| None);
+    let fixed = program.fixed_loops();
+    let of = |one| counted((program, &fixed), one, Count::default(), &|_| None);
     merged(all.iter().filter_map(|one| Some((one.call, of(one)?))))
 }
 
 /// True if what tests run is counted.
 pub(crate) fn counts() -> bool {
-    record::is_kept() && settings::coverage().is_some()
+    settings::coverage().is_some()
 }
 
 /// Writes down what a test ran of a program. `input` names a case.
@@ -144,8 +147,10 @@ pub(super) fn note(
     input: &dyn Fn(usize) -> Option<String>,
 ) {
     let Some(counts) = counts else { return };
-    let all = lowered.counted(&counts);
-    let all = all.filter_map(|(one, count)| Some((one.call, counted(program, one, count, input)?)));
+    let (all, fixed) = (lowered.counted(&counts), program.fixed_loops());
+    let all = all.filter_map(|(one, count)| {
+        Some((one.call, counted((program, &fixed), one, count, input)?))
+    });
     write(program, merged(all));
 }
 
@@ -162,17 +167,17 @@ fn write(program: &Program, statements: Vec<Counted>) {
     let Some(folder) = settings::coverage().filter(|_| !statements.is_empty()) else { return };
     let test = std::thread::current().name().unwrap_or("main").to_owned();
     let ran = Ran { test, variant: program.variant(), statements };
-    record::append(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
+    append_line(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
 }
 
 /// A statement at its place; `None` if it is in no file.
 fn counted(
-    program: &Program,
-    Statement { function, span, kind, needed, .. }: &Statement,
+    (program, fixed): (&Program, &[naga::Span]),
+    Statement { function, span: bytes, kind, needed, .. }: &Statement,
     count: Count,
     input: &dyn Fn(usize) -> Option<String>,
 ) -> Option<Counted> {
-    let span = program.resolve(span.to_range()?)?;
+    let span = program.resolve(bytes.to_range()?)?;
     let text = span.file.text.get(span.range.clone())?.trim();
     let kind = match kind {
         StatementKind::Plain => CountedKind::Plain,
@@ -181,6 +186,7 @@ fn counted(
         StatementKind::If => CountedKind::Logical,
         StatementKind::Select => CountedKind::Select,
         StatementKind::Clause(number) => CountedKind::Clause(*number),
+        StatementKind::Loop if fixed.contains(bytes) => CountedKind::Fixed,
         StatementKind::Loop if text.starts_with("loop") => CountedKind::Loop,
         StatementKind::Loop => CountedKind::For,
         StatementKind::Exit => return None,

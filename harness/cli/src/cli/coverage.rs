@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, ensure};
 use karat::Package;
 use karat::unstable::diagnostic::shown;
+use karat::unstable::image::write_whole;
 use karat::unstable::interpret::{Ran, statements_of};
 use karat::unstable::output::counted;
 use karat::unstable::reflect::Program;
@@ -95,11 +96,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let sum = union.sum();
     if let Some(file) = &args.lcov {
-        std::fs::write(file, lcov::written(&union))
+        write_whole(file, lcov::written(&union).as_bytes())
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     if let Some(file) = &args.html {
-        std::fs::write(file, html::page(&union)?)
+        write_whole(file, html::page(&union)?.as_bytes())
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     let least = args.fail_under_lines.unwrap_or_default();

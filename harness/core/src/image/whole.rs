@@ -29,6 +29,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     }
 }
 
+/// Appends a line to this process's file of a kind in a folder: each kind has an ending.
+///
+/// # Panics
+/// If it can't be written.
+#[doc(hidden)]
+pub fn append_line(folder: &Path, ending: &str, line: &str) {
+    let path = folder.join(format!("{}.{ending}", std::process::id()));
+    let appended = std::fs::create_dir_all(folder)
+        .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
+        // In one piece: threads write at once.
+        .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
+    if let Err(error) = appended {
+        panic!("can't write the record `{}`: {error}", path.display());
+    }
+}
+
 /// A file that is written beside its place and not yet renamed to it. It is removed if it is
 /// dropped before.
 ///

@@ -27,6 +27,21 @@ impl Program {
     }
 }
 
+impl Program {
+    /// The loops that go round equally often in each call, as a constant says: nothing else leaves them.
+    pub(crate) fn fixed_loops(&self) -> Vec<naga::Span> {
+        let module = &self.checked.module;
+        let entries = module.entry_points.iter().map(|entry| &entry.function);
+        let functions = module.functions.iter().map(|(_, function)| function).chain(entries);
+        let mut found = Vec::new();
+        for function in functions {
+            let rounds = Rounds { module, function, calls: &[] };
+            rounds.fixed(&function.body, false, &mut found);
+        }
+        found
+    }
+}
+
 /// Looks for bounds in one function.
 struct Rounds<'a> {
     module: &'a Module,
@@ -113,6 +128,20 @@ impl Rounds<'_> {
         }
         let step = step.abs();
         u64::try_from((span.max(0) + step - 1) / step).ok()
+    }
+
+    fn fixed(&self, block: &Block, in_loop: bool, found: &mut Vec<naga::Span>) {
+        for (index, (statement, span)) in block.span_iter().enumerate() {
+            if let Statement::Loop { body, .. } = statement
+                && self.rounds(block, index, in_loop).is_some()
+                && exits(body) == 1
+            {
+                found.push(*span);
+            }
+            for (inner, repeats) in blocks(statement) {
+                self.fixed(inner, in_loop || repeats, found);
+            }
+        }
     }
 
     fn is_unsigned(&self, variable: Handle<LocalVariable>) -> bool {
@@ -247,4 +276,12 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         BinaryOperator::GreaterEqual => BinaryOperator::Less,
         _ => return None,
     })
+}
+/// The ways out of a loop with this body. Those out of loops inside of it are counted, too.
+fn exits(body: &Block) -> usize {
+    let mut count = 0;
+    walk(body, true, &mut |statement, _, _| {
+        count += usize::from(matches!(statement, Statement::Break | Statement::Return { .. }));
+    });
+    count
 }

@@ -291,7 +291,7 @@ pub(super) fn word(kind: CountedKind) -> &'static str {
         CountedKind::Logical => "&& or ||",
         CountedKind::Select => "select",
         CountedKind::Switch | CountedKind::Clause(_) => "switch",
-        CountedKind::For => "for or while",
+        CountedKind::For | CountedKind::Fixed => "for or while",
         CountedKind::Loop => "loop",
     }
 }
