@@ -8,6 +8,8 @@ mod check;
 mod compare;
 #[path = "cli/compilers.rs"]
 mod compilers;
+#[path = "cli/coverage.rs"]
+mod coverage;
 #[path = "cli/crates.rs"]
 mod crates;
 #[path = "cli/diff.rs"]

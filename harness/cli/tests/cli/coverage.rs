@@ -1,0 +1,185 @@
+//! `karat coverage`
+
+use std::process::Command;
+
+use super::*;
+use crate::repository::git;
+
+const SHADER: &str = "fn side(x: f32) -> f32 {
+    if (x > 0.0) {
+        return 2.0 * x;
+    }
+    return -x;
+}
+
+fn lonely(x: f32) -> f32 {
+    return x + 1.0;
+}
+
+fn looked_at(x: f32) -> f32 {
+    let unused = x * 3.0;
+    return x + 4.0;
+}
+
+@fragment fn shade() -> @location(0) vec4f {
+    return vec4f(side(1.0));
+}
+";
+
+const TESTS: &str = "[[test]]\nfunction = \"side\"\nover = { x = \"1..2\" }\nfinite = true\n\
+                     [[test]]\nfunction = \"looked_at\"\nover = { x = 2 }\nequals = 6\ntolerance = \"1 ulp\"\n";
+
+/// An assertion that sees nothing of what is computed.
+const WGSL_TEST: &str = "import karat::expect_true;\nimport package::calc::side;\n\
+                         @test fn throws_away() {\n    let gone = side(-1.0);\n    expect_true(true);\n}\n";
+
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(&folder.path().join("shaders"), "calc.wgsl", SHADER);
+    write(&folder.path().join("shaders"), "calc.test.toml", TESTS);
+    write(&folder.path().join("shaders"), "calc_test.wgsl", WGSL_TEST);
+    folder
+}
+
+#[test]
+fn lines_ways_and_what_is_not_looked_at_are_told() {
+    let folder = folder();
+    let ran = karat(folder.path(), &["coverage", "--missing"]);
+    let out = ran.good();
+    for part in [
+        "calc.wgsl",
+        "9 no test runs it, of `calc::lonely`",
+        "13 no test looks at what it computes, of `calc::looked_at`",
+        "18 no test runs it, of `calc::shade`",
+        "lines 71.4% (5 of 7), ways 100% (2 of 2), functions 50% (2 of 4) by 3 tests",
+    ] {
+        assert!(out.contains(part), "no `{part}` in:\n{out}");
+    }
+    // `-x` runs, and by a test alone that throws it away.
+    assert!(out.contains("5 no test looks at what it computes, of `calc::side`"), "{out}");
+    assert!(out.contains("no test looks at the value of 2 lines"), "{out}");
+    assert!(!out.contains("calc_test"), "tests aren't tested: {out}");
+    assert_eq!(karat(folder.path(), &["coverage", "--fail-under-lines", "71"]).code, Some(0));
+    let few = karat(folder.path(), &["coverage", "--fail-under-lines", "80"]);
+    assert_eq!(few.code, Some(1));
+    assert!(few.out.contains("80% of the lines are asked for"), "{few:?}");
+    // A filter runs a part of the tests, and says so by the counts.
+    let part = karat(folder.path(), &["coverage", "--tests", "looked_at"]).good();
+    assert!(part.contains("lines 28.5% (2 of 7)") && part.contains("by 1 test"), "{part}");
+    let record = folder.path().join("shaders/.karat/run/record");
+    assert!(record.is_dir() && !record.join("last").exists(), "it isn't the last run");
+}
+
+/// LCOV's own program reads the file, and its sums are those of the last line.
+#[test]
+fn lcov_is_what_lcov_reads() {
+    let folder = folder();
+    karat(folder.path(), &["coverage", "--lcov", "lcov.info"]).good();
+    let text = std::fs::read_to_string(folder.path().join("lcov.info")).expect("it is written");
+    // A record for what there is, and one for each test.
+    let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("TN:")).collect();
+    assert_eq!(
+        names,
+        ["", "calc__looked_at_equals", "calc__side_finite", "calc_test__throws_away"],
+        "{text}"
+    );
+    assert_eq!(text.matches("end_of_record").count(), 4);
+    let side = text.split("TN:").nth(3).expect("the third record");
+    for line in ["DA:2,65536", "DA:3,65536", "DA:5,0", "BRDA:2,0,0,65536", "BRDA:2,0,1,0"] {
+        assert!(side.lines().any(|own| own == line), "no `{line}` in:\n{side}");
+    }
+    let summary = Command::new("lcov")
+        .args(["--rc", "lcov_branch_coverage=1", "--summary", "lcov.info"])
+        .current_dir(folder.path())
+        .output();
+    let Ok(summary) = summary else {
+        assert!(std::env::var_os("CI").is_none(), "CI has lcov");
+        return;
+    };
+    let both = [summary.stdout, summary.stderr].concat();
+    let said = String::from_utf8_lossy(&both);
+    for part in ["71.4% (5 of 7 lines)", "50.0% (2 of 4 functions)", "100.0% (2 of 2 branches)"] {
+        assert!(said.contains(part), "no `{part}` in:\n{said}");
+    }
+}
+
+/// Each variant is counted, and all of them together.
+#[test]
+fn variants_are_counted_apart_and_together() {
+    let folder = folder();
+    let scaled = "override SCALE: f32 = 1.0;\nfn scaled(x: f32) -> f32 {\n    if (SCALE > 1.5) {\n        return x * SCALE;\n    }\n    return x;\n}\n";
+    write(&folder.path().join("shaders"), "scaled.wgsl", scaled);
+    let test = |scale: &str, equals: u32| {
+        format!(
+            "[[test]]\nfunction = \"scaled\"\n{scale}over = {{ x = 2 }}\nequals = {equals}\ntolerance = \"1 ulp\"\n"
+        )
+    };
+    let tests = test("", 2) + &test("override = { SCALE = 2 }\n", 4);
+    write(&folder.path().join("shaders"), "scaled.test.toml", &tests);
+    let ran = karat(folder.path(), &["coverage", "--missing"]);
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    assert!(ran.out.contains("lines 80% (8 of 10), ways 100% (4 of 4)"), "{ran:?}");
+    let row = |name: &str| {
+        let line = ran.out.lines().find(|line| line.starts_with(name)).unwrap_or_default();
+        line.split_whitespace().rev().take(2).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!([row("no feature"), row("SCALE=2")], [["6", "7"], ["1", "2"]], "{ran:?}");
+}
+
+/// A page has each line with its count, and its tests with their inputs.
+#[test]
+fn a_page_shows_who_comes_to_a_line() {
+    let folder = folder();
+    karat(folder.path(), &["coverage", "--html", "page.html"]).good();
+    let page = std::fs::read_to_string(folder.path().join("page.html")).expect("it is written");
+    for part in [
+        "<details class=\"line never\"><summary><span class=\"number\">9</span><span class=\"count\">0</span>",
+        "<details class=\"line weak\"><summary><span class=\"number\">5</span><span class=\"count\">1</span>",
+        "calc::looked_at equals: 1, first for <code>x = 2</code>",
+        "true: 65536",
+    ] {
+        assert!(page.contains(part), "no `{part}` in:\n{page}");
+    }
+}
+
+#[test]
+fn an_edit_is_measured_by_its_lines() {
+    let folder = folder();
+    let at = folder.path();
+    git(at, &["init", "--quiet"]);
+    git(at, &["add", "."]);
+    git(at, &["commit", "--quiet", "--message", "first"]);
+    let none = karat(at, &["coverage", "--in-diff", "HEAD", "--fail-under-lines", "100"]);
+    assert_eq!(none.code, Some(0), "{none:?}");
+    write(&at.join("shaders"), "calc.wgsl", &SHADER.replace("x + 1.0", "x + 9.0"));
+    let edited = karat(at, &["coverage", "--in-diff", "HEAD", "--fail-under-lines", "50"]);
+    assert_eq!(edited.code, Some(1));
+    assert!(edited.out.contains("lines 0% (0 of 1)"), "{edited:?}");
+}
+
+/// A test that fails, a path that counts nothing and a filter that finds nothing are no figures.
+#[test]
+fn nothing_is_measured_without_evidence() {
+    let folder = folder();
+    let path = karat(folder.path(), &["coverage", "--paths", "vulkan"]);
+    assert_eq!(path.code, Some(2));
+    assert!(path.err.contains("`cpu` alone counts what runs"), "{path:?}");
+    let none = karat(folder.path(), &["coverage", "--tests", "nothing_has_this_name"]);
+    assert!(matches!(none.code, Some(2 | 3)), "{none:?}");
+    write(
+        &folder.path().join("shaders"),
+        "calc.test.toml",
+        &TESTS.replace("equals = 6", "equals = 5"),
+    );
+    let red = karat(folder.path(), &["coverage"]);
+    assert_eq!(red.code, Some(1));
+    assert!(red.out.contains("tests failed, see above"), "{red:?}");
+    assert!(red.err.contains("calc::looked_at equals"), "{red:?}");
+    // What isn't valid is counted, and what can't be written is told.
+    write(&folder.path().join("shaders"), "broken.wgsl", "fn f() -> f32 { return true; }\n");
+    let broken = karat(folder.path(), &["coverage"]);
+    assert!(broken.out.contains("1 module not valid: broken"), "{broken:?}");
+    let unwritable = karat(folder.path(), &["coverage", "--lcov", "shaders/calc.wgsl/lcov.info"]);
+    assert_eq!(unwritable.code, Some(2));
+    assert!(unwritable.err.contains("can't write `shaders/calc.wgsl/lcov.info`"), "{unwritable:?}");
+}
