@@ -91,8 +91,10 @@ impl Family {
             // Ubuntu has no such package (its Chromium is a snap), but its CI images have Chrome.
             (Self::Debian, Wanted::Browser) => "chromium fonts-liberation",
             (Self::Fedora | Self::Arch, Wanted::Browser) => "chromium",
-            (Self::Debian, Wanted::Validators) => "spirv-tools glslang-tools spirv-cross",
-            (Self::Fedora | Self::Arch, Wanted::Validators) => "spirv-tools glslang spirv-cross",
+            (Self::Debian, Wanted::Validators) => "spirv-tools glslang-tools spirv-cross lcov",
+            (Self::Fedora | Self::Arch, Wanted::Validators) => {
+                "spirv-tools glslang spirv-cross lcov"
+            }
             // Debian's own Node is too old, and its npm is 350 packages: pip brings both in one.
             (Self::Debian, Wanted::Node) => "python3-pip",
             (Self::Fedora | Self::Arch, Wanted::Node) => "nodejs npm",

@@ -1,6 +1,7 @@
 //! Coverage of tests: how often each of an author's statements runs, and which ways its branches take.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -172,12 +173,13 @@ fn write(program: &Program, statements: Vec<Counted>) {
 
 /// A statement at its place; `None` if it is in no file.
 fn counted(
-    (program, fixed): (&Program, &[naga::Span]),
-    Statement { function, span: bytes, kind, needed, .. }: &Statement,
+    (program, fixed): (&Program, &[Range<usize>]),
+    Statement { function, span, kind, needed, .. }: &Statement,
     count: Count,
     input: &dyn Fn(usize) -> Option<String>,
 ) -> Option<Counted> {
-    let span = program.resolve(bytes.to_range()?)?;
+    let bytes = span.to_range()?;
+    let span = program.resolve(bytes.clone())?;
     let text = span.file.text.get(span.range.clone())?.trim();
     let kind = match kind {
         StatementKind::Plain => CountedKind::Plain,
@@ -186,7 +188,7 @@ fn counted(
         StatementKind::If => CountedKind::Logical,
         StatementKind::Select => CountedKind::Select,
         StatementKind::Clause(number) => CountedKind::Clause(*number),
-        StatementKind::Loop if fixed.contains(bytes) => CountedKind::Fixed,
+        StatementKind::Loop if fixed.contains(&bytes) => CountedKind::Fixed,
         StatementKind::Loop if text.starts_with("loop") => CountedKind::Loop,
         StatementKind::Loop => CountedKind::For,
         StatementKind::Exit => return None,

@@ -1,5 +1,7 @@
 //! Bounds of loops that naga's IR shows.
 
+use std::ops::Range;
+
 use naga::{
     BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Scalar,
     Statement, TypeInner,
@@ -29,7 +31,7 @@ impl Program {
 
 impl Program {
     /// The loops that go round equally often in each call, as a constant says: nothing else leaves them.
-    pub(crate) fn fixed_loops(&self) -> Vec<naga::Span> {
+    pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
         let functions = module.functions.iter().map(|(_, function)| function).chain(entries);
@@ -130,13 +132,13 @@ impl Rounds<'_> {
         u64::try_from((span.max(0) + step - 1) / step).ok()
     }
 
-    fn fixed(&self, block: &Block, in_loop: bool, found: &mut Vec<naga::Span>) {
+    fn fixed(&self, block: &Block, in_loop: bool, found: &mut Vec<Range<usize>>) {
         for (index, (statement, span)) in block.span_iter().enumerate() {
             if let Statement::Loop { body, .. } = statement
                 && self.rounds(block, index, in_loop).is_some()
                 && exits(body) == 1
             {
-                found.push(*span);
+                found.extend(span.to_range());
             }
             for (inner, repeats) in blocks(statement) {
                 self.fixed(inner, in_loop || repeats, found);
