@@ -113,15 +113,7 @@ impl Interpreted {
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
-        let settings = Settings { quads: function.form.fragment, ..settings.clone() };
-        let lowered = match program.adapted(function)? {
-            Some((module, info)) => Lowered::function(&module, &info, ADAPTER, &settings),
-            None => {
-                let (module, info) = (program.module(), program.info());
-                Lowered::function(module, info, &function.linked, &settings)
-            }
-        };
-        let lowered = lowered.map_err(|refusal| refused(program, &refusal))?;
+        let lowered = lowered(probed, settings)?;
         let mut resources = Resources::new();
         for (binding, fixture) in resolve(&function.bindings, fixtures)? {
             supply::supply(&mut resources, program, binding, fixture)?;
@@ -362,6 +354,33 @@ impl Interpreted {
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered.call::<A>(cases, &rows, &self.resources, options, observer)
+    }
+}
+
+/// A function that writes nothing that is seen outside of it, as the engine executes it.
+fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> {
+    let Probed { program, function, .. } = probed;
+    let settings = Settings { quads: function.form.fragment, ..settings.clone() };
+    let lowered = match program.adapted(function)? {
+        Some((module, info)) => Lowered::function(&module, &info, ADAPTER, &settings),
+        None => {
+            let (module, info) = (program.module(), program.info());
+            Lowered::function(module, info, &function.linked, &settings)
+        }
+    };
+    Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
+}
+
+/// True if two functions are known to be one: the engine executes the same operations, once constants are folded, what is one
+/// number by an identity is one operation, and what no result needs is gone. False says nothing.
+pub fn is_same(functions: [&Probed; 2]) -> bool {
+    if functions.iter().any(|probed| probed.function().form.alone) {
+        return false;
+    }
+    let settings = Settings { identities: true, ..Settings::default() };
+    match functions.map(|probed| lowered(probed, &settings)) {
+        [Ok(a), Ok(b)] => a.is_same(&b),
+        _ => false,
     }
 }
 

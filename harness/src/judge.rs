@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::executor::View;
 use crate::parallel;
-use crate::record::ExpectationDetails;
+use crate::record::{self, ExpectationDetails};
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
@@ -314,11 +314,14 @@ pub(crate) fn tally(
         judge.add((&mut tally, &mut picked), first_case, cases, results);
         (tally, picked)
     });
-    tallies.into_iter().fold(Tally::default(), |sum, (tally, part)| {
+    let all = tallies.into_iter().fold(Tally::default(), |sum, (tally, part)| {
         picked.ratios.extend(part.ratios);
         picked.failing.extend(part.failing);
         sum.merge(tally)
-    })
+    });
+    let ratio = all.worst.map_or(0.0, |worst| worst.judged.measure.ratio);
+    record::saw(&mut (0..results.len()).map(|case| results.of(case)), ratio);
+    all
 }
 
 /// Compares a result with its reference lane by lane; the worst lane counts.

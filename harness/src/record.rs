@@ -11,7 +11,7 @@ mod folder;
 mod replay;
 
 use std::borrow::Cow;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -371,9 +371,38 @@ thread_local! {
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 
+/// What the checks of a test saw.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Stands for all values that they judged, in their order.
+    pub values: [u8; 32],
+    /// The largest error divided by its bound; 0 of what has neither.
+    pub ratio: f64,
+}
+
+thread_local! {
+    /// What the checks of this thread saw, where somebody asks.
+    static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
+}
+
+/// Adds rows that a check judged, and the largest ratio of their errors.
+pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
+    SEEN.with_borrow_mut(|seen| {
+        if let Some(seen) = seen {
+            let mut hasher = blake3::Hasher::new();
+            hasher.update(&seen.values);
+            for row in rows {
+                hasher.update(bytemuck::cast_slice(row));
+            }
+            seen.values = *hasher.finalize().as_bytes();
+            seen.ratio = seen.ratio.max(ratio);
+        }
+    });
+}
+
 /// Runs tests whose verdicts say nothing of the package as it is, such as those of a mutant: they are neither recorded nor
-/// remembered.
-pub fn unrecorded<R>(run: impl FnOnce() -> R) -> R {
+/// remembered. Returns what their checks saw, too.
+pub fn unrecorded<R>(run: impl FnOnce() -> R) -> (R, Seen) {
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {
@@ -381,7 +410,9 @@ pub fn unrecorded<R>(run: impl FnOnce() -> R) -> R {
         }
     }
     let _before = Before(KEPT.replace(false));
-    run()
+    SEEN.set(Some(Seen::default()));
+    let result = run();
+    (result, SEEN.take().unwrap_or_default())
 }
 
 /// False within [`unrecorded`].

@@ -53,6 +53,8 @@ pub struct Settings {
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,
+    /// Whether what is one number by an identity is one operation, too: `x * 2` is `x + x`.
+    pub identities: bool,
     /// Whether statements are listed, whose runs can then be counted.
     pub statements: bool,
 }

@@ -134,6 +134,32 @@ impl Program {
         self.code.sites.get(interval.cause()? as usize)
     }
 
+    /// True if both compute the same by the same operations, wherever these stand. What nothing uses is in neither.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        let without_places = |code: &Code| {
+            let mut code = code.clone();
+            code.sites.clear();
+            code.statements.clear();
+            let pool = std::mem::take(&mut code.pool);
+            for one in &mut code.instructions {
+                let start = one.at as usize;
+                (one.site, one.at) = (0, code.pool.len() as u32);
+                code.pool.extend(&pool[start..start + one.count as usize]);
+            }
+            let buffers = code.buffers.iter_mut().map(|slot| &mut slot.span);
+            let handles = code.textures.iter_mut().chain(&mut code.samplers);
+            buffers
+                .chain(handles.map(|slot| &mut slot.span))
+                .for_each(|span| *span = Span::UNDEFINED);
+            [&mut code.subgroup, &mut code.half]
+                .into_iter()
+                .for_each(|at| *at = at.map(|_| Span::UNDEFINED));
+            format!("{code:?}")
+        };
+        without_places(&self.code) == without_places(&other.code)
+    }
+
     /// How many operations it has, and how many registers of floats, integers and booleans.
     #[must_use]
     pub fn size(&self) -> (usize, [u32; 3]) {

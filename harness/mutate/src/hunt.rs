@@ -11,6 +11,7 @@ use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::package::{AcceptedMutants, accepted_mutants, file_of};
+use karat::unstable::record::Seen;
 use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Fault, FindError, Suite, Test, Wrong};
 use serde::Serialize;
@@ -77,6 +78,9 @@ pub enum Fate {
     Lived {
         /// How many there are.
         tests: usize,
+        /// The test that sees other values with it, and allows them; of several the one that is nearest to failing.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        hidden: Option<Hidden>,
         /// Why it lived.
         why: Lived,
     },
@@ -109,6 +113,15 @@ pub enum Fate {
         /// Why.
         reason: String,
     },
+}
+
+/// A test whose tolerance hides a mutant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Hidden {
+    /// The test.
+    pub test: String,
+    /// Its largest error divided by the bound, without the mutant and with it.
+    pub ratios: [f64; 2],
 }
 
 /// All mutants that were tried.
@@ -192,6 +205,8 @@ pub struct Judged {
     pub concerned: usize,
     /// The one that failed.
     pub killed: Option<String>,
+    /// The one that allows other values.
+    pub hidden: Option<Hidden>,
     /// One that ended without a verdict, and why.
     pub stopped: Option<(String, String)>,
 }
@@ -201,6 +216,8 @@ struct Judge {
     name: String,
     /// `None` where that text can't be found.
     made_of: Option<String>,
+    /// What its checks see without a mutant.
+    seen: Seen,
     took: Duration,
 }
 
@@ -408,13 +425,14 @@ impl Request {
             let began = Instant::now();
             let verdict = suite.run_unrecorded(test);
             let (name, made_of) = (test.name.clone(), suite.normalized_text(test));
-            (Judge { name, made_of, took: began.elapsed() }, verdict)
+            let seen = verdict.as_ref().cloned().unwrap_or_default();
+            (Judge { name, made_of, seen, took: began.elapsed() }, verdict)
         };
-        let ran: Vec<(Judge, Result<(), Wrong>)> = beside_each_other(&tests, &run);
+        let ran: Vec<(Judge, Result<Seen, Wrong>)> = beside_each_other(&tests, &run);
         let mut judges = Vec::new();
         for (judge, verdict) in ran {
             match verdict {
-                Ok(()) => judges.push(judge),
+                Ok(_) => judges.push(judge),
                 Err(why) => wrong.push((judge.name, why)),
             }
         }
@@ -469,9 +487,18 @@ impl Request {
         // A test that calls the function itself is the likeliest to kill the mutant, and then a quick one.
         let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
-        let mut stopped = None;
+        let (mut stopped, mut hidden) = (None, None);
         for (judge, test) in &concerned {
-            let Err(Wrong { fault, headline, .. }) = own.run_unrecorded(test) else { continue };
+            let Wrong { fault, headline, .. } = match own.run_unrecorded(test) {
+                Err(wrong) => wrong,
+                Ok(seen) => {
+                    let ratios = [judge.seen.ratio, seen.ratio];
+                    let changes = (seen.values != judge.seen.values)
+                        .then(|| Hidden { test: judge.name.clone(), ratios });
+                    hidden = Hidden::nearest(hidden, changes);
+                    continue;
+                }
+            };
             match fault {
                 Fault::Values | Fault::Violations(_) => {
                     return Fate::Killed { test: judge.name.clone() };
@@ -494,7 +521,8 @@ impl Request {
             },
             None => {
                 let why = lived::why(&self.package, &package, one);
-                if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, why } }
+                let hidden = Hidden::nearest(hidden, others.hidden);
+                if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, hidden, why } }
             }
         }
     }
@@ -507,6 +535,15 @@ impl Request {
             Program::of_module(&self.package, module).is_ok().then(|| reason(&error))
         });
         broken.next()
+    }
+}
+
+impl Hidden {
+    /// The one that is nearer to failing.
+    #[must_use]
+    pub fn nearest(one: Option<Self>, other: Option<Self>) -> Option<Self> {
+        let all = one.into_iter().chain(other);
+        all.max_by(|a, b| a.ratios[1].total_cmp(&b.ratios[1]))
     }
 }
 

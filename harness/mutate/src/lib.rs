@@ -25,7 +25,7 @@ mod score;
 mod tests;
 mod tokens;
 
-pub use hunt::{Candidate, Fate, Hunted, Judged, MutateError, Others, Request, Tried};
+pub use hunt::{Candidate, Fate, Hidden, Hunted, Judged, MutateError, Others, Request, Tried};
 pub use lived::{Difference, Lived};
 pub use maker::{Mutant, Rule, mutants};
 pub use score::Score;

@@ -1,6 +1,7 @@
 //! Why a mutant lived: where it and the original part, if they do.
 
 use karat::Package;
+use karat::unstable::interpret::is_same;
 use karat::unstable::probe::Probed;
 use karat_inspect::compare::{Change, Compared, PathChange, Request};
 use serde::Serialize;
@@ -50,6 +51,12 @@ pub struct Difference {
 /// Compares a mutant with the original, at its function or else at what uses it.
 pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
     let own = candidate.path();
+    let probed = [original, mutant].map(|package| Probed::new(package, &own));
+    if let [Ok(a), Ok(b)] = &probed
+        && is_same([a, b])
+    {
+        return Lived::Equal;
+    }
     let compared = |only: &[&str]| {
         let request = Request::new(original.clone(), mutant.clone());
         request.only(only.iter().copied()).run().map_err(|error| error.to_string())

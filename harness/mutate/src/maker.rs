@@ -33,6 +33,8 @@ pub enum Rule {
     Sign,
     /// Always, or never.
     Condition,
+    /// A barrier, or an atomic whose value nothing uses, is left out.
+    Order,
 }
 
 impl fmt::Display for Rule {
@@ -48,6 +50,7 @@ impl fmt::Display for Rule {
             Self::Swizzle => "swizzle",
             Self::Sign => "sign",
             Self::Condition => "condition",
+            Self::Order => "order",
         })
     }
 }
@@ -439,6 +442,7 @@ impl<'a> Maker<'a> {
     /// The argument of a guard as it is, and arguments in another order.
     fn call(&mut self, at: usize) {
         let Some((open, close)) = self.parentheses(at) else { return };
+        self.order(at, close);
         let arguments = self.arguments(open, close);
         let text = |(from, to): (usize, usize)| self.between(from, to);
         let texts: Vec<String> = arguments.iter().copied().map(text).collect();
@@ -457,6 +461,17 @@ impl<'a> Maker<'a> {
         for (index, pair) in texts.windows(2).enumerate() {
             let (from, to) = (arguments[index].0, arguments[index + 1].1);
             self.replace(Rule::Swap, from, to, format!("{}, {}", pair[1], pair[0]));
+        }
+    }
+
+    /// Leaves out a barrier, or an atomic that is a statement of its own.
+    fn order(&mut self, at: usize, close: usize) {
+        let word = self.word(at);
+        let orders = word.starts_with("atomic")
+            || matches!(word, "workgroupBarrier" | "storageBarrier" | "textureBarrier");
+        let is_alone = at > 0 && matches!(self.word(at - 1), "{" | "}" | ";" | ")" | ":");
+        if orders && is_alone && self.word(close + 1) == ";" {
+            self.replace(Rule::Order, at, close + 1, ";".to_owned());
         }
     }
 
@@ -595,6 +610,9 @@ mod tests {
             ("a = b <= c;", Rule::Comparison, vec!["a = b < c;", "a = b > c;"]),
             ("a = b || !c;", Rule::Logic, vec!["a = b && !c;", "a = b || c;"]),
             ("a = 0.0;", Rule::Number, vec!["a = 1.0;"]),
+            ("workgroupBarrier(); a = b;", Rule::Order, vec!["; a = b;"]),
+            ("if (a) { atomicAdd(&s, 1u); }", Rule::Order, vec!["if (a) { ; }"]),
+            ("a = atomicLoad(&s);", Rule::Order, vec![]),
             ("a = 1u;", Rule::Number, vec!["a = 0u;", "a = 2u;"]),
             ("a = 2.5f;", Rule::Number, vec!["a = 5.0f;", "a = 2.525f;"]),
             ("a = max(b, c);", Rule::Guard, vec!["a = (b);", "a = (c);"]),

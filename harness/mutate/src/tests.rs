@@ -58,7 +58,9 @@ fn each_mutant_has_the_fate_that_it_deserves() {
     assert_eq!((&*found.function, found.floats), ("calc::lonely", true));
     // A guard that never acts shows nothing for any input.
     let lived = fate("capped", "max(x * x, -1.0)", "(x * x)");
-    let Fate::Lived { tests: 1, why: Lived::Unseen { cases } } = lived else { panic!("{lived:?}") };
+    let Fate::Lived { tests: 1, why: Lived::Unseen { cases }, .. } = lived else {
+        panic!("{lived:?}")
+    };
     assert!(*cases > 1000);
     let score = Score::of(&hunted.tried);
     assert!(score.killed > 0 && score.lived > 0 && score.untested > 0, "{score:?}");
@@ -66,6 +68,48 @@ fn each_mutant_has_the_fate_that_it_deserves() {
         score.judged() + score.equal + score.invalid + score.idle + score.stopped,
         hunted.tried.len()
     );
+}
+
+/// A test that sees other values and allows them hides a mutant, and one whose values stay doesn't. The nearest to failing is named.
+#[test]
+fn tolerances_hide_what_they_allow() {
+    let shader = "fn scaled(x: f32) -> f32 { return 100.0 * x; }\n\
+                  fn part(x: f32) -> f32 { if (x > 3.0) { return x + 7.0; } return x; }\n";
+    let tests = "[[test]]\nfunction = \"scaled\"\nover = { x = 1 }\nequals = 100\ntolerance = \"abs 4\"\n\n\
+                 [[test]]\nname = \"loose\"\nfunction = \"scaled\"\nover = { x = 1 }\nequals = 100\ntolerance = \"abs 200\"\n\n\
+                 [[test]]\nfunction = \"part\"\nover = { x = 2 }\nequals = 2\ntolerance = \"exact\"\n";
+    let hunted = hunted(folder(shader, tests).path());
+    let hidden = |item, original, replacement| {
+        let fate = &of(&hunted, item, original, replacement).fate;
+        let Fate::Lived { hidden, .. } = fate else { panic!("{fate:?}") };
+        hidden.clone()
+    };
+    // 1 % off is a quarter of the bound.
+    let found = hidden("scaled", "100.0", "101.0").expect("the test sees 101");
+    assert_eq!((&*found.test, found.ratios), ("calc::scaled equals", [0.0, 0.25]));
+    assert_eq!(hidden("part", "7.0", "14.0"), None, "no test comes there");
+    // Twice as much is allowed by the loose one alone.
+    assert!(matches!(of(&hunted, "scaled", "100.0", "200.0").fate, Fate::Killed { .. }));
+}
+
+/// What no result needs, and what is one number by an identity, is the same shader.
+#[test]
+fn equal_mutants_are_no_gaps() {
+    let shader = "fn f(x: f32) -> f32 { let unused = x * 3.0; return x * 1.0; }\n\
+                  fn g(x: f32) -> f32 { if (x == 0.125) { return 1.0; } return 5.0; }\n";
+    let tests = "[[test]]\nfunction = \"f\"\nover = { x = 2 }\nfinite = true\n\n\
+                 [[test]]\nfunction = \"g\"\nover = { x = 2 }\nfinite = true\n";
+    let hunted = hunted(folder(shader, tests).path());
+    let why = |item, original, replacement| {
+        let fate = &of(&hunted, item, original, replacement).fate;
+        let Fate::Lived { why, .. } = fate else { panic!("{fate:?}") };
+        why.clone()
+    };
+    assert_eq!(why("f", "3.0", "6.0"), Lived::Equal, "nothing needs it");
+    assert_eq!(why("f", "x * 1.0", "x"), Lived::Equal);
+    assert!(matches!(why("f", "1.0", "2.0"), Lived::Differs(_)));
+    // One number of 2^32 tells these two apart.
+    assert!(!matches!(why("g", "1.0", "2.0"), Lived::Equal));
 }
 
 /// The tests that are suggested pass as the shader is, and kill the mutants that they are for.

@@ -13,7 +13,7 @@ use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
 use karat::unstable::diagnostic::{Diagnostic, Span};
 use karat::unstable::domain::{Dynamic, Part};
 use karat::unstable::probe::{ProbeError, Probed};
-use karat::unstable::record::{Subject, unrecorded};
+use karat::unstable::record::{Seen, Subject, unrecorded};
 use karat::unstable::reflect::{Binding, Program, Stage};
 use karat::unstable::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
@@ -57,22 +57,26 @@ impl Suite {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
 
-    /// [`run`](Self::run) of shaders that aren't as they are saved: the verdict is neither recorded nor remembered.
+    /// [`run`](Self::run) of shaders that aren't as they are saved: the verdict is neither recorded nor remembered. Returns
+    /// what its checks saw, too.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     ///
     /// # Panics
     /// If no thread can be started.
-    pub fn run_unrecorded(&self, test: &Test) -> Result<(), Wrong> {
-        let verdict = || unrecorded(|| self.verdict(test, &Groups::default()));
+    pub fn run_unrecorded(&self, test: &Test) -> Result<Seen, Wrong> {
+        let verdict = || {
+            let (verdict, seen) = unrecorded(|| self.verdict(test, &Groups::default()));
+            verdict.map(|()| seen)
+        };
         Self::on_a_thread(test, verdict)
     }
 
-    fn on_a_thread(
+    fn on_a_thread<R: Send>(
         test: &Test,
-        verdict: impl FnOnce() -> Result<(), Wrong> + Send,
-    ) -> Result<(), Wrong> {
+        verdict: impl FnOnce() -> Result<R, Wrong> + Send,
+    ) -> Result<R, Wrong> {
         let verdict = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(test.name.clone());
             let run = || {

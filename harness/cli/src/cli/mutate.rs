@@ -14,7 +14,9 @@ use karat::Package;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
-use karat_mutate::{Candidate, Fate, Hunted, Lived, MutateError, Others, Request, Score, Tried};
+use karat_mutate::{
+    Candidate, Fate, Hidden, Hunted, Lived, MutateError, Others, Request, Score, Tried,
+};
 
 use super::git::lines_since;
 use super::project::{self, Project};
@@ -35,6 +37,9 @@ pub(super) struct Args {
     /// Only tests whose names contain this
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
+    /// Only tests in Rust of this Cargo package; may be repeated [default: the whole workspace]
+    #[arg(short = 'p', long = "package", value_name = "NAME")]
+    cargo_packages: Vec<String>,
     /// Try so many mutants of each package, by the seed
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
@@ -105,7 +110,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         any |= !request.mutants()?.0.is_empty();
     }
     let rust = match any && project.is_cargo() && args.place.package().package.is_none() {
-        true => Some(RustTests::of(project.root(), args.tests.as_deref())?),
+        true => Some(RustTests::of(project.root(), &args.cargo_packages, args.tests.as_deref())?),
         false => None,
     };
     for ((title, request), package) in requests.iter().zip(&packages) {
@@ -317,12 +322,17 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
                 }
                 (DIM, "equal", Vec::new())
             }
-            Fate::Lived { tests, why } => {
+            Fate::Lived { tests, hidden, why } => {
                 let tests = match tests {
                     1 => "1 test passes with it".to_owned(),
                     many => format!("{many} tests pass with it"),
                 };
-                (BAD, "lived", lines(&tests, why))
+                let word = if hidden.is_some() { "hidden" } else { "lived" };
+                let by = hidden.iter().map(|Hidden { test, ratios }| {
+                    let [before, after] = ratios.map(|ratio| format!("{:.3}%", 100.0 * ratio));
+                    format!("hidden by the tolerance of `{test}`: its largest error grows from {before} to {after} of the bound")
+                });
+                (BAD, word, lines(&tests, why).into_iter().chain(by).collect())
             }
             Fate::Untested { why } => (BAD, "no test", lines("no test uses it", why)),
             Fate::Stopped { test, reason } => {

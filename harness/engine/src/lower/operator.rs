@@ -160,6 +160,39 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(values.into()))
     }
 
+    /// The same number by another operation, or by none. Each holds for NaN, infinities and both zeros, and rounds as the
+    /// original does, since both are the same real number before they are rounded.
+    fn identical(&mut self, op: BinaryOperator, a: Reg, b: Reg) -> Lowered<Option<Reg>> {
+        use BinaryOperator as B;
+        let value = |of: &Self, register: Reg| {
+            let constant = of.words.get(&register)?;
+            (constant.scalar == Scalar::F32).then(|| f32::from_bits(constant.word))
+        };
+        let (x, y) = match (op, value(self, a), value(self, b)) {
+            // The order of a sum or a product decides nothing: a constant comes last.
+            (B::Multiply | B::Add, Some(_), None) => {
+                return self.binary_scalar(op, Scalar::F32, b, a).map(Some);
+            }
+            (_, None, Some(y)) => (a, y),
+            (B::Multiply | B::Add, None, None) if b < a => {
+                return self.binary_scalar(op, Scalar::F32, b, a).map(Some);
+            }
+            _ => return Ok(None),
+        };
+        Ok(match op {
+            // -0 - 0 is -0, and -0 + 0 isn't.
+            B::Multiply | B::Divide if y == 1.0 => Some(x),
+            B::Subtract if y.to_bits() == 0 => Some(x),
+            B::Multiply if y == 2.0 => Some(self.basic(Basic::Add, &[x, x], false)?),
+            // The inverse of a power of two is exact where it is a normal number.
+            B::Divide if y.to_bits() << 9 == 0 && y.is_normal() && y.recip().is_normal() => {
+                let inverse = self.constant(Scalar::F32, y.recip().to_bits());
+                Some(self.binary_scalar(B::Multiply, Scalar::F32, x, inverse)?)
+            }
+            _ => None,
+        })
+    }
+
     fn binary_scalar(
         &mut self,
         op: BinaryOperator,
@@ -168,6 +201,12 @@ impl<'m> Lower<'m> {
         b: Reg,
     ) -> Lowered<Reg> {
         use BinaryOperator as B;
+        if self.settings.identities
+            && scalar == Scalar::F32
+            && let Some(same) = self.identical(op, a, b)?
+        {
+            return Ok(same);
+        }
         let half = scalar == Scalar::F16;
         let order = |op: B| match op {
             B::Equal => Some((Compare::Equal, false)),

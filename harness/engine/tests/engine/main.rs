@@ -14,6 +14,7 @@ mod pixels;
 mod races;
 mod random;
 mod reassociation;
+mod same;
 mod subgroups;
 mod table;
 mod textures;

@@ -9,16 +9,19 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use karat::Package;
 use karat::unstable::output::tell;
-use karat::unstable::record::{self, Verdict};
+use karat::unstable::record::{self, PathRecord, Record, Subject, Verdict};
 use karat::unstable::reflect::Dependence;
-use karat_mutate::{Candidate, Judged, Others};
+use karat_mutate::{Candidate, Hidden, Judged, Others};
 
 use super::super::suite::cargo::libtest;
-use super::super::suite::cargo::programs::Programs;
+use super::super::suite::cargo::programs::{Programs, TestProgram};
 
 /// How long a program may take for a mutant: far more than it took without one, which other programs may slow down.
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
+
+/// What a quick test takes. A program of tests starts in some hundredths of a second, which is paid twice.
+const QUICK: Duration = Duration::from_millis(200);
 
 /// All tests of a project.
 pub(super) struct RustTests {
@@ -26,6 +29,12 @@ pub(super) struct RustTests {
     /// The programs that tests are made of, each once, with the tests by their names in front of people.
     made: Vec<(Dependence, BTreeSet<String>)>,
     pub(super) count: usize,
+    /// Those whose checks take long, which come last.
+    slow: BTreeSet<String>,
+    /// Those that check a function itself, by its name: `brdf::schlick`. They come first.
+    direct: BTreeMap<String, BTreeSet<String>>,
+    /// What the checks of each found without a mutant, by their names in front of people.
+    found: BTreeMap<String, Vec<PathRecord>>,
     /// How long a program may take for a mutant.
     limit: Duration,
     /// Those that fail without a mutant, and not by a check, as what draws does on the engine. They are no judges.
@@ -41,11 +50,17 @@ pub(super) struct OfPackage<'t> {
 }
 
 impl RustTests {
-    /// Builds them, and runs all once. None in a project without any.
-    pub(super) fn of(root: &Path, filter: Option<&str>) -> anyhow::Result<Self> {
+    /// Builds those of some packages of Cargo, or of all, and runs each once. None in a project without any.
+    pub(super) fn of(
+        root: &Path,
+        packages: &[String],
+        filter: Option<&str>,
+    ) -> anyhow::Result<Self> {
         tell("building the tests in Rust, and running each once");
-        let mut slowest = Duration::ZERO;
-        let mut programs = Programs::of(root);
+        let (mut slowest, mut slow) = (Duration::ZERO, BTreeSet::new());
+        let mut found: BTreeMap<String, Vec<PathRecord>> = BTreeMap::new();
+        let mut direct: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        let mut programs = Programs::of(root).only(packages);
         if let Err(message) = programs.build()? {
             bail!("{message}");
         }
@@ -71,6 +86,20 @@ impl RustTests {
             })?;
             slowest = slowest.max(began.elapsed());
             let records = record::read(folder.path())?;
+            let mut seconds: BTreeMap<&str, f64> = BTreeMap::new();
+            for one in &records {
+                let own = one.time.as_ref().map_or(0.0, |time| time.seconds);
+                *seconds.entry(&*one.test).or_default() += own;
+            }
+            for one in &records {
+                let test = program.show(&one.test);
+                if let Subject::Function { function, .. } = &one.subject {
+                    direct.entry(function.clone()).or_default().insert(test.clone());
+                }
+                found.entry(test).or_default().extend(one.paths.iter().cloned());
+            }
+            let is_slow = |own: &(&str, f64)| own.1 > QUICK.as_secs_f64();
+            slow.extend(seconds.into_iter().filter(is_slow).map(|(test, _)| program.show(test)));
             let is_checked = |test: &str| {
                 records.iter().any(|one| one.test == test && one.verdict == Verdict::Fail)
             };
@@ -108,7 +137,17 @@ impl RustTests {
         unfit.sort();
         let (made, count) = (made.into_values().collect(), judges.len());
         let limit = LEAST + MANY * slowest;
-        Ok(Self { programs, made, count, limit, unfit, turn: Mutex::default() })
+        Ok(Self {
+            programs,
+            made,
+            count,
+            slow,
+            direct,
+            found,
+            limit,
+            unfit,
+            turn: Mutex::default(),
+        })
     }
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
@@ -131,25 +170,50 @@ impl RustTests {
         let users: BTreeSet<&String> =
             self.made.iter().filter(changes).flat_map(|(_, users)| users).collect();
         let mut judged = Judged::default();
-        for program in self.programs.all() {
-            let is_user = |test: &&str| users.contains(&program.show(test));
+        // The likeliest to kill it come first, and those that take long last.
+        let direct = self.direct.get(&candidate.path());
+        let round_of = |test: &String| match direct.is_some_and(|direct| direct.contains(test)) {
+            true => 0,
+            false => 1 + usize::from(self.slow.contains(test)),
+        };
+        let programs = |round| self.programs.all().map(move |one| (round, one));
+        for (round, program) in (0..3).flat_map(programs) {
+            let is_user = |test: &&str| {
+                let name = program.show(test);
+                users.contains(&name) && round_of(&name) == round
+            };
             let concerned: Vec<&str> =
                 program.tests.iter().map(String::as_str).filter(is_user).collect();
             if concerned.is_empty() {
                 continue;
             }
             judged.concerned += concerned.len();
-            let own = records.join(judged.concerned.to_string());
+            let own = records.join(format!("{}-{round}", judged.concerned));
             std::fs::create_dir_all(&own)?;
             let mut failed: Vec<(String, String)> = Vec::new();
+            // A check that fails is written down before its test ends.
+            let is_kill = |test: &str| {
+                let records = record::read(&own).unwrap_or_default();
+                records.iter().any(|one| one.test == test && one.verdict == Verdict::Fail)
+            };
+            let mut killed = None;
             let turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
             let was_ended = self.within_limit(&mut || {
-                libtest::run(program, &concerned, (&own, Some(&overlay)), &mut |test, message| {
+                let heard = &mut |test: &str, message: Option<String>| {
                     failed.extend(message.map(|message| (test.to_owned(), message)));
                     Ok(())
-                })
+                };
+                let ends = &mut |test: &str| {
+                    killed = killed.take().or_else(|| is_kill(test).then(|| program.show(test)));
+                    killed.is_some()
+                };
+                libtest::run_until(program, &concerned, (&own, Some(&overlay)), heard, ends)
+                    .map(drop)
             })?;
             drop(turn);
+            if killed.is_some() {
+                return Ok(Judged { killed, ..judged });
+            }
             if was_ended {
                 let seconds = self.limit.as_secs();
                 let reason = format!("it was ended after {seconds} s");
@@ -157,6 +221,7 @@ impl RustTests {
                 continue;
             }
             let records = record::read(&own)?;
+            judged.hidden = Hidden::nearest(judged.hidden.take(), self.hidden(program, &records));
             for (test, message) in failed {
                 let verdicts = records.iter().filter(|one| one.test == test).map(|one| one.verdict);
                 let verdicts: Vec<Verdict> = verdicts.collect();
@@ -174,6 +239,27 @@ impl RustTests {
 }
 
 impl RustTests {
+    /// A test of a program whose checks found other errors than without a mutant.
+    fn hidden(&self, program: &TestProgram, records: &[Record]) -> Option<Hidden> {
+        let mut own: BTreeMap<&str, Vec<&PathRecord>> = BTreeMap::new();
+        for one in records {
+            own.entry(&one.test).or_default().extend(&one.paths);
+        }
+        let worst = |paths: &mut dyn Iterator<Item = &PathRecord>| {
+            paths.filter_map(|path| path.ratio).fold(0.0, f64::max)
+        };
+        let of = |(test, paths): (&str, Vec<&PathRecord>)| {
+            let test = program.show(test);
+            let before = self.found.get(&test)?;
+            let told = |path: &PathRecord| (path.worst.clone(), path.errors.clone());
+            let is_other = before.len() == paths.len()
+                && before.iter().zip(&paths).any(|(a, b)| told(a) != told(b));
+            let ratios = [worst(&mut before.iter()), worst(&mut paths.into_iter())];
+            is_other.then_some(Hidden { test, ratios })
+        };
+        own.into_iter().filter_map(of).fold(None, |known, one| Hidden::nearest(known, Some(one)))
+    }
+
     /// Runs a program, which is ended where it takes too long: a test of its own may wait for what a mutant never brings.
     fn within_limit(&self, run: &mut dyn FnMut() -> anyhow::Result<()>) -> anyhow::Result<bool> {
         let (done, waits) = mpsc::channel::<()>();

@@ -32,15 +32,30 @@ pub(in crate::cli) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> s
 pub(in crate::cli) fn run(
     program: &TestProgram,
     tests: &[&str],
-    (record, overlay): (&Path, Option<&Path>),
+    folders: (&Path, Option<&Path>),
     heard: Heard<'_>,
 ) -> anyhow::Result<()> {
+    run_until(program, tests, folders, heard, &mut |_| false).map(drop)
+}
+
+/// The same until `ends` holds for a test that has failed: then it returns true, and nothing is heard of those that follow.
+pub(in crate::cli) fn run_until(
+    program: &TestProgram,
+    tests: &[&str],
+    folders: (&Path, Option<&Path>),
+    heard: Heard<'_>,
+    ends: &mut dyn FnMut(&str) -> bool,
+) -> anyhow::Result<bool> {
     // One program for all of its tests needs no names.
     if tests.len() == program.tests.len() {
-        return run_some(program, tests, &[], (record, overlay), heard);
+        return run_some(program, tests, &[], folders, heard, ends);
     }
-    let mut all = tests.chunks(TOGETHER);
-    all.try_for_each(|some| run_some(program, some, some, (record, overlay), heard))
+    for some in tests.chunks(TOGETHER) {
+        if run_some(program, some, some, folders, heard, ends)? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 fn run_some(
@@ -49,7 +64,8 @@ fn run_some(
     filters: &[&str],
     (record, overlay): (&Path, Option<&Path>),
     heard: Heard<'_>,
-) -> anyhow::Result<()> {
+    ends: &mut dyn FnMut(&str) -> bool,
+) -> anyhow::Result<bool> {
     let mut command = Command::new(&program.executable);
     command.args((!filters.is_empty()).then_some("--exact")).args(filters);
     command.args(["--color", "never"]);
@@ -67,8 +83,13 @@ fn run_some(
     for line in BufReader::new(stdout).split(b'\n') {
         let line = line.context("the output of a test program ended early")?;
         let line = String::from_utf8_lossy(&line);
-        if let Some(passed) = parser.line(line.trim_end_matches('\r')) {
-            heard(&passed, None)?;
+        match parser.line(line.trim_end_matches('\r')) {
+            Some((passed, true)) => heard(&passed, None)?,
+            Some((failed, false)) if ends(&failed) => {
+                end_all();
+                return Ok(true);
+            }
+            _ => {}
         }
     }
     let child = RUNNING.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -83,7 +104,7 @@ fn run_some(
             heard(test, Some(message))?;
         }
     }
-    Ok(())
+    Ok(false)
 }
 
 /// What was read of a test program's output.
@@ -98,8 +119,8 @@ struct Parser {
 }
 
 impl Parser {
-    /// Reads a line: the test that it says passed.
-    fn line(&mut self, line: &str) -> Option<String> {
+    /// Reads a line: the test of which it tells the verdict, and whether that passed.
+    fn line(&mut self, line: &str) -> Option<(String, bool)> {
         if self.ended {
             return None;
         }
@@ -122,11 +143,11 @@ impl Parser {
         match word {
             "ok" => {
                 self.passed.push(name.to_owned());
-                Some(name.to_owned())
+                Some((name.to_owned(), true))
             }
             "FAILED" => {
                 self.failed.insert(name.to_owned(), None);
-                None
+                Some((name.to_owned(), false))
             }
             _ => None,
         }
@@ -170,8 +191,10 @@ mod tests {
                     note: run with `RUST_BACKTRACE=1` environment variable\n\n\nfailures:\n    bad\n\n\
                     test result: FAILED. 2 passed; 1 failed\n";
         let mut parser = Parser::default();
-        let passed: Vec<String> = text.lines().filter_map(|line| parser.line(line)).collect();
-        assert_eq!(passed, ["a::good", "dies"]);
+        let told: Vec<(String, bool)> = text.lines().filter_map(|line| parser.line(line)).collect();
+        let told: Vec<(&str, bool)> =
+            told.iter().map(|(name, passed)| (&**name, *passed)).collect();
+        assert_eq!(told, [("a::good", true), ("bad", false), ("dies", true)]);
         let message = parser.failure("bad").expect("it failed");
         assert_eq!(
             message,

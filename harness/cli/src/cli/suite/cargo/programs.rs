@@ -40,6 +40,8 @@ impl TestProgram {
 #[derive(Default)]
 pub(in crate::cli) struct Programs {
     root: PathBuf,
+    /// The packages of Cargo that they are of; empty: all.
+    packages: Vec<String>,
     programs: Vec<TestProgram>,
     /// Files that Rust includes, with sources.
     sources: HashSet<PathBuf>,
@@ -50,6 +52,11 @@ pub(in crate::cli) struct Programs {
 impl Programs {
     pub(in crate::cli) fn of(root: &Path) -> Self {
         Self { root: root.to_owned(), ..Self::default() }
+    }
+
+    /// Those of some packages alone.
+    pub(in crate::cli) fn only(self, packages: &[String]) -> Self {
+        Self { packages: packages.to_vec(), ..self }
     }
 
     pub(in crate::cli) fn all(&self) -> impl Iterator<Item = &TestProgram> {
@@ -77,7 +84,9 @@ impl Programs {
         self.built = false;
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
-        command.current_dir(&self.root).args(["test", "--no-run", "--workspace", "--tests"]);
+        command.current_dir(&self.root).args(["test", "--no-run", "--tests"]);
+        command.args(self.packages.is_empty().then_some("--workspace"));
+        command.args(self.packages.iter().flat_map(|name| ["-p", name]));
         command.arg("--message-format=json-render-diagnostics");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().context("can't run `cargo`")?;

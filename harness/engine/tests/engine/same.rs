@@ -1,0 +1,60 @@
+//! Programs that are known to compute the same.
+
+use karat_engine::{Program, Settings};
+
+use crate::common;
+
+fn is_same(a: &str, b: &str) -> bool {
+    let [a, b] = [a, b].map(|body| {
+        let (module, info) = common::module(&format!("fn f(x: f32, y: f32) -> f32 {{ {body} }}"));
+        let settings = Settings { identities: true, ..Settings::default() };
+        Program::function(&module, &info, "f", &settings).expect("it lowers")
+    });
+    assert!(a.is_same(&a) && b.is_same(&b) && a.is_same(&b) == b.is_same(&a));
+    a.is_same(&b)
+}
+
+#[test]
+fn identities_hold_for_every_number() {
+    for (a, b) in [
+        ("return x * 2.0;", "return x + x;"),
+        ("return 2.0 * x;", "return x + x;"),
+        ("return x * 1.0 + y;", "return x + y;"),
+        ("return y + x;", "return x + y;"),
+        ("return x / 1.0;", "return x;"),
+        ("return x - 0.0;", "return x;"),
+        ("return x / 4.0;", "return 0.25 * x;"),
+        ("let unused = x * 3.0; return y;", "let unused = x * 5.0; return y;"),
+        ("return x * (1.0 + 1.0);", "return x + x;"),
+    ] {
+        assert!(is_same(a, b), "{a} is {b}");
+        // What the machine computes is the same, too.
+        let [a, b] = [a, b].map(|body| format!("fn f(x: f32, y: f32) -> f32 {{ {body} }}"));
+        let special = [0.0, -0.0, 1.5, -3.0e38, f32::INFINITY, f32::NAN, 1.0e-45, 1.0e-38, 3.3];
+        let rows: Vec<f32> =
+            special.iter().flat_map(|x| special.map(|y| [*x, y])).flatten().collect();
+        let bits = |text: &str| -> Vec<u32> {
+            let all = common::floats(text, &rows).into_iter();
+            all.map(|x| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() }).collect()
+        };
+        assert_eq!(bits(&a), bits(&b), "{a}\n{b}");
+    }
+}
+
+/// One that differs for a single number, for a zero or for NaN alone isn't the same.
+#[test]
+fn what_differs_somewhere_is_not_the_same() {
+    for (a, b) in [
+        ("return x + 0.0;", "return x;"),
+        ("return x * 0.0;", "return 0.0;"),
+        ("return x - x;", "return 0.0;"),
+        ("return x / 3.0;", "return x * 0.33333334;"),
+        ("return x / 3.0e38;", "return x * 3.3333333e-39;"),
+        ("if (x == 0.125) { return 1.0; } return y;", "if (x == 0.125) { return 2.0; } return y;"),
+        ("return select(y, x, x == x);", "return x;"),
+        ("return x - y;", "return y - x;"),
+        ("return max(x, y);", "return max(y, x);"),
+    ] {
+        assert!(!is_same(a, b), "{a} isn't {b}");
+    }
+}
