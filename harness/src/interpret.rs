@@ -66,7 +66,7 @@ pub struct Interpreted {
     /// How a case becomes the four pixels of a quad, if it is one.
     quads: Option<Quads>,
     results: Vec<Scalar>,
-    function: Function,
+    function: Box<Function>,
     /// Knows the author's places.
     program: Arc<Program>,
     /// Rounds of loops that a case may make.
@@ -127,7 +127,7 @@ impl Interpreted {
             arguments,
             quads: (function.form.fragment || varies).then(|| Quads::of(function)),
             results: function.result.lanes(),
-            function: function.clone(),
+            function: Box::new(function.clone()),
             flush: false,
             program: Arc::clone(program),
             // What has a bound ends. The round in which a loop is left counts here, and there are at most

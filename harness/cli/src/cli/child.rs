@@ -2,10 +2,12 @@
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use anyhow::Context;
 use karat::unstable::output::{Output, with_colours};
+use tempfile::TempDir;
 
 /// Runs a program whose output is ours. Terminals show it as it comes, with its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
@@ -95,4 +97,21 @@ fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> a
         line(&with_colours(text.strip_suffix('\r').unwrap_or(&text)))?;
     }
     Ok(())
+}
+
+/// Runs a process over a temporary folder. Ctrl-C reaches that process, too: this one stays until the folder is gone.
+pub(super) fn status_over(
+    command: &mut Command,
+    folder: TempDir,
+) -> anyhow::Result<(ExitStatus, TempDir)> {
+    static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
+        .context("can't wait for Ctrl-C")?;
+    let status = command.status()?;
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        drop(folder);
+        const SIGINT: i32 = 130; // 128 and the number of SIGINT, as shells have it
+        std::process::exit(SIGINT);
+    }
+    Ok((status, folder))
 }

@@ -13,11 +13,12 @@ use karat::unstable::interpret::{Ran, statements_of};
 use karat::unstable::output::counted;
 use karat::unstable::reflect::Program;
 use karat_suite::Suite;
+use tempfile::TempDir;
 
 use super::git::lines_since;
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
-use super::{Ending, Outcome, PlaceArgs, suite, write_json};
+use super::{Ending, Outcome, PlaceArgs, child, suite, write_json};
 
 mod html;
 mod lcov;
@@ -68,7 +69,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     );
     let project = Project::find()?;
     let folder = tempfile::tempdir().context("no temporary folder")?;
-    let passed = tests(args, folder.path(), paths.iter().all(is_engine))?;
+    let (passed, folder) = tests(args, folder, paths.iter().all(is_engine))?;
     let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
     ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
     let mut packages = project.packages(&args.place.package())?;
@@ -145,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 /// Runs the tests, with what they print beside this command's results. Whether they passed.
-fn tests(args: &Args, folder: &std::path::Path, only_engine: bool) -> anyhow::Result<bool> {
+fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
     let place = args.place.package();
@@ -154,15 +155,16 @@ fn tests(args: &Args, folder: &std::path::Path, only_engine: bool) -> anyhow::Re
         command.args(["--feature", &feature]);
     }
     command.args(&args.more).stdout(Stdio::from(std::io::stderr()));
-    command.env("KARAT_PATHS", &args.paths).env("KARAT_COVERAGE", folder);
+    command.env("KARAT_PATHS", &args.paths).env("KARAT_COVERAGE", folder.path());
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_CASE", "KARAT_INPUT"] {
         command.env_remove(setting);
     }
     command.envs(only_engine.then_some(("KARAT_FRAMES", "off")));
-    let status = command.status().context("the tests can't be run")?;
+    let (status, folder) =
+        child::status_over(&mut command, folder).context("the tests can't be run")?;
     match status.code() {
-        Some(0) => Ok(true),
-        Some(1) => Ok(false),
+        Some(0) => Ok((true, folder)),
+        Some(1) => Ok((false, folder)),
         // They have said why.
         Some(2 | 3) => Err(super::Reported.into()),
         _ => anyhow::bail!("the tests ended without a result ({status})"),

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -22,7 +21,7 @@ use super::git::lines_since;
 use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::test::some;
-use super::{Ending, Outcome, PlaceArgs, report, write_json};
+use super::{Ending, Outcome, PlaceArgs, child, report, write_json};
 
 mod rust;
 mod stryker;
@@ -225,16 +224,9 @@ fn apart(path: &str) -> Outcome {
     }
     // Tests in Rust leave their frames out, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
-    // The signal reaches that process, too; this one stays until its folder is gone.
-    static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed))
-        .context("can't wait for Ctrl-C")?;
-    let status = command.status().context("the mutants can't be tried")?;
+    let (status, scratch) =
+        child::status_over(&mut command, scratch).context("the mutants can't be tried")?;
     drop(scratch);
-    if INTERRUPTED.load(Ordering::Relaxed) {
-        const SIGINT: i32 = 130; // 128 and the number of SIGINT, as shells have it
-        std::process::exit(SIGINT);
-    }
     match status.code() {
         Some(0) => Ok(Ending::Good),
         Some(1) => Ok(Ending::Bad),
