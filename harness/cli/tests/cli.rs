@@ -491,7 +491,7 @@ fn doctor_tells_which_paths_open() {
     let ran = output(command(folder, &["doctor"]).env("KARAT_SEED", "0x7").env("KARAT_PATHS", ""));
     assert!(ran.out.contains("\nKARAT_SEED       = 0x7\n"), "{ran:?}");
     assert!(ran.out.contains("\nKARAT_PATHS      not set\n"), "{ran:?}");
-    assert!(report["settings"].as_array().is_some_and(|settings| settings.len() == 16), "{report}");
+    assert!(report["settings"].as_array().is_some_and(|settings| settings.len() == 17), "{report}");
     let named = output(command(folder, &["doctor"]).env("KARAT_EXECUTORS", "mine=/nowhere/at/all"));
     assert!(
         named.out.contains("\nprocess@mine execution path `process@mine` is unavailable"),
