@@ -30,6 +30,9 @@ pub struct Dependence {
     wanted: Wanted,
     of: Of,
     normalized_text: String,
+    /// The authors' paths of what it declares; none of what isn't valid.
+    #[serde(default)]
+    declares: Vec<String>,
 }
 
 /// What of a program a test depends on.
@@ -92,6 +95,13 @@ impl Dependence {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
+    /// True if an edit of a declaration may change it: `brdf::schlick`, or what another package calls so.
+    #[must_use]
+    pub fn may_declare(&self, path: &str) -> bool {
+        let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));
+        self.declares.is_empty() || self.declares.iter().any(is_it)
+    }
+
     fn is_same(&self, package: &Package) -> bool {
         normalized_text(&kept::again(package, &self.wanted), self.of) == self.normalized_text
     }
@@ -140,7 +150,9 @@ fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, Refle
     let test = std::thread::current().name().unwrap_or_default().to_owned();
     let portable = package.portable();
     let (wanted, normalized_text) = (wanted.clone(), normalized_text(program, of));
-    let dependence = Dependence { test, package: portable, wanted, of, normalized_text };
+    let names = program.as_ref().ok().map(|program| program.linked.names.values().cloned());
+    let declares = names.into_iter().flatten().collect();
+    let dependence = Dependence { test, package: portable, wanted, of, normalized_text, declares };
     let Ok(mut line) = serde_json::to_string(&dependence) else { return };
     let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
     if !seen.insert((dependence.test, line.clone())) {

@@ -165,7 +165,8 @@ impl RustTests {
         std::fs::write(&file, &text)?;
         // A file that another process can't open is text in memory, which no overlay replaces.
         let changes = |(one, _): &&(Dependence, BTreeSet<String>)| {
-            one.is_current_with(&candidate.file, &text) == Some(false)
+            one.may_declare(&candidate.path())
+                && one.is_current_with(&candidate.file, &text) == Some(false)
         };
         let users: BTreeSet<&String> =
             self.made.iter().filter(changes).flat_map(|(_, users)| users).collect();
