@@ -25,7 +25,7 @@ pub struct Statement {
     pub span: Span,
     /// What it is.
     pub kind: StatementKind,
-    /// True if something that leaves the program is computed from it.
+    /// True if a result depends on it, what it writes, whether it ends, or what the sanitizer sees.
     pub needed: bool,
     /// Its operations, from the first to behind the last.
     pub(crate) start: u32,
@@ -284,8 +284,8 @@ impl StatementKind {
     }
 }
 
-/// The operations that something which leaves the program is computed from: a result, or what is written into a buffer that
-/// outlives it. Of control flow those that decide about one of them.
+/// The operations that something which a test sees depends on: a result, what is written into a buffer that outlives the
+/// program, whether it ends, and in a pass what the sanitizer looks at. Of control flow those that decide about one of them.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Op, Option<usize>)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
@@ -349,7 +349,14 @@ impl Needed<'_> {
                 }
                 target.is_some_and(|frame| self.frames[frame].1)
             }
-            Op::ImageStore(_) | Op::Discard | Op::Barrier(_) => true,
+            // Whether a loop ends is seen. In a pass the sanitizer looks at each access and at each index.
+            Op::ImageStore(_) | Op::Discard | Op::Barrier(_) | Op::Round | Op::BreakIf => true,
+            Op::Load(_, walk) if self.code.may_race(walk) => true,
+            Op::Write(..) | Op::Atomic(_) | Op::Gather(..) | Op::Scatter(..)
+                if self.code.workgroup != [0; 3] =>
+            {
+                true
+            }
             Op::Write(_, walk) | Op::Atomic(walk) => {
                 let written = self.buffers[self.walk(walk).buffer as usize];
                 written || registers().any(|one| one.written && is(one.file, one.at))
@@ -359,7 +366,7 @@ impl Needed<'_> {
             }
             // It saves time, and belongs to the loop that it stands behind.
             Op::Skip | Op::Wrap(_) | Op::Mark(_) | Op::Halt => false,
-            op if parts(op) || op == Op::Round => frame.is_some_and(|frame| self.frames[frame].1),
+            op if parts(op) => frame.is_some_and(|frame| self.frames[frame].1),
             _ => registers().any(|one| one.written && is(one.file, one.at)),
         }
     }

@@ -53,7 +53,8 @@ pub struct Settings {
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,
-    /// Whether what is one number by an identity is one operation, too: `x * 2` is `x + x`.
+    /// Whether programs are compared: what is one number by an identity is one operation, too (`x * 2` is `x + x`), and what is
+    /// left in private variables is a result.
     pub identities: bool,
     /// Whether statements are listed, whose runs can then be counted.
     pub statements: bool,
@@ -249,8 +250,35 @@ impl<'m> Lower<'m> {
                 self.code.results.push((own, scalar));
             }
         }
+        if self.settings.identities {
+            self.private_results()?;
+        }
         self.emit(Op::Halt, &[], &[])?;
         Ok(self.code)
+    }
+
+    /// Private variables as results: who calls the function sees what it leaves in them.
+    fn private_results(&mut self) -> Lowered<()> {
+        let module = self.module;
+        for (handle, variable) in module.global_variables.iter() {
+            let Some(Value::Place(place)) = self.globals.get(&handle).cloned() else { continue };
+            if variable.space != AddressSpace::Private {
+                continue;
+            }
+            if let Value::Flat(registers) = self.load(&place)? {
+                for register in registers.iter() {
+                    let own = self.fresh(register.file);
+                    self.emit(Op::Move(register.file), &[own], &[*register])?;
+                    let scalar = match register.file {
+                        File::Float => Scalar::F32,
+                        File::Int => Scalar::U32,
+                        File::Bool => Scalar::Bool,
+                    };
+                    self.code.results.push((own, scalar));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Overrides and private variables that the function uses, before anything else.

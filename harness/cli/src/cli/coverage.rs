@@ -1,6 +1,6 @@
 //! `karat coverage`
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -52,11 +52,11 @@ pub(super) struct Args {
     /// The paths that tests run on: `cpu` alone counts
     #[arg(long, value_name = "PATHS", default_value = "cpu")]
     paths: String,
+    #[command(flatten)]
+    place: PlaceArgs,
     /// More arguments of `karat test`
     #[arg(last = true, value_name = "ARGUMENTS")]
     more: Vec<String>,
-    #[command(flatten)]
-    place: PlaceArgs,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -68,11 +68,18 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         args.paths
     );
     let project = Project::find()?;
+    // What can't be measured is told before the tests run.
+    let mut packages = project.packages(&args.place.package())?;
+    let mut changed = BTreeMap::new();
+    for package in &packages {
+        if let Some(revision) = &args.in_diff {
+            changed.extend(lines_since(revision, &package.root())?);
+        }
+    }
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let (passed, folder) = tests(args, folder, paths.iter().all(is_engine))?;
     let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
     ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
-    let mut packages = project.packages(&args.place.package())?;
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
@@ -88,12 +95,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         invalid.extend(add(&mut union, package)?);
     }
     ran.iter().for_each(|ran| union.run(ran));
-    if let Some(revision) = &args.in_diff {
-        let mut lines = std::collections::BTreeMap::new();
-        for package in &packages {
-            lines.extend(lines_since(revision, &package.root())?);
-        }
-        union.keep_lines(&lines);
+    if args.in_diff.is_some() {
+        union.keep_lines(&changed);
     }
     let sum = union.sum();
     if let Some(file) = &args.lcov {
@@ -113,6 +116,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let good = passed && enough;
     if args.json {
         write_json(&union.as_json(), out)?;
+    } else if let (Some(revision), 0, true) = (&args.in_diff, sum.lines, passed) {
+        writeln!(out, "{DIM}no line of a shader has changed since {revision}{DIM:#}")?;
     } else {
         write_files(&union, out)?;
         write_variants(&union, out)?;
@@ -135,8 +140,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
         }
         if !passed {
-            parts.push("tests failed, see above".to_owned());
-        } else if !enough {
+            parts
+                .push("tests failed, see above: what they ran after that isn't counted".to_owned());
+        }
+        if !enough {
             parts.push(format!("{least}% of the lines are asked for"));
         }
         let style = if good { GOOD } else { BAD };

@@ -320,9 +320,16 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
                     many => format!("{many} tests pass with it"),
                 };
                 let word = if hidden.is_some() { "hidden" } else { "lived" };
-                let by = hidden.iter().map(|Hidden { test, ratios }| {
-                    let [before, after] = ratios.map(|ratio| format!("{:.3}%", 100.0 * ratio));
-                    format!("hidden by the tolerance of `{test}`: its largest error grows from {before} to {after} of the bound")
+                let by = hidden.iter().map(|Hidden { test, ratios: [before, after] }| {
+                    let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
+                    match *after > 0.0 {
+                        true => format!(
+                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound, and {} without the mutant",
+                            percent(after),
+                            percent(before)
+                        ),
+                        false => format!("hidden by what `{test}` asserts: it sees other values, and allows them"),
+                    }
                 });
                 (BAD, word, lines(&tests, why).into_iter().chain(by).collect())
             }

@@ -81,14 +81,28 @@ fn rounds_are_told_apart() {
 #[test]
 fn what_no_result_depends_on_is_not_needed() {
     let text = "fn f(x: f32) -> f32 {\n    let used = x * 2.0;\n    let unused = x * 3.0;\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    var dead = 0.0;\n    \
-                if (x > 4.0) { dead = unused; }\n    if (x > 5.0) { a[u32(x) % 3u] = x * 6.0; }\n    if (x > 7.0) { return x * 8.0; }\n    \
-                for (var i = 0; i < 9; i += 1) { dead += x * 10.0; }\n    return used + a[u32(x) % 2u];\n}\n";
+                if (x > 4.0) { dead = unused; }\n    if (x > 5.0) { a[u32(x) % 3u] = x * 6.0; }\n    a[1] = x * 9.0;\n    var b = array<f32, 3>();\n    b[u32(x) % 3u] = x * 11.0;\n    if (x > 7.0) { return x * 8.0; }\n    \
+                for (var i = 0; i < 9; i += 1) { dead += x * 10.0; }\n    return used + a[u32(x) % 2u] + b[2];\n}\n";
     let all = counted(text, &[1.0, 6.0, 9.0]);
-    let needed = |text: &str| all.iter().any(|one| one.0.contains(text) && one.2);
-    for used in ["x * 2.0", "x * 6.0", "x * 8.0", "if (x > 5.0)", "if (x > 7.0)", "used + a"] {
+    let is = |one: &(String, StatementKind, bool, Count), text: &str| {
+        one.0.contains(text) && one.2 && one.1 != StatementKind::Loop
+    };
+    let needed = |text: &str| all.iter().any(|one| is(one, text));
+    for used in [
+        "x * 2.0",
+        "x * 6.0",
+        "x * 9.0",
+        "x * 11.0",
+        "x * 8.0",
+        "if (x > 5.0)",
+        "if (x > 7.0)",
+        "used + a",
+    ] {
         assert!(needed(used), "{used} is needed: {all:#?}");
     }
-    for unused in ["x * 3.0", "dead = unused", "if (x > 4.0)", "x * 10.0", "for ("] {
+    // Whether a loop ends is seen, and not what it adds up.
+    assert!(needed("i < 9"), "{all:#?}");
+    for unused in ["x * 3.0", "dead = unused", "if (x > 4.0)", "dead += x * 10.0;"] {
         assert!(!needed(unused), "{unused} isn't needed: {all:#?}");
     }
 }
@@ -97,7 +111,7 @@ fn what_no_result_depends_on_is_not_needed() {
 #[test]
 fn invocations_are_counted() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\nvar<workgroup> sum: u32;\nvar<workgroup> lost: u32;\n\
-                @compute @workgroup_size(8) fn f(@builtin(global_invocation_id) id: vec3u) {\n    if (id.x == 3u) { sum = 7u; }\n    \
+                @compute @workgroup_size(8) fn f(@builtin(global_invocation_id) id: vec3u) {\n    let unread = id.x * 5u;\n    if (id.x == 3u) { sum = 7u; }\n    \
                 if (id.x == 4u) { lost = 8u; }\n    workgroupBarrier();\n    if (id.x < 10u) { out[id.x] = sum; }\n}\n";
     let (module, info) = common::module(text);
     let settings = Settings { statements: true, ..Settings::default() };
@@ -114,7 +128,8 @@ fn invocations_are_counted() {
         own.map(|(one, count)| (count.lanes, count.first, one.needed)).expect("it is listed")
     };
     assert_eq!(lanes("sum = 7u"), (1, Some(3), true));
-    assert_eq!(lanes("lost = 8u"), (1, Some(4), false), "nothing reads it");
+    assert_eq!(lanes("lost = 8u"), (1, Some(4), true), "the sanitizer looks at it");
+    assert_eq!(lanes("id.x * 5u"), (16, Some(0), false), "nothing reads it");
     assert_eq!(lanes("out[id.x] = sum"), (10, Some(0), true));
     assert_eq!(lanes("workgroupBarrier"), (16, Some(0), true));
 }

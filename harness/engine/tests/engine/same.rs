@@ -41,6 +41,21 @@ fn identities_hold_for_every_number() {
     }
 }
 
+/// What is left in a private variable is seen by who calls the function.
+#[test]
+fn private_variables_are_results() {
+    let lowered = |value: &str| {
+        let text = format!(
+            "var<private> flag: bool;\nvar<private> unused: bool;\nfn f(x: f32) -> f32 {{ flag = x > {value}; return x; }}"
+        );
+        let (module, info) = common::module(&text);
+        let settings = Settings { identities: true, ..Settings::default() };
+        Program::function(&module, &info, "f", &settings).expect("it lowers")
+    };
+    assert!(lowered("0.3").is_same(&lowered("0.3")));
+    assert!(!lowered("0.3").is_same(&lowered("0.6")));
+}
+
 /// One that differs for a single number, for a zero or for NaN alone isn't the same.
 #[test]
 fn what_differs_somewhere_is_not_the_same() {

@@ -166,7 +166,7 @@ impl Union {
                 let tests: BTreeSet<&String> =
                     line.seen.iter().flat_map(|seen| seen.tests.keys()).collect();
                 serde_json::json!({
-                    "line": number, "count": line.count, "measured": line.measured, "looked_at": !line.weak, "tests": tests,
+                    "line": number, "count": line.count, "measured": line.measured, "looked_at": (line.count > 0).then_some(!line.weak), "tests": tests,
                 })
             });
             let branches = own.branches().map(|seen| {
@@ -272,6 +272,10 @@ impl File {
             if !never.is_empty() {
                 let what = match seen.sum.kind {
                     CountedKind::Clause(number) => format!("clause {} of `switch`", number + 1),
+                    // A line may have several.
+                    kind @ (CountedKind::Logical | CountedKind::Select) => {
+                        format!("`{}` at column {}", word(kind), seen.sum.column)
+                    }
                     kind => format!("`{}`", word(kind)),
                 };
                 let [line, _] = seen.sum.lines;
