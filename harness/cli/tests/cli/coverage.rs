@@ -93,7 +93,8 @@ fn lcov_is_what_lcov_reads() {
         .current_dir(folder.path())
         .output();
     let Ok(summary) = summary else {
-        assert!(std::env::var_os("CI").is_none(), "CI has lcov");
+        // `cargo ci setup` installs it there.
+        assert!(!cfg!(target_os = "linux") || std::env::var_os("CI").is_none(), "CI has lcov");
         return;
     };
     let both = [summary.stdout, summary.stderr].concat();
