@@ -125,31 +125,41 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_missing(&union, out)?;
         }
         let tests: BTreeSet<&str> = ran.iter().map(|ran| &*ran.test).collect();
-        let mut parts = vec![format!("{sum} by {}", counted(tests.len(), "test"))];
-        if sum.weak > 0 {
-            let lines = counted(sum.weak, "line");
-            parts.push(format!("no test looks at the value of {lines}"));
-        }
-        if sum.unmeasured > 0 {
-            let lines = counted(sum.unmeasured, "line");
-            parts.push(format!("{lines} not measured: frames and drivers alone run them"));
-        }
-        if !invalid.is_empty() {
-            let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
-            let named = super::test::some(&invalid);
-            parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
-        }
-        if !passed {
-            parts
-                .push("tests failed, see above: what they ran after that isn't counted".to_owned());
-        }
-        if !enough {
-            parts.push(format!("{least}% of the lines are asked for"));
-        }
+        let short = (!enough).then_some(least);
+        let parts = parts(&sum, tests.len(), &invalid, passed, short);
         let style = if good { GOOD } else { BAD };
         writeln!(out, "{style}{}{style:#}", parts.join("; "))?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// The last line: the figures, and what isn't in them. `short` is what was asked for and isn't reached.
+fn parts(
+    sum: &Sum,
+    tests: usize,
+    invalid: &[String],
+    passed: bool,
+    short: Option<f64>,
+) -> Vec<String> {
+    let mut parts = vec![format!("{sum} by {}", counted(tests, "test"))];
+    if sum.weak > 0 {
+        let lines = counted(sum.weak, "line");
+        parts.push(format!("no test looks at the value of {lines}"));
+    }
+    if sum.unmeasured > 0 {
+        let lines = counted(sum.unmeasured, "line");
+        parts.push(format!("{lines} not measured: frames and drivers alone run them"));
+    }
+    if !invalid.is_empty() {
+        let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
+        let named = super::test::some(&invalid);
+        parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
+    }
+    if !passed {
+        parts.push("tests failed, see above: what they ran after that isn't counted".to_owned());
+    }
+    parts.extend(short.map(|least| format!("{least}% of the lines are asked for")));
+    parts
 }
 
 /// Runs the tests, with what they print beside this command's results. Whether they passed.

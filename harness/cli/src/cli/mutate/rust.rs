@@ -152,17 +152,9 @@ impl RustTests {
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
         let text = candidate.mutant.applied(&candidate.text);
-        let root = package.root();
-        // As an overlay names it, beside modules of other packages.
-        let below = match root.is_file() {
-            true => root.file_name().map(Path::new).unwrap_or(&root).to_owned(),
-            false => Path::new(&package.name()).join(candidate.file.strip_prefix(&root)?),
-        };
         let scratch = tempfile::tempdir().context("no temporary folder")?;
         let (overlay, records) = (scratch.path().join("overlay"), scratch.path().join("record"));
-        let file = overlay.join(below);
-        std::fs::create_dir_all(file.parent().unwrap_or(&overlay))?;
-        std::fs::write(&file, &text)?;
+        write_overlay(&overlay, package, candidate, &text)?;
         // A file that another process can't open is text in memory, which no overlay replaces.
         let changes = |(one, _): &&(Dependence, BTreeSet<String>)| {
             one.may_declare(&candidate.path())
@@ -279,6 +271,23 @@ impl RustTests {
             ran.map(|()| was_ended)
         })
     }
+}
+
+/// Writes a module's text into an overlay: under its name there, beside modules of other packages.
+fn write_overlay(
+    overlay: &Path,
+    package: &Package,
+    candidate: &Candidate,
+    text: &str,
+) -> anyhow::Result<()> {
+    let root = package.root();
+    let below = match root.is_file() {
+        true => root.file_name().map(Path::new).unwrap_or(&root).to_owned(),
+        false => Path::new(&package.name()).join(candidate.file.strip_prefix(&root)?),
+    };
+    let file = overlay.join(below);
+    std::fs::create_dir_all(file.parent().unwrap_or(overlay))?;
+    Ok(std::fs::write(&file, text)?)
 }
 
 impl Others for OfPackage<'_> {
