@@ -371,7 +371,7 @@ thread_local! {
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 
-/// What the checks of a test saw.
+/// The values that the checks of a test saw.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
     /// Stands for all values that they judged, in their order.
@@ -381,7 +381,7 @@ pub struct Seen {
 }
 
 thread_local! {
-    /// What the checks of this thread saw, where somebody asks.
+    /// The values that the checks of this thread saw, within [`unrecorded`].
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 

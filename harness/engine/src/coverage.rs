@@ -23,7 +23,7 @@ pub struct Statement {
     pub call: usize,
     /// Its bytes in the source.
     pub span: Span,
-    /// What it is.
+    /// Its kind.
     pub kind: StatementKind,
     /// True if a result depends on it, what it writes, whether it ends, or what the sanitizer sees.
     pub needed: bool,
@@ -67,7 +67,7 @@ struct Counter {
     ways: [AtomicU64; WAYS],
 }
 
-/// What is known of a statement.
+/// The counts of a statement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
     /// How many lanes came to it.
@@ -113,7 +113,7 @@ impl Counts {
         }
     }
 
-    /// Lanes select by a condition; once both ways were taken nobody looks.
+    /// Lanes select by a condition. Once both ways were taken the counts stay.
     pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
@@ -287,13 +287,13 @@ impl StatementKind {
 /// The operations that something which a test sees depends on: a result, what is written into a buffer that outlives the
 /// program, whether it ends, and in a pass what the sanitizer looks at. Of control flow those that decide about one of them.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
-    let mut frames: Vec<(Op, Option<usize>)> = Vec::new();
+    let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
     let mut open: Vec<usize> = Vec::new();
     for instruction in &code.instructions {
         let ends = matches!(instruction.op, Op::EndIf | Op::EndSwitch | Op::EndLoop | Op::EndCall);
         if matches!(instruction.op, Op::If | Op::Switch | Op::Loop | Op::Call) {
-            frames.push((instruction.op, open.last().copied()));
+            frames.push((open.last().copied(), false));
             open.push(frames.len() - 1);
         }
         frame_of.push(open.last().copied());
@@ -303,7 +303,7 @@ pub(crate) fn needed(code: &Code) -> Vec<bool> {
     }
     let mut analysis = Needed {
         code,
-        frames: frames.iter().map(|(_, outer)| (*outer, false)).collect(),
+        frames,
         registers: code.registers.map(|count| vec![false; count as usize]),
         buffers: code.buffers.iter().map(|slot| slot.binding != Binding::Workgroup).collect(),
     };
@@ -327,7 +327,7 @@ pub(crate) fn needed(code: &Code) -> Vec<bool> {
 
 struct Needed<'c> {
     code: &'c Code,
-    /// What encloses each branch, loop and call, and whether something in it is needed.
+    /// For each branch, loop and call its enclosing one, and true if something in it is needed.
     frames: Vec<(Option<usize>, bool)>,
     registers: [Vec<bool>; 3],
     buffers: Vec<bool>,
@@ -349,7 +349,7 @@ impl Needed<'_> {
                 }
                 target.is_some_and(|frame| self.frames[frame].1)
             }
-            // Whether a loop ends is seen. In a pass the sanitizer looks at each access and at each index.
+            // A test sees that a loop ends. In a pass the sanitizer looks at each access and at each index.
             Op::ImageStore(_) | Op::Discard | Op::Barrier(_) | Op::Round | Op::BreakIf => true,
             Op::Load(_, walk) if self.code.may_race(walk) => true,
             Op::Write(..) | Op::Atomic(_) | Op::Gather(..) | Op::Scatter(..)

@@ -53,10 +53,10 @@ pub struct Settings {
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,
-    /// Whether programs are compared: what is one number by an identity is one operation, too (`x * 2` is `x + x`), and what is
-    /// left in private variables is a result.
+    /// True for programs that are to be compared: operations that give one number by an identity are one (`x * 2` is `x + x`),
+    /// and private variables are results.
     pub identities: bool,
-    /// Whether statements are listed, whose runs can then be counted.
+    /// True if statements are listed, whose runs can then be counted.
     pub statements: bool,
 }
 

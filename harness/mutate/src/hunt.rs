@@ -216,7 +216,7 @@ struct Judge {
     name: String,
     /// `None` where that text can't be found.
     made_of: Option<String>,
-    /// What its checks see without a mutant.
+    /// The values that its checks see without a mutant.
     seen: Seen,
     took: Duration,
 }

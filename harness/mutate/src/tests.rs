@@ -92,7 +92,7 @@ fn tolerances_hide_what_they_allow() {
     assert!(matches!(of(&hunted, "scaled", "100.0", "200.0").fate, Fate::Killed { .. }));
 }
 
-/// What no result needs, and what is one number by an identity, is the same shader.
+/// A value that no result needs, and one number by an identity, make no other shader.
 #[test]
 fn equal_mutants_are_no_gaps() {
     let shader = "fn f(x: f32) -> f32 { let unused = x * 3.0; return x * 1.0; }\n\

@@ -37,7 +37,7 @@ pub struct Counted {
     pub column: usize,
     /// The function: `fresnel::schlick`.
     pub function: String,
-    /// What it is.
+    /// Its kind.
     pub kind: CountedKind,
     /// How many cases, pixels or invocations came; `None` where it isn't known, since no engine ran it.
     pub count: Option<u64>,
@@ -100,7 +100,7 @@ impl Counted {
         }
     }
 
-    /// What is the same of all runs.
+    /// The place and the kind, which all runs have in common.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -108,7 +108,7 @@ impl Counted {
 }
 
 impl Ran {
-    /// What the tests of a run wrote down.
+    /// All that the tests of a run wrote down.
     ///
     /// # Errors
     /// If a file can't be read, or holds something else.

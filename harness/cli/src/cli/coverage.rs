@@ -10,7 +10,7 @@ use karat::Package;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::image::write_whole;
 use karat::unstable::interpret::{Ran, statements_of};
-use karat::unstable::output::counted;
+use karat::unstable::output::{counted, tell};
 use karat::unstable::reflect::Program;
 use karat_suite::Suite;
 use tempfile::TempDir;
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         args.paths
     );
     let project = Project::find()?;
-    // What can't be measured is told before the tests run.
+    // Errors of the arguments come before the tests run.
     let mut packages = project.packages(&args.place.package())?;
     let mut changed = BTreeMap::new();
     for package in &packages {
@@ -114,8 +114,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         None => args.in_diff.is_some(),
     };
     let good = passed && enough;
+    let tests: BTreeSet<&str> = ran.iter().map(|ran| &*ran.test).collect();
+    let short = (!enough).then_some(least);
+    let parts = parts(&sum, tests.len(), &invalid, passed, short);
     if args.json {
         write_json(&union.as_json(), out)?;
+        tell(&parts.join("; "));
     } else if let (Some(revision), 0, true) = (&args.in_diff, sum.lines, passed) {
         writeln!(out, "{DIM}no line of a shader has changed since {revision}{DIM:#}")?;
     } else {
@@ -124,9 +128,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         if args.missing {
             write_missing(&union, out)?;
         }
-        let tests: BTreeSet<&str> = ran.iter().map(|ran| &*ran.test).collect();
-        let short = (!enough).then_some(least);
-        let parts = parts(&sum, tests.len(), &invalid, passed, short);
         let style = if good { GOOD } else { BAD };
         writeln!(out, "{style}{}{style:#}", parts.join("; "))?;
     }
@@ -228,7 +229,7 @@ fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// What each variant ran, if there are several.
+/// The lines that each variant ran, if there are several.
 fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let variants = union.variants();
     if variants.len() < 2 {

@@ -176,7 +176,7 @@ fn nothing_is_measured_without_evidence() {
     assert_eq!(red.code, Some(1));
     assert!(red.out.contains("tests failed, see above"), "{red:?}");
     assert!(red.err.contains("calc::looked_at equals"), "{red:?}");
-    // What isn't valid is counted, and what can't be written is told.
+    // Invalid modules are counted, and a file that can't be written is an error.
     write(&folder.path().join("shaders"), "broken.wgsl", "fn f() -> f32 { return true; }\n");
     let broken = karat(folder.path(), &["coverage"]);
     assert!(broken.out.contains("1 module not valid: broken"), "{broken:?}");

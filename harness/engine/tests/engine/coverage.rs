@@ -19,7 +19,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let usual = plain.call::<F32>(x.len(), &rows, &Resources::new(), &Options::default(), &());
     assert_eq!(own.expect("it runs").words(), usual.expect("it runs").words());
     let text_of = |span: naga::Span| text[span.to_range().expect("it is written")].to_owned();
-    // What runs is what is there.
+    // Each statement that runs is one that the module has.
     let there = karat_engine::statements(&module);
     let known = |one: &karat_engine::Statement| {
         there.iter().any(|own| (own.span, own.kind) == (one.span, one.kind))
@@ -100,7 +100,7 @@ fn what_no_result_depends_on_is_not_needed() {
     ] {
         assert!(needed(used), "{used} is needed: {all:#?}");
     }
-    // Whether a loop ends is seen, and not what it adds up.
+    // A test sees that a loop ends, and not its sum.
     assert!(needed("i < 9"), "{all:#?}");
     for unused in ["x * 3.0", "dead = unused", "if (x > 4.0)", "dead += x * 10.0;"] {
         assert!(!needed(unused), "{unused} isn't needed: {all:#?}");

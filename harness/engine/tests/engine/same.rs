@@ -28,7 +28,7 @@ fn identities_hold_for_every_number() {
         ("return x * (1.0 + 1.0);", "return x + x;"),
     ] {
         assert!(is_same(a, b), "{a} is {b}");
-        // What the machine computes is the same, too.
+        // The machine computes the same numbers, too.
         let [a, b] = [a, b].map(|body| format!("fn f(x: f32, y: f32) -> f32 {{ {body} }}"));
         let special = [0.0, -0.0, 1.5, -3.0e38, f32::INFINITY, f32::NAN, 1.0e-45, 1.0e-38, 3.3];
         let rows: Vec<f32> =
@@ -41,7 +41,7 @@ fn identities_hold_for_every_number() {
     }
 }
 
-/// What is left in a private variable is seen by who calls the function.
+/// A caller sees the private variables that a function leaves.
 #[test]
 fn private_variables_are_results() {
     let lowered = |value: &str| {

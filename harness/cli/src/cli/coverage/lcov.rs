@@ -20,7 +20,7 @@ pub(super) fn written(union: &Union) -> String {
     text
 }
 
-/// What a test ran of a file. `None`: what there is, at zero.
+/// The record of a test and a file. `None`: all that there is, at zero.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
     // A name has letters, digits and `_`.

@@ -1,4 +1,4 @@
-//! What all tests ran together, by files.
+//! The lines that all tests ran together, by files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -10,7 +10,7 @@ use karat::unstable::interpret::{Counted, CountedKind, Ran};
 /// A statement's lines, its column and its kind.
 type Key = ([usize; 2], usize, CountedKind);
 
-/// What tests ran, by files.
+/// Files, with the statements that tests ran.
 #[derive(Debug, Default)]
 pub(super) struct Union {
     files: BTreeMap<PathBuf, File>,
@@ -18,7 +18,7 @@ pub(super) struct Union {
     tests: BTreeSet<String>,
 }
 
-/// What tests ran of a file.
+/// The statements of a file.
 #[derive(Debug, Default)]
 pub(super) struct File {
     pub(super) statements: BTreeMap<Key, Seen>,
@@ -35,7 +35,7 @@ pub(super) struct Seen {
     variants: BTreeSet<String>,
 }
 
-/// What a test did at a statement.
+/// A test's visit to a statement.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Came {
     pub(super) count: u64,
@@ -43,7 +43,7 @@ pub(super) struct Came {
     pub(super) taken: Vec<u64>,
 }
 
-/// What is known of a line.
+/// A line, by its statements.
 #[derive(Clone, Debug)]
 pub(super) struct Line<'u> {
     /// How many came.
@@ -56,7 +56,7 @@ pub(super) struct Line<'u> {
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// What is covered, and of how much.
+/// Counts of lines, ways and functions, and of those that are covered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -111,7 +111,7 @@ impl Union {
                 }
             }
             if one.count.is_some_and(|count| count > 0) {
-                // What isn't run says nothing of what is looked at.
+                // A run that doesn't come here says nothing of what is looked at.
                 match seen.sum.count {
                     Some(0) => {
                         let function = std::mem::take(&mut seen.sum.function);
@@ -193,7 +193,7 @@ impl File {
         self.statements.entry((one.lines, one.column, one.kind)).or_insert_with(new)
     }
 
-    /// What is known of each line that has a statement.
+    /// Each line that has a statement.
     pub(super) fn lines(&self) -> BTreeMap<usize, Line<'_>> {
         let mut lines: BTreeMap<usize, Line<'_>> = BTreeMap::new();
         for seen in self.statements.values() {
@@ -248,7 +248,7 @@ impl File {
         }
     }
 
-    /// What is missing, in the order of lines: the first and the last one, what it is, and whether a test could run more.
+    /// The gaps, in the order of lines: the first and the last one, what it is, and whether a test could run more.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {

@@ -20,7 +20,7 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// What a quick test takes. A program of tests starts in some hundredths of a second, which is paid twice.
+/// The time of a quick test. A program of tests starts in some hundredths of a second, which is paid twice.
 const QUICK: Duration = Duration::from_millis(200);
 
 /// All tests of a project.
@@ -33,7 +33,7 @@ pub(super) struct RustTests {
     slow: BTreeSet<String>,
     /// Those that check a function itself, by its name: `brdf::schlick`. They come first.
     direct: BTreeMap<String, BTreeSet<String>>,
-    /// What the checks of each found without a mutant, by their names in front of people.
+    /// The findings of each test's checks without a mutant, by their names in front of people.
     found: BTreeMap<String, Vec<PathRecord>>,
     /// How long a program may take for a mutant.
     limit: Duration,
