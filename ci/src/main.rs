@@ -49,7 +49,7 @@ Examples:
   cargo ci lint             the quick half of CI, before a commit
   cargo ci test             all of CI, before a push
   cargo ci bench -- frames  the benchmarks whose name contains `frames`
-  cargo ci mutants camera   each mutant of a shader module against the module's tests
+  cargo ci mutants camera   the mutants of a shader module against the library's tests
 
 No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processor.";
 
@@ -146,10 +146,10 @@ enum Task {
     },
     /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
     ///
-    /// The tests try a few of them in each run. What became of which is written to
-    /// `target/karat/mutants-made.md`, module by module.
+    /// Runs `karat mutate`, of which `cargo ci test` tries a few. What became of which is written to
+    /// `target/karat/mutation.json`.
     Mutants {
-        /// Only these: a module, a line or a place, such as `brdf`, `brdf:31` or `brdf:31:12`.
+        /// Only these: a module, a function, or the id of a mutant, such as `brdf`, `brdf::schlick` or `b778d00e`.
         names: Vec<String>,
     },
 }

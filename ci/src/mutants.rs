@@ -1,14 +1,13 @@
-//! `cargo ci mutants`: the mutants that `tests/mutants` makes of the shader library.
+//! `cargo ci mutants`: `karat mutate` over the shader library.
 
 use anyhow::Result;
 
 use crate::command;
 
-/// Tries all mutants, or those that are named. The test that tries a few of them does the work.
+/// Tries all mutants, or those of what is named: a module, a function, or the id of a mutant.
 pub(crate) fn run(names: &[String]) -> Result<()> {
-    let test = ["test", "--locked", "--package", "tests", "--test", "mutants", "--", "--exact"];
-    let mut mutants = command::cargo(&test);
-    mutants.args(["mutants_made_by_a_program_are_killed", "--nocapture"]);
-    mutants.env("MUTANTS", if names.is_empty() { "all".to_owned() } else { names.join(",") });
-    command::run(&mut mutants)
+    let mut mutate = command::karat(&["mutate", "--tests", "library::"])?;
+    mutate.args(names.iter().flat_map(|name| ["--only", name]));
+    mutate.args(["--fail-under", "0", "--stryker", "target/karat/mutation.json"]);
+    command::run(&mut mutate)
 }

@@ -1,11 +1,8 @@
 //! The library's own tests as processes, with a fault in place of a module.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::sync::{Mutex, PoisonError, mpsc};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output};
 
 use karat::unstable::record::{self, Record, Subject, Verdict};
 use shaders::PBR;
@@ -16,8 +13,6 @@ use crate::faults::{FAULTS, Fault, SURVIVORS};
 /// The compiled tests of the library, by the name of their file.
 pub(crate) struct Library {
     binaries: BTreeMap<String, PathBuf>,
-    /// Tests that killed mutants of an item, by their file and the item's path.
-    killers: Mutex<BTreeMap<(String, String), BTreeSet<String>>>,
 }
 
 /// What the tests made of a fault.
@@ -43,21 +38,6 @@ pub(crate) struct Caught {
     /// What was asserted: the tolerance, or the statement.
     pub(crate) asserted: String,
 }
-
-/// What a file of tests made of a mutant.
-pub(crate) enum Seen {
-    /// A check of this test failed: the shader is valid, then.
-    Killed(String),
-    /// This test failed without a check, at an assertion of its own.
-    Asserted(String),
-    /// A test ended without a verdict: its check couldn't be made, or took too long.
-    NoVerdict(String),
-    /// The tests passed.
-    Survived,
-}
-
-/// The time that the tests of a file have: many times what they take.
-const PATIENCE: Duration = Duration::from_secs(600);
 
 /// A module as it is.
 pub(crate) fn text(module: &str) -> String {
@@ -98,24 +78,7 @@ impl Library {
             Some((name, PathBuf::from(message["executable"].as_str()?)))
         };
         let binaries = messages.lines().filter_map(binary).collect();
-        Self { binaries, killers: Mutex::default() }
-    }
-
-    /// The tests of a file that killed other mutants of an item: they are likely to kill the next.
-    pub(crate) fn killers(&self, target: &str, item: &str) -> Vec<String> {
-        let killers = self.killers.lock().unwrap_or_else(PoisonError::into_inner);
-        let killers = killers.get(&(target.to_owned(), item.to_owned()));
-        killers.into_iter().flatten().cloned().collect()
-    }
-
-    /// A test, `file::name`, killed a mutant of an item.
-    pub(crate) fn learn(&self, target: &str, item: &str, test: &str) {
-        let Some(name) = test.strip_prefix(target).and_then(|rest| rest.strip_prefix("::")) else {
-            return;
-        };
-        let mut killers = self.killers.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (target.to_owned(), item.to_owned());
-        killers.entry(key).or_default().insert(name.to_owned());
+        Self { binaries }
     }
 
     /// Runs all tests that should catch a fault with overlays that change nothing.
@@ -154,46 +117,6 @@ impl Library {
     pub(crate) fn run_module(&self, fault: &Fault) -> Outcome {
         let target = fault.test.split("::").next().expect("a file");
         self.outcome(target, &[], &[(fault.module, mutated(fault))])
-    }
-
-    /// Runs tests of a file, or all of them, with another text for a module, until one fails.
-    pub(crate) fn hunt(&self, target: &str, names: &[&str], module: &str, text: &str) -> Seen {
-        let folder = overlaid(&[(module, text.to_owned())]);
-        let mut command = self.command(target, names, &folder);
-        command.stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = command.spawn().expect("the tests start");
-        let output = BufReader::new(child.stdout.take().expect("it is piped"));
-        let (sender, lines) = mpsc::channel();
-        let reader = std::thread::spawn(move || {
-            // A line that nobody waits for any more ends the thread.
-            let _ = output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line));
-        });
-        let deadline = Instant::now() + PATIENCE;
-        let mut seen = None;
-        let mut late = false;
-        // A check that came to no verdict is no proof: then another test may have one.
-        while !late && !matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
-            let left = deadline.saturating_duration_since(Instant::now());
-            match lines.recv_timeout(left) {
-                Ok(line) => {
-                    seen = failed_test(&line).map(|test| failure(target, &test, &folder)).or(seen)
-                }
-                Err(mpsc::RecvTimeoutError::Disconnected) => break,
-                Err(mpsc::RecvTimeoutError::Timeout) => late = true,
-            }
-        }
-        if late || matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
-            let _ = child.kill(); // it may have ended by itself
-        }
-        drop(lines);
-        let status = child.wait().expect("the tests end");
-        let _ = reader.join();
-        match seen {
-            Some(seen) => seen,
-            None if late => Seen::NoVerdict(format!("{target}: more than {PATIENCE:?}")),
-            None if status.success() => Seen::Survived,
-            None => Seen::NoVerdict(format!("{target} ended with {status} and no failing test")),
-        }
     }
 
     /// Runs tests of a file with other texts for some modules.
@@ -259,28 +182,6 @@ fn program(target: &str) -> &str {
 /// The name that a test of a file has in its program.
 fn full(target: &str, name: &str) -> String {
     if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
-}
-
-/// Why a test failed, by the records of its process.
-fn failure(target: &str, test: &str, folder: &TempDir) -> Seen {
-    let test = test.strip_prefix(&full(target, "")).unwrap_or(test);
-    let records = record::read(&folder.path().join("record")).unwrap_or_default();
-    let of = |verdict| records.iter().find(|record| record.verdict == verdict);
-    match (of(Verdict::Fail), of(Verdict::Error)) {
-        (Some(_), _) => Seen::Killed(format!("{target}::{test}")),
-        (None, None) => Seen::Asserted(format!("{target}::{test}")),
-        (None, Some(error)) => {
-            let message = error.message.as_deref().unwrap_or_default();
-            let line = message.lines().next().unwrap_or_default();
-            Seen::NoVerdict(format!("{target}::{test}: {line}"))
-        }
-    }
-}
-
-/// The test of which a line of the test runner says that it failed.
-fn failed_test(line: &str) -> Option<String> {
-    let name = line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?;
-    Some(name.to_owned())
 }
 
 /// What a run shows, or why it shows nothing.

@@ -4,25 +4,17 @@
 //! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail: the record
 //! says which. The table is written to `target/karat/mutants.md`.
 //!
-//! Some faults are picked by hand (`faults.rs`). The others are made by a program (`maker.rs`), a
-//! few of them here and all by `cargo ci mutants`; what became of them is written to
-//! `target/karat/mutants-made.md`.
+//! These are picked by hand (`faults.rs`). `cargo ci mutants` has those that a program makes.
 
 mod faults;
-mod hunt;
 mod library;
-
-mod program;
-
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path as FilePath, PathBuf};
 use std::time::Instant;
 
 use faults::{FAULTS, Fault, SURVIVORS};
-use hunt::Hunt;
 use library::{Caught, Library, Outcome};
-use program::Selection;
 use rayon::prelude::*;
 
 /// Modules with functions that tests call, each of which needs a fault that is seen.
@@ -126,62 +118,6 @@ fn every_fault_is_caught_by_an_ordinary_check() {
     );
     publish(&table, &summary);
     assert!(problems.is_empty(), "\n{}", problems.join("\n"));
-}
-
-/// The list of survivors has reasons, and names mutants that there are; each module has judges.
-#[test]
-fn the_list_of_survivors_is_well_formed() {
-    let all = program::candidates();
-    let complaints = program::complaints(&program::listed(), &all);
-    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
-    let judged: BTreeSet<String> =
-        program::JUDGES.iter().map(|(module, _)| (*module).to_owned()).collect();
-    let modules = shaders::PBR.modules().expect("the library is readable").into_iter();
-    let own: BTreeSet<String> = modules.filter(|name| !name.starts_with("as_written")).collect();
-    assert_eq!(judged, own);
-    assert!(all.len() > 2000, "{} mutants", all.len());
-}
-
-/// Mutants that the program makes, each killed by a test of its module, or listed with a reason. By
-/// default a sample; `cargo ci mutants` takes all of them.
-#[test]
-fn mutants_made_by_a_program_are_killed() {
-    let sample = if frames::are_suites_whole() { 48 } else { 12 };
-    let selection = Selection::from_environment("mutants_made_by_a_program_are_killed");
-    let candidates = selection.of(program::candidates());
-    let listed = program::listed();
-    let mut hunt = Hunt::default();
-    if let Selection::Sample(seed) = selection {
-        println!("{sample} mutants; the same again: MUTANTS_SEED={seed}");
-        let library = hunt::judges(&candidates);
-        hunt.run(&library, candidates, &listed, sample);
-    } else {
-        let library = hunt::judges(&candidates);
-        hunt.control(&library, &candidates);
-        let mut waiting = candidates.into_iter().peekable();
-        while let Some(module) = waiting.peek().map(|candidate| candidate.module) {
-            let of_module = std::iter::from_fn(|| waiting.next_if(|one| one.module == module));
-            hunt.run(&library, of_module.collect(), &listed, usize::MAX);
-            publish_made(&hunt); // all of them take hours: what is done is told
-        }
-    }
-    publish_made(&hunt);
-    let problems = hunt.problems();
-    assert!(
-        problems.is_empty(),
-        "\n{}\nto try one again: MUTANTS=module:line:column",
-        problems.join("\n")
-    );
-}
-
-fn publish_made(hunt: &Hunt) {
-    let report = hunt.report();
-    let path = output().join("karat/mutants-made.md");
-    std::fs::create_dir_all(path.parent().expect("in a folder")).expect("a folder for output");
-    std::fs::write(&path, &report).expect("the report is written");
-    let numbers = report.split("\n## ").next().unwrap_or_default();
-    let shown = format!("{numbers}\n{}\n", path.display());
-    std::io::stdout().write_all(shown.as_bytes()).expect("the report is shown");
 }
 
 /// A row of the table: the check whose worst error is shown is the first that failed.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -89,6 +89,8 @@ pub enum Fate {
         /// The difference that a test would see.
         why: Lived,
     },
+    /// It is the same shader: no test can see it, and none ran.
+    Equal,
     /// It is no valid WGSL, which shows nothing of the tests.
     Invalid {
         /// Why not.
@@ -228,7 +230,7 @@ impl Request {
         Self { package, only, filter, sample, lines, frames: false }
     }
 
-    /// Only mutants of functions and constants whose names contain one of these: `brdf::schlick`.
+    /// Only mutants of functions and constants whose names contain one of these, `brdf::schlick`, or mutants with these ids.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
@@ -299,7 +301,7 @@ impl Request {
 
     /// Those that are asked for, and how many there are before a sample is taken.
     fn chosen(&self, mut all: Vec<Candidate>) -> (Vec<Candidate>, usize) {
-        all.retain(|one| self.wants(&one.path(), &one.file, &one.mutant));
+        all.retain(|one| self.wants(one));
         let of = all.len();
         let Some((count, seed)) = self.sample else { return (all, of) };
         // By what changes and not by where: a line more above is no other sample.
@@ -312,8 +314,10 @@ impl Request {
         (keyed.into_iter().map(|(_, (_, one))| one).collect(), of)
     }
 
-    fn wants(&self, path: &str, file: &Path, mutant: &Mutant) -> bool {
-        let is_named = self.only.is_empty() || self.only.iter().any(|name| path.contains(&**name));
+    fn wants(&self, one: &Candidate) -> bool {
+        let (path, Candidate { id, file, mutant, .. }) = (one.path(), one);
+        let names = |name: &String| path.contains(&**name) || id == name;
+        let is_named = self.only.is_empty() || self.only.iter().any(names);
         let lines = mutant.line..=mutant.line + mutant.original.matches('\n').count();
         let is_touched = |own: &Vec<RangeInclusive<usize>>| {
             own.iter().any(|one| one.start() <= lines.end() && lines.start() <= one.end())
@@ -464,6 +468,9 @@ impl Request {
         };
         if let Err(error) = linked {
             return Fate::Invalid { reason: reason(&error) };
+        }
+        if lived::is_equal(&self.package, &package, one) {
+            return Fate::Equal;
         }
         let own = match Suite::of(package.clone()) {
             Ok(own) => own,

@@ -12,8 +12,6 @@ use crate::Candidate;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "why", rename_all = "snake_case")]
 pub enum Lived {
-    /// It is the same shader: no test can see it.
-    Equal,
     /// It returns something else where no test looks.
     Differs(Difference),
     /// No input was found for which it returns something else. That shows nothing beyond these inputs.
@@ -48,15 +46,15 @@ pub struct Difference {
     pastes: bool,
 }
 
+/// True of a mutant whose function does what the original does: no test can see it.
+pub(crate) fn is_equal(original: &Package, mutant: &Package, candidate: &Candidate) -> bool {
+    let probed = [original, mutant].map(|package| Probed::new(package, &candidate.path()));
+    matches!(&probed, [Ok(a), Ok(b)] if is_same([a, b]))
+}
+
 /// Compares a mutant with the original, at its function or else at what uses it.
 pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
     let own = candidate.path();
-    let probed = [original, mutant].map(|package| Probed::new(package, &own));
-    if let [Ok(a), Ok(b)] = &probed
-        && is_same([a, b])
-    {
-        return Lived::Equal;
-    }
     let compared = |only: &[&str]| {
         let request = Request::new(original.clone(), mutant.clone());
         request.only(only.iter().copied()).run().map_err(|error| error.to_string())
@@ -69,7 +67,7 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
         // A constant, or a function that can't be called by itself: what uses it can.
         None | Some(Lived::Unknown { .. }) => match compared(&[]) {
             Ok(all) => verdict(original, all.iter()).unwrap_or_else(|| Lived::Unknown {
-                reason: "there is no function to compare".to_owned(),
+                reason: "no function that can be called by itself shows a difference".to_owned(),
             }),
             Err(reason) => Lived::Unknown { reason },
         },
@@ -79,9 +77,8 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
 
 /// A difference before all else, then that something isn't known. `None` if nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
-    let (mut cases, mut unknown, mut any) = (0, None, false);
+    let (mut cases, mut unknown) = (0, None);
     for one in compared {
-        any = true;
         match &one.change {
             Change::Changed { paths } => {
                 if let Some(path) = paths.first() {
@@ -98,7 +95,7 @@ fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>)
     }
     match (cases, unknown) {
         (0, Some(reason)) => Some(Lived::Unknown { reason }),
-        (0, None) => any.then_some(Lived::Equal),
+        (0, None) => None,
         (cases, _) => Some(Lived::Unseen { cases }),
     }
 }

@@ -1,6 +1,6 @@
 //! The score of a hunt: its verdicts, counted.
 
-use crate::{Fate, Lived, Tried};
+use crate::{Fate, Tried};
 
 /// Mutants by what became of them.
 ///
@@ -38,9 +38,7 @@ impl Score {
         for Tried { fate, .. } in all {
             *match fate {
                 Fate::Killed { .. } => &mut sum.killed,
-                Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
-                    &mut sum.equal
-                }
+                Fate::Equal => &mut sum.equal,
                 Fate::Lived { .. } => &mut sum.lived,
                 Fate::Untested { .. } => &mut sum.untested,
                 Fate::Accepted { .. } => &mut sum.accepted,

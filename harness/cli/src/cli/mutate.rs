@@ -30,7 +30,7 @@ use self::rust::{OfPackage, RustTests};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only mutants of functions and constants whose names contain this; may be repeated
+    /// Only mutants of functions and constants whose names contain this, or the one with this id; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Only tests whose names contain this
@@ -308,12 +308,6 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
             false => 0,
         };
         let (style, word, why) = match &one.fate {
-            Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
-                if !all {
-                    continue;
-                }
-                (DIM, "equal", Vec::new())
-            }
             Fate::Lived { tests, hidden, why } => {
                 let tests = match tests {
                     1 => "1 test passes with it".to_owned(),
@@ -341,12 +335,15 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
             Fate::Accepted { reason } if all => (KNOWN, "accepted", vec![reason.clone()]),
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
+            Fate::Equal if all => (DIM, "equal", Vec::new()),
             Fate::Idle if all => {
                 (DIM, "idle", vec!["it changes nothing that is linked".to_owned()])
             }
-            Fate::Accepted { .. } | Fate::Killed { .. } | Fate::Invalid { .. } | Fate::Idle => {
-                continue;
-            }
+            Fate::Accepted { .. }
+            | Fate::Killed { .. }
+            | Fate::Equal
+            | Fate::Invalid { .. }
+            | Fate::Idle => continue,
         };
         writeln!(
             out,
@@ -382,8 +379,7 @@ fn write_annotations(
 ) -> std::io::Result<()> {
     let mut lines: BTreeMap<(String, usize), Vec<String>> = BTreeMap::new();
     for one in all.iter().flat_map(|(_, hunted)| &hunted.tried) {
-        let is_lived = matches!(&one.fate, Fate::Lived { why, .. } if *why != Lived::Equal);
-        if is_lived || is_untested(one) {
+        if matches!(&one.fate, Fate::Lived { .. } | Fate::Untested { .. }) {
             let Candidate { file, mutant, .. } = &one.candidate;
             let text = format!("`{}` -> `{}`", mutant.original, mutant.replacement);
             lines.entry((file.display().to_string(), mutant.line)).or_default().push(text);
@@ -398,13 +394,12 @@ fn write_annotations(
 }
 
 fn is_untested(one: &Tried) -> bool {
-    matches!(&one.fate, Fate::Untested { why } if *why != Lived::Equal)
+    matches!(&one.fate, Fate::Untested { .. })
 }
 
 /// Why a mutant lived, in lines.
 fn lines(tests: &str, why: &Lived) -> Vec<String> {
     match why {
-        Lived::Equal => Vec::new(),
         Lived::Differs(found) => {
             let arguments = found.arguments.iter().map(|(name, value)| format!("{name} = {value}"));
             let arguments = arguments.collect::<Vec<_>>().join(", ");

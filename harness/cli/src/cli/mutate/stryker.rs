@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::image::write_whole;
-use karat_mutate::{Candidate, Fate, Lived, Tried};
+use karat_mutate::{Candidate, Fate, Tried};
 use serde_json::{Value, json};
 
 /// Scores that viewers show as high and as low, in per cent: those of Stryker.
@@ -37,9 +37,7 @@ fn mutant(one: &Tried) -> Value {
     let (status, reason) = match &one.fate {
         Fate::Killed { test } => ("Killed", format!("killed by {test}")),
         // It has no word for a mutant that is the same shader; one that is left out of the score is ignored.
-        Fate::Lived { why: Lived::Equal, .. } | Fate::Untested { why: Lived::Equal } => {
-            ("Ignored", "it is the same shader".to_owned())
-        }
+        Fate::Equal => ("Ignored", "it is the same shader".to_owned()),
         Fate::Accepted { reason } => ("Ignored", reason.clone()),
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),

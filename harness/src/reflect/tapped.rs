@@ -1,0 +1,501 @@
+//! Programs whose fragment functions tell one value beside their colours.
+//!
+//! A tap is a copy of naga's IR: behind the statement that computes the value a private variable keeps it, and the fragment
+//! function returns its words at one more location. Control flow, arguments and resources stay as they are, and no text of the
+//! author's is touched.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use naga::{
+    AddressSpace, BinaryOperator, Binding, Block, Expression, Function, FunctionResult,
+    GlobalVariable, Handle, Literal, Module, Scalar, ScalarKind, ShaderStage, Span, Statement,
+    StructMember, Type, TypeInner, VectorSize,
+};
+
+use super::{NAMED, Program, ReflectError};
+use crate::value::Shape;
+
+/// Words of a tap in one target.
+pub(crate) const WORDS: usize = 4;
+
+/// A value of a function, as naga has it.
+#[derive(Clone, Debug)]
+pub(crate) struct Valued {
+    /// The function or entry point, by its name in the text.
+    pub(crate) function: String,
+    /// Its number among the expressions of the function.
+    pub(crate) expression: usize,
+    /// Its place in [`Program::text`]; of an argument of the function there is none.
+    pub(crate) range: Option<Range<usize>>,
+    /// The name that a `let` gives it, or that of the argument.
+    pub(crate) name: Option<String>,
+    /// Its type, or why it can't be told.
+    pub(crate) shape: Result<Shape, String>,
+}
+
+/// What a tapped program tells.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Telling<'t> {
+    pub(crate) value: &'t Valued,
+    /// The round to tell, from 1, if not the last one.
+    pub(crate) round: Option<u32>,
+    /// The first of the words that are told: those of the value, and behind them a 1 and the rounds together.
+    pub(crate) first: usize,
+    /// The location of the words.
+    pub(crate) location: u32,
+    /// Whether other locations are left out.
+    pub(crate) alone: bool,
+}
+
+impl Program {
+    /// All values of some entry points and of what they call, function by function.
+    pub(crate) fn values_of(&self, stage: ShaderStage, names: &[&str]) -> Vec<Valued> {
+        let module = &self.checked.module;
+        let (mut open, mut seen) = (Vec::new(), BTreeSet::new());
+        let mut all = Vec::new();
+        for entry in &module.entry_points {
+            if entry.stage == stage && names.contains(&&*entry.name) {
+                self.values(&entry.name, &entry.function, &mut all);
+                open.push(&entry.function);
+            }
+        }
+        while let Some(function) = open.pop() {
+            for (_, expression) in function.expressions.iter() {
+                if let Expression::CallResult(callee) = expression
+                    && seen.insert(*callee)
+                {
+                    let callee = &module.functions[*callee];
+                    self.values(callee.name.as_deref().expect(NAMED), callee, &mut all);
+                    open.push(callee);
+                }
+            }
+            // A function that returns nothing has no result in an expression.
+            called(&function.body, &mut |callee| {
+                if seen.insert(callee) {
+                    let callee = &module.functions[callee];
+                    self.values(callee.name.as_deref().expect(NAMED), callee, &mut all);
+                    open.push(callee);
+                }
+            });
+        }
+        all
+    }
+
+    fn values(&self, name: &str, function: &Function, all: &mut Vec<Valued>) {
+        let (_, info) = self.body(name).expect("it is a function of this program");
+        let told = told(&function.body);
+        for (handle, expression) in function.expressions.iter() {
+            let argument = match expression {
+                Expression::FunctionArgument(index) => {
+                    function.arguments[*index as usize].name.clone()
+                }
+                _ => None,
+            };
+            let shape = match expression {
+                Expression::FunctionArgument(_) => self.shape(function.arguments_type(handle)),
+                _ if told.contains(&handle) => match info[handle].ty.handle() {
+                    Some(ty) => self.shape(ty),
+                    None => self.shape_of_inner(info[handle].ty.inner_with(&self.checked.module.types)),
+                },
+                Expression::Constant(_)
+                | Expression::Override(_)
+                | Expression::Literal(_)
+                | Expression::ZeroValue(_) => Err("a constant".to_owned()),
+                _ => continue,
+            };
+            let range = function.expressions.get_span(handle).to_range();
+            all.push(Valued {
+                function: name.to_owned(),
+                expression: handle.index(),
+                range: range.filter(|_| argument.is_none()),
+                name: argument.or_else(|| function.named_expressions.get(&handle).cloned()),
+                shape,
+            });
+        }
+    }
+
+    /// A program whose fragment functions of these names tell a value.
+    ///
+    /// # Errors
+    /// If naga doesn't take it.
+    pub(crate) fn telling(
+        &self,
+        fragments: &[&str],
+        telling: Telling<'_>,
+    ) -> Result<Self, ReflectError> {
+        let mut module = self.checked.module.clone();
+        let at = |function: &Function| {
+            let mut all = function.expressions.iter().map(|(handle, _)| handle);
+            all.nth(telling.value.expression).expect("it is an expression of its function")
+        };
+        let (_, info) = self.body(&telling.value.function).expect("it is a function of the program");
+        let value = at(self.body(&telling.value.function).expect("as above").0);
+        let ty = match info[value].ty.clone() {
+            naga::proc::TypeResolution::Handle(ty) => ty,
+            naga::proc::TypeResolution::Value(inner) => {
+                module.types.insert(Type { name: None, inner }, NOWHERE)
+            }
+        };
+        let u32_type = scalar_type(&mut module, Scalar::U32);
+        let mut variable = |name: &str, ty| {
+            let variable = GlobalVariable {
+                name: Some(name.to_owned()),
+                space: AddressSpace::Private,
+                binding: None,
+                ty,
+                init: None,
+                memory_decorations: naga::MemoryDecorations::empty(),
+            };
+            module.global_variables.append(variable, NOWHERE)
+        };
+        let kept = Kept { value: variable("karat_told", ty), rounds: variable("karat_told_rounds", u32_type) };
+        let lanes = lanes(&module, ty, Vec::new());
+        let name = &telling.value.function;
+        let keep = |function: &mut Function| kept.keep(function, value, telling.round);
+        let found = module.functions.iter().find(|(_, one)| one.name.as_ref() == Some(name));
+        match found.map(|(handle, _)| handle) {
+            Some(handle) => keep(module.functions.get_mut(handle)),
+            None => {
+                let mut entries = module.entry_points.iter_mut();
+                keep(&mut entries.find(|entry| entry.name == *name).expect("it has one").function);
+            }
+        }
+        for index in 0..module.entry_points.len() {
+            let entry = &module.entry_points[index];
+            if entry.stage == ShaderStage::Fragment && fragments.contains(&&*entry.name) {
+                let mut function = entry.function.clone();
+                kept.tell(&mut module, &mut function, &lanes, telling);
+                module.entry_points[index].function = function;
+            }
+        }
+        let program = Self::from_ir(self.linked.clone(), module)?;
+        Ok(Self { overrides: self.overrides.clone(), ..program })
+    }
+}
+
+const NOWHERE: Span = Span::UNDEFINED;
+
+fn scalar_type(module: &mut Module, scalar: Scalar) -> Handle<Type> {
+    module.types.insert(Type { name: None, inner: TypeInner::Scalar(scalar) }, NOWHERE)
+}
+
+/// The expressions that statements of a body compute.
+fn told(body: &Block) -> BTreeSet<Handle<Expression>> {
+    let mut all = BTreeSet::new();
+    each_block(body, &mut |block| {
+        for statement in block.iter() {
+            match statement {
+                Statement::Emit(range) => all.extend(range.clone()),
+                other => all.extend(result_of(other)),
+            }
+        }
+    });
+    all
+}
+
+/// The functions that a body calls.
+fn called(body: &Block, visit: &mut dyn FnMut(Handle<Function>)) {
+    each_block(body, &mut |block| {
+        for statement in block.iter() {
+            if let Statement::Call { function, .. } = statement {
+                visit(*function);
+            }
+        }
+    });
+}
+
+fn each_block(block: &Block, visit: &mut dyn FnMut(&Block)) {
+    visit(block);
+    for statement in block.iter() {
+        for inner in blocks_of(statement) {
+            each_block(inner, visit);
+        }
+    }
+}
+
+fn blocks_of(statement: &Statement) -> Vec<&Block> {
+    match statement {
+        Statement::Block(inner) => vec![inner],
+        Statement::If { accept, reject, .. } => vec![accept, reject],
+        Statement::Switch { cases, .. } => cases.iter().map(|case| &case.body).collect(),
+        Statement::Loop { body, continuing, .. } => vec![body, continuing],
+        _ => Vec::new(),
+    }
+}
+
+/// The expression that a statement computes, beside an `Emit`.
+fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
+    match statement {
+        Statement::Call { result, .. } | Statement::Atomic { result, .. } => *result,
+        Statement::WorkGroupUniformLoad { result, .. }
+        | Statement::SubgroupBallot { result, .. }
+        | Statement::SubgroupGather { result, .. }
+        | Statement::SubgroupCollectiveOperation { result, .. } => Some(*result),
+        _ => None,
+    }
+}
+
+/// The ways to the lanes of a type, by indices, with their scalars.
+fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<(Vec<u32>, Scalar)> {
+    let mut all = Vec::new();
+    let with = |index: u32| [&*way, &[index]].concat();
+    match &module.types[ty].inner {
+        TypeInner::Scalar(scalar) => all.push((way, *scalar)),
+        TypeInner::Vector { size, scalar } => {
+            all.extend((0..*size as u32).map(|index| (with(index), *scalar)));
+        }
+        TypeInner::Matrix { columns, rows, scalar } => {
+            for column in 0..*columns as u32 {
+                let column = with(column);
+                all.extend((0..*rows as u32).map(|row| ([&*column, &[row]].concat(), *scalar)));
+            }
+        }
+        TypeInner::Array { base, size: naga::ArraySize::Constant(length), .. } => {
+            for index in 0..length.get() {
+                all.extend(lanes(module, *base, with(index)));
+            }
+        }
+        TypeInner::Struct { members, .. } => {
+            for (index, member) in (0..).zip(members) {
+                all.extend(lanes(module, member.ty, with(index)));
+            }
+        }
+        _ => {}
+    }
+    all
+}
+
+/// The variables that keep a value until it is told.
+#[derive(Clone, Copy)]
+struct Kept {
+    value: Handle<GlobalVariable>,
+    rounds: Handle<GlobalVariable>,
+}
+
+impl Kept {
+    /// Stores a value behind the statement that computes it, and counts.
+    fn keep(self, function: &mut Function, value: Handle<Expression>, round: Option<u32>) {
+        let mut body = std::mem::take(&mut function.body);
+        let store = |function: &mut Function| {
+            let mut add = |expression| function.expressions.append(expression, NOWHERE);
+            let rounds = add(Expression::GlobalVariable(self.rounds));
+            let pointer = add(Expression::GlobalVariable(self.value));
+            let one = add(Expression::Literal(Literal::U32(1)));
+            let wanted = round.map(|round| add(Expression::Literal(Literal::U32(round))));
+            let left = add(Expression::Load { pointer: rounds });
+            let op = BinaryOperator::Add;
+            let mut last = add(Expression::Binary { op, left, right: one });
+            let count = last;
+            let condition = wanted.map(|wanted| {
+                let op = BinaryOperator::Equal;
+                last = add(Expression::Binary { op, left: count, right: wanted });
+                last
+            });
+            let mut block = Block::new();
+            block.push(Statement::Emit(naga::Range::new_from_bounds(left, last)), NOWHERE);
+            block.push(Statement::Store { pointer: rounds, value: count }, NOWHERE);
+            let mut accept = Block::new();
+            accept.push(Statement::Store { pointer, value }, NOWHERE);
+            match condition {
+                None => block.append(&mut accept),
+                Some(condition) => {
+                    let reject = Block::new();
+                    block.push(Statement::If { condition, accept, reject }, NOWHERE);
+                }
+            }
+            block
+        };
+        if matches!(function.expressions[value], Expression::FunctionArgument(_)) {
+            let mut all = store(function);
+            all.append(&mut body);
+            body = all;
+        } else {
+            insert(&mut body, value, &mut || store(function));
+        }
+        function.body = body;
+    }
+
+    /// Lets an entry point return the words beside what it returns.
+    fn tell(
+        self,
+        module: &mut Module,
+        function: &mut Function,
+        lanes: &[(Vec<u32>, Scalar)],
+        telling: Telling<'_>,
+    ) {
+        let u32_type = scalar_type(module, Scalar::U32);
+        let size = VectorSize::Quad;
+        let inner = TypeInner::Vector { size, scalar: Scalar::U32 };
+        let words_type = module.types.insert(Type { name: None, inner }, NOWHERE);
+        // What it returned, member by member.
+        let mut kept: Vec<(Option<u32>, StructMember)> = Vec::new();
+        if let Some(result) = &function.result {
+            match (&result.binding, &module.types[result.ty].inner) {
+                (None, TypeInner::Struct { members, .. }) => {
+                    kept.extend((0..).map(Some).zip(members.iter().cloned()));
+                }
+                (binding, _) => kept.push((
+                    None,
+                    StructMember {
+                        name: Some("karat_own".to_owned()),
+                        ty: result.ty,
+                        binding: binding.clone(),
+                        offset: 0,
+                    },
+                )),
+            }
+        }
+        let is_location =
+            |member: &StructMember| matches!(member.binding, Some(Binding::Location { .. }));
+        kept.retain(|(_, member)| !(telling.alone && is_location(member)));
+        let told = StructMember {
+            name: Some("karat_told".to_owned()),
+            ty: words_type,
+            binding: Some(Binding::Location {
+                location: telling.location,
+                interpolation: None,
+                sampling: None,
+                blend_src: None,
+                per_primitive: false,
+            }),
+            offset: 0,
+        };
+        let mut members: Vec<StructMember> = kept.iter().map(|(_, own)| own.clone()).collect();
+        members.push(told);
+        // No host sees it: its layout has to be one, as naga's validator has it.
+        let mut layouter = naga::proc::Layouter::default();
+        let mut span = 0;
+        if layouter.update(module.to_ctx()).is_ok() {
+            for member in &mut members {
+                let layout = layouter[member.ty];
+                member.offset = layout.alignment.round_up(span);
+                span = member.offset + layout.size;
+            }
+        }
+        let span = span.next_multiple_of(16); // the alignment of the words, which is the largest that there is
+        let name = Some(format!("karat_told_{}", function.name.as_deref().unwrap_or("fragment")));
+        let inner = TypeInner::Struct { members, span };
+        let ty = module.types.insert(Type { name, inner }, NOWHERE);
+        function.result = Some(FunctionResult { ty, binding: None });
+
+        let mut body = std::mem::take(&mut function.body);
+        replace_returns(&mut body, &mut |returned| {
+            let mut add = |expression| function.expressions.append(expression, NOWHERE);
+            let value = add(Expression::GlobalVariable(self.value));
+            let rounds = add(Expression::GlobalVariable(self.rounds));
+            let zero = add(Expression::Literal(Literal::U32(0)));
+            let one = add(Expression::Literal(Literal::U32(1)));
+            let start = add(Expression::Load { pointer: rounds });
+            let op = BinaryOperator::Add;
+            let mut last = add(Expression::Binary { op, left: start, right: one });
+            let count = last;
+            let mut words = Vec::new();
+            for at in telling.first..telling.first + WORDS {
+                let Some((way, scalar)) = lanes.get(at) else {
+                    words.push(if at == lanes.len() { count } else { zero });
+                    continue;
+                };
+                let mut pointer = value;
+                for index in way {
+                    pointer = add(Expression::AccessIndex { base: pointer, index: *index });
+                }
+                let lane = add(Expression::Load { pointer });
+                let as_bits = |expr, kind, convert| Expression::As { expr, kind, convert };
+                last = match scalar.kind {
+                    ScalarKind::Bool => add(as_bits(lane, ScalarKind::Uint, Some(4))),
+                    ScalarKind::Float if scalar.width != 4 => {
+                        let wide = add(as_bits(lane, ScalarKind::Float, Some(4)));
+                        add(as_bits(wide, ScalarKind::Uint, None))
+                    }
+                    ScalarKind::Uint => lane,
+                    _ => add(as_bits(lane, ScalarKind::Uint, None)),
+                };
+                words.push(last);
+            }
+            last = add(Expression::Compose { ty: words_type, components: words });
+            let told = last;
+            let mut components = Vec::new();
+            for (index, _) in &kept {
+                let Some(own) = returned else { continue };
+                components.push(match index {
+                    None => own,
+                    Some(index) => {
+                        last = add(Expression::AccessIndex { base: own, index: *index });
+                        last
+                    }
+                });
+            }
+            components.push(told);
+            last = add(Expression::Compose { ty, components });
+            let mut block = Block::new();
+            block.push(Statement::Emit(naga::Range::new_from_bounds(start, last)), NOWHERE);
+            block.push(Statement::Return { value: Some(last) }, NOWHERE);
+            block
+        });
+        function.body = body;
+        let _ = u32_type;
+    }
+}
+
+/// Puts statements behind the one that computes a value.
+fn insert(block: &mut Block, value: Handle<Expression>, more: &mut dyn FnMut() -> Block) {
+    let mut all = Block::new();
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        match &mut statement {
+            Statement::Block(inner) => insert(inner, value, more),
+            Statement::If { accept, reject, .. } => {
+                insert(accept, value, more);
+                insert(reject, value, more);
+            }
+            Statement::Switch { cases, .. } => {
+                cases.iter_mut().for_each(|case| insert(&mut case.body, value, more));
+            }
+            Statement::Loop { body, continuing, .. } => {
+                insert(body, value, more);
+                insert(continuing, value, more);
+            }
+            _ => {}
+        }
+        let computes = match &statement {
+            Statement::Emit(range) => range.clone().any(|one| one == value),
+            other => result_of(other) == Some(value),
+        };
+        all.push(statement, span);
+        if computes {
+            all.append(&mut more());
+        }
+    }
+    *block = all;
+}
+
+/// Replaces each `return`.
+fn replace_returns(
+    block: &mut Block,
+    with: &mut dyn FnMut(Option<Handle<Expression>>) -> Block,
+) {
+    let mut all = Block::new();
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        match &mut statement {
+            Statement::Block(inner) => replace_returns(inner, with),
+            Statement::If { accept, reject, .. } => {
+                replace_returns(accept, with);
+                replace_returns(reject, with);
+            }
+            Statement::Switch { cases, .. } => {
+                cases.iter_mut().for_each(|case| replace_returns(&mut case.body, with));
+            }
+            Statement::Loop { body, continuing, .. } => {
+                replace_returns(body, with);
+                replace_returns(continuing, with);
+            }
+            Statement::Return { value } => {
+                all.append(&mut with(*value));
+                continue;
+            }
+            _ => {}
+        }
+        all.push(statement, span);
+    }
+    *block = all;
+}
