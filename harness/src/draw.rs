@@ -18,6 +18,7 @@ mod request;
 mod row;
 mod state;
 mod targets;
+mod told;
 
 /// The old name of what attributes are.
 pub use crate::value::Shareable as Attribute;

@@ -5,11 +5,13 @@
 
 mod comparison;
 mod expectation;
+mod tap;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
+pub use tap::{Tap, TapError, Tapped};
 
 use crate::diagnostic::{Blame, Blamed};
 use crate::dispatch::Watched;

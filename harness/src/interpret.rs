@@ -385,9 +385,9 @@ pub fn is_same(functions: [&Probed; 2]) -> bool {
 }
 
 /// An expression in the author's file, and its text there.
-fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
+pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
     let span = program.resolve(range)?;
-    let text = whole_call(&span.file.text, span.range.clone())?.to_owned();
+    let text = crate::reflect::whole_call(&span.file.text, span.range.clone())?.to_owned();
     Some((span, text))
 }
 
@@ -416,7 +416,7 @@ fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     let text = span.file.text.get(span.range.clone())?;
     span.range.start += text.len() - text.trim_start().len();
     // Of a call naga keeps the name alone.
-    if let Some(whole) = whole_call(&span.file.text, span.range.clone()) {
+    if let Some(whole) = crate::reflect::whole_call(&span.file.text, span.range.clone()) {
         span.range.end = span.range.start + whole.len();
     }
     Some(span.first_line())
@@ -485,21 +485,6 @@ fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>
         differs.iter_mut().zip(words).for_each(|(differs, (a, b))| *differs |= a != b);
     }
     Ok(differs)
-}
-
-/// The text of an expression. Of a call of a built-in function naga keeps the place of its name alone.
-fn whole_call(text: &str, range: ops::Range<usize>) -> Option<&str> {
-    let rest = text.get(range.end..)?;
-    let mut depth = 0;
-    let mut brackets = rest.char_indices().filter(|(_, c)| "()".contains(*c));
-    let length = rest.trim_start().starts_with('(').then(|| {
-        brackets.find(|(_, bracket)| {
-            depth += if *bracket == '(' { 1 } else { -1 };
-            depth == 0
-        })
-    });
-    let end = length.flatten().map_or(range.end, |(at, _)| range.end + at + 1);
-    text.get(range.start..end)
 }
 
 /// An invocation by its number: of a draw its pixel.

@@ -29,6 +29,7 @@ mod resource;
 mod rounds;
 mod signature;
 mod subgroups;
+mod tapped;
 mod validation;
 
 use std::ops::Range;
@@ -58,6 +59,7 @@ pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
 pub use rounds::Watched;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, count_rounds};
 pub(crate) use signature::Passed;
+pub(crate) use tapped::{Telling, Valued, WORDS};
 pub use signature::{Function, State};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
@@ -372,6 +374,21 @@ pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     /// naga's lowering takes up to some 20 KB a term in builds without optimisation.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
+}
+
+/// The text of an expression. Of a call naga keeps the place of its name alone.
+pub(crate) fn whole_call(text: &str, range: Range<usize>) -> Option<&str> {
+    let rest = text.get(range.end..)?;
+    let mut depth = 0;
+    let mut brackets = rest.char_indices().filter(|(_, c)| "()".contains(*c));
+    let length = rest.trim_start().starts_with('(').then(|| {
+        brackets.find(|(_, bracket)| {
+            depth += if *bracket == '(' { 1 } else { -1 };
+            depth == 0
+        })
+    });
+    let end = length.flatten().map_or(range.end, |(at, _)| range.end + at + 1);
+    text.get(range.start..end)
 }
 
 impl Blamed for ReflectError {

@@ -34,6 +34,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
+    /// The target that tells a value, which begins with zeros.
+    pub(crate) told: Option<usize>,
 }
 
 impl Scene<'_> {
@@ -119,6 +121,7 @@ impl<'a> Scene<'a> {
             samples: 1,
             clear: [0.0; 4],
             clear_depth: 1.0,
+            told: None,
         }
     }
 }
@@ -234,9 +237,19 @@ impl<'s> Drawing<'s> {
         let all: Vec<Binding> = bindings.iter().flat_map(Bindings::all).cloned().collect();
         let members = scene.members.iter().map(|(path, shape, lanes)| (&**path, shape, &**lanes));
         let fixtures = fixture::with_members(&program, &all, &scene.fixtures, members)?;
-        let drawing = Self { scene, program, bindings, fixtures, read: Read::default() };
+        let drawing = Self::with(scene, program, bindings, fixtures);
         fixture::check_used(&drawing.all_bindings(), &drawing.fixtures)?;
         Ok(drawing)
+    }
+
+    /// Of parts that fit each other.
+    pub(super) fn with(
+        scene: Cow<'s, Scene<'s>>,
+        program: Arc<Program>,
+        bindings: Vec<Bindings>,
+        fixtures: Fixtures,
+    ) -> Self {
+        Self { scene, program, bindings, fixtures, read: Read::default() }
     }
 
     /// Takes note of a frame that it reads.

@@ -48,6 +48,8 @@ pub(super) struct Painter<'a> {
     pub(super) formats: Vec<wgpu::TextureFormat>,
     pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
+    /// What is read back.
+    pub(super) sources: Vec<Source>,
 }
 
 impl<'a> Painter<'a> {
@@ -73,19 +75,20 @@ impl<'a> Painter<'a> {
             (true, true) => wgpu::TextureFormat::Depth32FloatStencil8,
             (true, false) => wgpu::TextureFormat::Depth24PlusStencil8,
         };
-        Self { device, scene, program, formats, depth_format, resources }
+        let sources = vec![scene.result];
+        Self { device, scene, program, formats, depth_format, resources, sources }
     }
 
     /// The format of what is read back.
-    pub(super) fn result_format(&self) -> wgpu::TextureFormat {
-        match self.scene.result {
+    pub(super) fn format_of(&self, source: Source) -> wgpu::TextureFormat {
+        match source {
             Source::Target(target) => self.formats[target],
             Source::Depth => self.depth_format,
         }
     }
 
-    /// Draws everything; the image as a buffer.
-    pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<wgpu::Buffer, DrawError> {
+    /// Draws everything; each of the sources as a buffer.
+    pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<Vec<wgpu::Buffer>, DrawError> {
         // Fragment functions that come alone have a vertex function for what they read.
         let alone = |draw: &Draw| match (&draw.vertex, &draw.fragment) {
             (None, Some(fragment)) => Ok(Some(self.program.covering(fragment)?)),
@@ -213,9 +216,9 @@ impl<'a> Painter<'a> {
             .collect()
     }
 
-    /// Submits both passes and the copy into a buffer, which it returns.
-    fn paint(&self, draws: &[Prepared<'_>]) -> wgpu::Buffer {
-        let Scene { width, height, samples, clear, clear_depth, result, .. } = *self.scene;
+    /// Submits both passes and the copies into buffers, which it returns.
+    fn paint(&self, draws: &[Prepared<'_>]) -> Vec<wgpu::Buffer> {
+        let Scene { width, height, samples, clear, clear_depth, .. } = *self.scene;
         let device = &self.device.device;
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
         let texture = |format, sample_count, usage| {
@@ -232,7 +235,7 @@ impl<'a> Painter<'a> {
         };
         let view =
             |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let read = |of, usage| match of == result {
+        let read = |of, usage| match self.sources.contains(&of) {
             true => usage,
             false => wgpu::TextureUsages::empty(),
         };
@@ -277,10 +280,12 @@ impl<'a> Painter<'a> {
             loaded = wgpu::LoadOp::Load;
         }
         {
-            let [r, g, b, a] = clear.map(f64::from);
             let attachments: Vec<_> = views
                 .iter()
-                .map(|(plain, several)| {
+                .enumerate()
+                .map(|(index, (plain, several))| {
+                    let zeros = self.scene.told == Some(index);
+                    let [r, g, b, a] = if zeros { [0.0; 4] } else { clear.map(f64::from) };
                     Some(wgpu::RenderPassColorAttachment {
                         view: several.as_ref().unwrap_or(plain),
                         depth_slice: None,
@@ -301,31 +306,35 @@ impl<'a> Painter<'a> {
                 record(&mut pass, draw, &draw.color);
             }
         }
-        let stride = Row::new(self.result_format(), width).stride;
-        let staging = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("frame"),
-            size: stride * u64::from(height),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(u32::try_from(stride).expect("a row fits in 32 bits")),
-            rows_per_image: Some(height),
+        let copied = |source: &Source| {
+            let stride = Row::new(self.format_of(*source), width).stride;
+            let staging = device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("frame"),
+                size: stride * u64::from(height),
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(u32::try_from(stride).expect("a row fits in 32 bits")),
+                rows_per_image: Some(height),
+            };
+            let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
+            match *source {
+                Source::Target(index) => {
+                    encoder.copy_texture_to_buffer(colors[index].0.as_image_copy(), target, size);
+                }
+                Source::Depth => {
+                    let bytes = staging.size();
+                    let depths = depths::load(self.device, &mut encoder, &depth, bytes);
+                    encoder.copy_buffer_to_buffer(&depths, 0, &staging, 0, bytes);
+                }
+            }
+            staging
         };
-        let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
-        match result {
-            Source::Target(index) => {
-                encoder.copy_texture_to_buffer(colors[index].0.as_image_copy(), target, size);
-            }
-            Source::Depth => {
-                let bytes = staging.size();
-                let depths = depths::load(self.device, &mut encoder, &depth, bytes);
-                encoder.copy_buffer_to_buffer(&depths, 0, &staging, 0, bytes);
-            }
-        }
+        let all = self.sources.iter().map(copied).collect();
         self.device.queue.submit([encoder.finish()]);
-        staging
+        all
     }
 }
 

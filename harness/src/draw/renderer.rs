@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use super::DrawError;
-use super::drawing::{Drawing, Scene};
+use super::drawing::{Drawing, Scene, Source};
 use super::painter::Painter;
 use super::row::Row;
 use crate::fixture;
@@ -16,6 +16,45 @@ use crate::reflect::{Program, Watched};
 impl Device {
     /// Draws a frame.
     pub(crate) fn render(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
+        let (width, height) = drawing.size();
+        let (mut inexact, mut pixels) = (None, Vec::new());
+        self.paint(drawing, &[drawing.scene.result], &mut |_, row, bytes| {
+            let rows = || bytes.chunks_exact(row.stride as usize);
+            inexact = rows().find_map(|bytes| row.inexact(bytes));
+            pixels = rows().flat_map(|bytes| row.pixels(bytes)).collect();
+        })?;
+        if let Some(value) = inexact {
+            let reason = format!(
+                "its target holds {value}, and an image of floats holds each integer up to 16777216 \
+                 only: return smaller ones, or two halves of it"
+            );
+            return Err(DrawError::Unsound { setting: "target", reason });
+        }
+        Ok(Image::new(width, height, pixels))
+    }
+
+    /// Draws a frame, and returns the words of the texels of some of its targets.
+    pub(crate) fn texels(
+        &self,
+        drawing: &Drawing<'_>,
+        targets: &[usize],
+    ) -> Result<Vec<Vec<[u32; 4]>>, DrawError> {
+        let sources: Vec<Source> = targets.iter().copied().map(Source::Target).collect();
+        let mut all = vec![Vec::new(); targets.len()];
+        self.paint(drawing, &sources, &mut |index, row, bytes| {
+            let rows = bytes.chunks_exact(row.stride as usize);
+            all[index] = rows.flat_map(|bytes| row.words(bytes)).collect();
+        })?;
+        Ok(all)
+    }
+
+    /// Draws a frame, and gives the rows of each source that is read back.
+    fn paint(
+        &self,
+        drawing: &Drawing<'_>,
+        sources: &[Source],
+        read: &mut dyn FnMut(usize, &Row, &[u8]),
+    ) -> Result<(), DrawError> {
         let Drawing { scene, program, bindings, .. } = drawing;
         let scene: &Scene<'_> = scene;
         let Scene { width, height, .. } = *scene;
@@ -41,23 +80,15 @@ impl Device {
         if unbounded && self.leaves_loops() {
             watch_rounds(self, scene, program, &mut resources)?;
         }
-        let painter = Painter::new(self, scene, program, &resources);
-        let image = painter.draw(bindings)?;
-        let row = Row::new(painter.result_format(), width);
-        let mut inexact = None;
-        let pixels = self.read_back(&image, row.stride * u64::from(height), |bytes| {
-            let rows = || bytes.chunks_exact(row.stride as usize);
-            inexact = rows().find_map(|bytes| row.inexact(bytes));
-            rows().flat_map(|bytes| row.pixels(bytes)).collect()
-        })?;
-        if let Some(value) = inexact {
-            let reason = format!(
-                "its target holds {value}, and an image of floats holds each integer up to 16777216 \
-                 only: return smaller ones, or two halves of it"
-            );
-            return Err(DrawError::Unsound { setting: "target", reason });
+        let mut painter = Painter::new(self, scene, program, &resources);
+        painter.sources = sources.to_vec();
+        let buffers = painter.draw(bindings)?;
+        for (index, (buffer, source)) in buffers.iter().zip(sources).enumerate() {
+            let row = Row::new(painter.format_of(*source), width);
+            let size = row.stride * u64::from(height);
+            self.read_back(buffer, size, |bytes| read(index, &row, bytes))?;
         }
-        Ok(Image::new(width, height, pixels))
+        Ok(())
     }
 }
 

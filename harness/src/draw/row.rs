@@ -37,6 +37,12 @@ impl Row {
         all.find(|value| f64::from(*value as f32) != *value as f64)
     }
 
+    /// The words of the texels.
+    pub(super) fn words(&self, bytes: &[u8]) -> Vec<[u32; 4]> {
+        let size = self.codec.size();
+        bytes[..self.width * size].chunks_exact(size).map(|texel| self.codec.decode(texel)).collect()
+    }
+
     /// The pixels as floats.
     pub(super) fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
         let size = self.codec.size();

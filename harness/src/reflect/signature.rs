@@ -540,7 +540,7 @@ impl Program {
     }
 
     /// A function or an entry point by its name in the text, and what naga's validator knows of it.
-    fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
+    pub(super) fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
         let super::Checked { module, info, .. } = &*self.checked;
         let mut functions = module.functions.iter();
         let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
@@ -676,10 +676,24 @@ impl Program {
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
+    /// The declaration of a function or of an entry point, by its name in the text.
+    pub(crate) fn declaration_span(&self, name: &str) -> Option<Span> {
+        let mut functions = self.checked.module.functions.iter();
+        let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
+        match found {
+            Some((handle, _)) => Some(self.function_span(handle)),
+            None => self.entry_point_span(name),
+        }
+    }
+
     /// The shape of a naga type, or what it is that a probe can't pass.
     pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
+        self.shape_of(&self.checked.module.types[ty])
+    }
+
+    /// The same of a type that needs no name in the module.
+    pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
-        let ty = &self.checked.module.types[ty];
         Ok(match &ty.inner {
             TypeInner::Scalar(scalar) => Shape::Scalar(scalar_of(*scalar)?),
             TypeInner::Vector { size, scalar } => {

@@ -13,6 +13,8 @@ use naga::{
     StructMember, Type, TypeInner, VectorSize,
 };
 
+use naga::proc::{Layouter, TypeResolution};
+
 use super::{NAMED, Program, ReflectError};
 use crate::value::Shape;
 
@@ -49,13 +51,13 @@ pub(crate) struct Telling<'t> {
 }
 
 impl Program {
-    /// All values of some entry points and of what they call, function by function.
-    pub(crate) fn values_of(&self, stage: ShaderStage, names: &[&str]) -> Vec<Valued> {
+    /// All values of some fragment functions and of what they call, function by function.
+    pub(crate) fn values_of(&self, fragments: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let (mut open, mut seen) = (Vec::new(), BTreeSet::new());
         let mut all = Vec::new();
         for entry in &module.entry_points {
-            if entry.stage == stage && names.contains(&&*entry.name) {
+            if entry.stage == ShaderStage::Fragment && fragments.contains(&&*entry.name) {
                 self.values(&entry.name, &entry.function, &mut all);
                 open.push(&entry.function);
             }
@@ -93,10 +95,11 @@ impl Program {
                 _ => None,
             };
             let shape = match expression {
-                Expression::FunctionArgument(_) => self.shape(function.arguments_type(handle)),
-                _ if told.contains(&handle) => match info[handle].ty.handle() {
-                    Some(ty) => self.shape(ty),
-                    None => self.shape_of_inner(info[handle].ty.inner_with(&self.checked.module.types)),
+                _ if argument.is_some() || told.contains(&handle) => match &info[handle].ty {
+                    TypeResolution::Handle(ty) => self.shape(*ty),
+                    TypeResolution::Value(inner) => {
+                        self.shape_of(&Type { name: None, inner: inner.clone() })
+                    }
                 },
                 Expression::Constant(_)
                 | Expression::Override(_)
@@ -105,6 +108,10 @@ impl Program {
                 _ => continue,
             };
             let range = function.expressions.get_span(handle).to_range();
+            let range = range.and_then(|range| {
+                let whole = super::whole_call(self.text(), range.clone())?;
+                Some(range.start..range.start + whole.len())
+            });
             all.push(Valued {
                 function: name.to_owned(),
                 expression: handle.index(),
@@ -132,8 +139,8 @@ impl Program {
         let (_, info) = self.body(&telling.value.function).expect("it is a function of the program");
         let value = at(self.body(&telling.value.function).expect("as above").0);
         let ty = match info[value].ty.clone() {
-            naga::proc::TypeResolution::Handle(ty) => ty,
-            naga::proc::TypeResolution::Value(inner) => {
+            TypeResolution::Handle(ty) => ty,
+            TypeResolution::Value(inner) => {
                 module.types.insert(Type { name: None, inner }, NOWHERE)
             }
         };
@@ -324,7 +331,6 @@ impl Kept {
         lanes: &[(Vec<u32>, Scalar)],
         telling: Telling<'_>,
     ) {
-        let u32_type = scalar_type(module, Scalar::U32);
         let size = VectorSize::Quad;
         let inner = TypeInner::Vector { size, scalar: Scalar::U32 };
         let words_type = module.types.insert(Type { name: None, inner }, NOWHERE);
@@ -364,7 +370,7 @@ impl Kept {
         let mut members: Vec<StructMember> = kept.iter().map(|(_, own)| own.clone()).collect();
         members.push(told);
         // No host sees it: its layout has to be one, as naga's validator has it.
-        let mut layouter = naga::proc::Layouter::default();
+        let mut layouter = Layouter::default();
         let mut span = 0;
         if layouter.update(module.to_ctx()).is_ok() {
             for member in &mut members {
@@ -434,7 +440,6 @@ impl Kept {
             block
         });
         function.body = body;
-        let _ = u32_type;
     }
 }
 

@@ -1,0 +1,62 @@
+//! Drawings whose fragment functions tell a value beside their colours.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::drawing::{Drawing, Scene, Source};
+use super::{Blend, DrawError, Format};
+use crate::reflect::{Telling, Valued};
+
+/// A drawing that tells a value, and the target that has its words.
+pub(crate) struct Told<'s> {
+    pub(crate) drawing: Drawing<'s>,
+    pub(crate) target: usize,
+}
+
+impl Drawing<'_> {
+    /// The fragment functions of its draws, by their names in the text.
+    pub(crate) fn fragments(&self) -> Vec<&str> {
+        let names = self.scene.draws.iter().filter_map(|draw| draw.fragment.as_deref());
+        names.map(|name| self.program.entry_point_name(name)).collect()
+    }
+
+    /// Whether its own colours stay where a value is told. Words have no mean over several samples, and devices may have no
+    /// room for a target beside several others: then they are left out.
+    pub(crate) fn keeps_colours(&self) -> bool {
+        self.scene.samples == 1 && self.scene.formats.len() == 1
+    }
+
+    /// The same draws, whose fragment functions tell a value: in a round, or in the last one.
+    ///
+    /// # Errors
+    /// If naga doesn't take it.
+    pub(crate) fn telling(
+        &self,
+        value: &Valued,
+        round: Option<u32>,
+        first: usize,
+    ) -> Result<Told<'_>, DrawError> {
+        let alone = !self.keeps_colours();
+        let mut scene = Scene::clone(&self.scene);
+        if alone {
+            scene.formats.clear();
+        }
+        let target = scene.formats.len();
+        scene.formats.push(Format::Rgba32Uint);
+        (scene.result, scene.samples, scene.told) = (Source::Target(target), 1, Some(target));
+        for draw in &mut scene.draws {
+            if alone {
+                draw.state.blends.clear();
+                draw.state.masks.clear();
+            }
+            draw.state.blends.push((target, Blend::Replace));
+        }
+        let location = u32::try_from(target).expect("there are few targets");
+        let telling = Telling { value, round, first, location, alone };
+        let program = Arc::new(self.program.telling(&self.fragments(), telling)?);
+        let bindings = scene.bindings(&program)?;
+        let fixtures = self.fixtures().clone();
+        let drawing = Drawing::with(Cow::Owned(scene), program, bindings, fixtures);
+        Ok(Told { drawing, target })
+    }
+}

@@ -1,0 +1,345 @@
+//! Values of a frame's fragment functions, pixel by pixel.
+
+use std::collections::BTreeSet;
+
+use super::{Frame, FrameError};
+use crate::diagnostic::{Span, nearest};
+use crate::draw::{DrawError, Drawing};
+use crate::executor;
+use crate::interpret::author;
+use crate::package::let_statements;
+use crate::path::{self, Device, Path};
+use crate::reflect::{Program, Valued, WORDS};
+use crate::value::Shape;
+
+/// Which value of a frame's fragment functions, or of what they call, [`Frame::tap`] returns.
+#[derive(Clone, Debug)]
+pub struct Tap {
+    wanted: String,
+    round: Option<u32>,
+}
+
+impl Tap {
+    /// A value by what stands in the shader: the name of a `let` or of a parameter, another expression that stands there
+    /// once, or a place, `scene.wgsl:42:13`, which is the largest expression that begins there. On the name of a `let` that
+    /// is its value, and `scene.wgsl:42` is the value of the line's only `let`.
+    #[must_use]
+    pub fn new(wanted: &str) -> Self {
+        Self { wanted: wanted.to_owned(), round: None }
+    }
+
+    /// The value that a pixel computes for the `round`th time, from 1, in place of the last one.
+    #[must_use]
+    pub fn round(self, round: Option<u32>) -> Self {
+        Self { round, ..self }
+    }
+}
+
+/// A value on all pixels of a frame, as a driver computed it.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Tapped {
+    /// Its place in the author's file.
+    pub span: Span,
+    /// Its text there.
+    pub text: String,
+    /// The name that a `let` gives it, or that of the parameter.
+    pub name: Option<String>,
+    /// The function that computes it.
+    pub function: String,
+    /// Its type.
+    pub shape: Shape,
+    /// Width and height of the frame.
+    pub size: (u32, u32),
+    /// How often each pixel computed it, row by row; `None`: no draw covers the pixel.
+    pub times: Vec<Option<u32>>,
+    /// The lanes of the value, pixel after pixel; zeros where it isn't told.
+    pub lanes: Vec<u32>,
+    /// True of pixels that have the value.
+    pub told: Vec<bool>,
+    /// Pixels whose colour is another one while the value is told, since a driver compiles another program then. `None`: the
+    /// frame has several targets or samples, and its colour wasn't compared.
+    pub changed: Option<usize>,
+}
+
+/// Why a value can't be told.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TapError {
+    /// The frame can't be drawn.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// No fragment function of the frame has it.
+    #[error("no fragment function of the frame, nor what it calls, has `{wanted}`{more}")]
+    Unknown {
+        /// What was asked for.
+        wanted: String,
+        /// What is near it.
+        more: String,
+    },
+    /// It stands in several places.
+    #[error("`{wanted}` stands in {} places: say which\n{}", places.len(), places.join("\n"))]
+    Several {
+        /// What was asked for.
+        wanted: String,
+        /// Each place, with its function and its text.
+        places: Vec<String>,
+    },
+    /// It has no value that could be told.
+    #[error("{place}: `{text}` can't be tapped: it is {why}")]
+    Untold {
+        /// Its place.
+        place: String,
+        /// Its text.
+        text: String,
+        /// What it is.
+        why: String,
+    },
+    /// The frame draws depth alone.
+    #[error("the frame has no fragment function: it draws depth alone")]
+    Depth,
+}
+
+impl From<DrawError> for TapError {
+    fn from(error: DrawError) -> Self {
+        Self::Frame(error.into())
+    }
+}
+
+/// A value with its place in the author's file.
+struct Candidate {
+    value: Valued,
+    span: Span,
+    text: String,
+    /// Where a `let` names it.
+    named: Option<Span>,
+}
+
+impl Candidate {
+    fn line_column(&self) -> (usize, usize) {
+        self.span.file.line_column(self.span.range.start)
+    }
+
+    fn place(&self) -> String {
+        let (line, column) = self.line_column();
+        format!("{}:{line}:{column}", self.span.file.name)
+    }
+
+    fn told(&self, program: &Program) -> String {
+        let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let name = self.value.name.as_ref().map_or_else(String::new, |name| format!("{name} = "));
+        format!("  {} `{name}{text}` in `{}`", self.place(), program.path_of(&self.value.function))
+    }
+
+    /// Whether it is a `let` or a parameter of this name.
+    fn is_named(&self, name: &str) -> bool {
+        self.value.name.as_deref() == Some(name)
+            && (self.named.is_some() || self.value.range.is_none())
+    }
+}
+
+/// All values of a frame's fragment functions, in the order of functions.
+fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
+    let program = drawing.program();
+    let values = program.values_of(&drawing.fragments());
+    let mut all: Vec<Candidate> = Vec::new();
+    for value in values {
+        let of_function = || Some((program.declaration_span(&value.function)?, value.name.clone()?));
+        let found = match &value.range {
+            Some(range) => author(program, range.clone()),
+            None => of_function(),
+        };
+        let Some((span, text)) = found else { continue };
+        // Of several with one place the last is what the text says: others are parts that naga makes of it.
+        let same = |other: &Candidate| {
+            value.range.is_some() && other.value.range == value.range && other.value.function == value.function
+        };
+        if value.shape.is_ok() || !all.iter().any(same) {
+            all.retain(|other| !same(other) || (value.shape.is_err() && other.value.shape.is_ok()));
+            all.push(Candidate { value, span, text, named: None });
+        }
+    }
+    let functions: BTreeSet<String> = all.iter().map(|one| one.value.function.clone()).collect();
+    for function in functions {
+        for statement in let_statements(program.text(), &function) {
+            let (start, end) = (statement.name.end, statement.end.unwrap_or(statement.name.end));
+            let is_inside = |one: &&mut Candidate| {
+                let inside = |range: &std::ops::Range<usize>| range.start >= start && range.end <= end;
+                one.value.function == function && one.value.range.as_ref().is_some_and(inside)
+            };
+            let length = |one: &&mut Candidate| one.value.range.as_ref().map_or(0, ExactSizeIterator::len);
+            if let Some(found) = all.iter_mut().filter(is_inside).max_by_key(length) {
+                found.named = program.resolve(statement.name.clone());
+                found.value.name = Some(program.text()[statement.name].to_owned());
+            }
+        }
+    }
+    all
+}
+
+/// A path, a line from 1 and a column, or the line alone.
+fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
+    let (rest, last) = wanted.rsplit_once(':')?;
+    let last: usize = last.parse().ok()?;
+    match rest.rsplit_once(':').map(|(file, line)| (file, line.parse())) {
+        Some((file, Ok(line))) => Some((file, line, Some(last))),
+        _ => Some((rest, last, None)),
+    }
+}
+
+fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
+    let program = drawing.program();
+    let mut all = candidates(drawing);
+    let of = |all: &[Candidate], is: &dyn Fn(&Candidate) -> bool| -> Vec<usize> {
+        (0..all.len()).filter(|index| is(&all[*index])).collect()
+    };
+    let mut more = String::new();
+    let mut found = match place_of(wanted) {
+        Some((file, line, column)) => {
+            let is_there = |one: &Candidate| {
+                std::path::Path::new(&one.span.file.name).ends_with(file) && one.value.range.is_some()
+            };
+            let at = |span: &Span| span.file.line_column(span.range.start);
+            let on_line = of(&all, &|one| is_there(one) && one.line_column().0 == line);
+            let found = match column {
+                None => of(&all, &|one| {
+                    is_there(one) && one.named.as_ref().is_some_and(|name| at(name).0 == line)
+                }),
+                Some(column) => {
+                    let named = of(&all, &|one| {
+                        is_there(one) && one.named.as_ref().is_some_and(|name| at(name) == (line, column))
+                    });
+                    let begins = of(&all, &|one| is_there(one) && one.line_column() == (line, column));
+                    let largest = begins.into_iter().max_by_key(|index| all[*index].text.len());
+                    if named.is_empty() { largest.into_iter().collect() } else { named }
+                }
+            };
+            if found.is_empty() && !on_line.is_empty() {
+                let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
+                more = format!("; on this line there are\n{}", there.join("\n"));
+            }
+            found
+        }
+        None => {
+            let named = of(&all, &|one| one.is_named(wanted));
+            let without_blanks =
+                |text: &str| text.split_whitespace().collect::<String>();
+            let text = without_blanks(wanted);
+            match named.is_empty() {
+                false => named,
+                true => of(&all, &|one| {
+                    one.value.range.is_some() && without_blanks(&one.text) == text
+                }),
+            }
+        }
+    };
+    // A function that two modules' copies share has one place.
+    let mut places = BTreeSet::new();
+    found.retain(|index| {
+        places.insert((all[*index].place(), all[*index].value.function.clone(), all[*index].value.name.clone()))
+    });
+    match *found {
+        [one] => Ok(all.swap_remove(one)),
+        [] => {
+            let names: Vec<&str> = all.iter().filter_map(|one| one.value.name.as_deref()).collect();
+            if let Some(near) = nearest(wanted, names.iter().copied()).filter(|_| more.is_empty()) {
+                more = format!("; did you mean `{near}`?");
+            }
+            Err(TapError::Unknown { wanted: wanted.to_owned(), more })
+        }
+        _ => {
+            let places = found.iter().map(|index| all[*index].told(program)).collect();
+            Err(TapError::Several { wanted: wanted.to_owned(), places })
+        }
+    }
+}
+
+impl Frame<'_> {
+    /// A value that the frame's fragment functions compute, on all of its pixels, as a driver computes it. The last draw that a
+    /// pixel shows tells it.
+    ///
+    /// ```no_run
+    /// use karat::Path;
+    /// use karat::frame::Tap;
+    /// use karat::prelude::*;
+    ///
+    /// let text = "@fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f {
+    ///     let slope = 2.0 * uv.x;
+    ///     return vec4f(slope);
+    /// }";
+    /// let package = Package::from_source("m", text);
+    /// let tapped = package.frame("", 4, 4).fragment("fragment").tap(Path::VULKAN, &Tap::new("slope"))?;
+    /// assert_eq!(f32::from_bits(tapped.lanes[0]), 0.25);
+    /// # Ok::<(), karat::frame::TapError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If there is no such value, or the frame can't be drawn.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
+        let executor = executor::of(path).map_err(DrawError::from)?;
+        let drawing = self.drawing_on(executor)?;
+        if drawing.fragments().is_empty() {
+            return Err(TapError::Depth);
+        }
+        let found = find(&drawing, &tap.wanted)?;
+        let shape = found.value.shape.clone().map_err(|why| TapError::Untold {
+            place: found.place(),
+            text: found.text.clone(),
+            why,
+        })?;
+        let opened = path::open(path).map_err(DrawError::from)?;
+        let device = opened.device().ok_or(DrawError::Unable { path })?;
+        let (names, span) = drawing.entry_points();
+        let read = || read(device, &drawing, &found.value, tap.round, shape.lanes().len());
+        let Read { times, mut lanes, changed } = path::caught(path, &names, span.as_ref(), read)?;
+        let least = tap.round.unwrap_or(1);
+        let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
+        let width = shape.lanes().len();
+        for (lanes, told) in lanes.chunks_exact_mut(width).zip(&told) {
+            if !told {
+                lanes.fill(0);
+            }
+        }
+        let function = drawing.program().path_of(&found.value.function);
+        let Candidate { value: Valued { name, .. }, span, text, .. } = found;
+        let size = drawing.size();
+        Ok(Tapped { span, text, name, function, shape, size, times, lanes, told, changed })
+    }
+}
+
+/// What a device has told.
+struct Read {
+    times: Vec<Option<u32>>,
+    lanes: Vec<u32>,
+    changed: Option<usize>,
+}
+
+fn read(
+    device: &Device,
+    drawing: &Drawing<'_>,
+    value: &Valued,
+    round: Option<u32>,
+    width: usize,
+) -> Result<Read, DrawError> {
+    let keeps = drawing.keeps_colours();
+    let pixels = drawing.size().0 as usize * drawing.size().1 as usize;
+    let mut words: Vec<Vec<u32>> = vec![Vec::with_capacity(width + WORDS); pixels];
+    let mut changed = None;
+    for first in (0..=width).step_by(WORDS) {
+        let told = drawing.telling(value, round, first)?;
+        let colours = keeps && first == 0;
+        let targets = if colours { vec![told.target, 0] } else { vec![told.target] };
+        let mut texels = device.texels(&told.drawing, &targets)?.into_iter();
+        let own = texels.next().unwrap_or_default();
+        words.iter_mut().zip(own).for_each(|(words, own)| words.extend(own));
+        if let Some(with) = texels.next() {
+            let without = device.texels(drawing, &[0])?.swap_remove(0);
+            changed = Some(with.iter().zip(&without).filter(|(a, b)| a != b).count());
+        }
+    }
+    let times = words.iter().map(|words| words[width].checked_sub(1)).collect();
+    let lanes = words.iter().flat_map(|words| &words[..width]).copied().collect();
+    Ok(Read { times, lanes, changed })
+}

@@ -1,0 +1,238 @@
+//! Values of fragment functions on all pixels: what is told is what was computed, by the right pixel and the right draw.
+
+use glam::{Vec2, Vec3};
+use karat::draw::{Blend, Draw, Format, Mesh};
+use karat::frame::{Tap, TapError, Tapped};
+use karat::prelude::*;
+use karat::{Frame, Path};
+
+const SHADER: &str = "
+struct Inputs { @location(0) uv: vec2f, @builtin(position) at: vec4f }
+
+fn wave(x: f32, steps: u32) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < steps; i += 1u) {
+        let term = x * f32(i + 1u);
+        sum += term;
+    }
+    return sum;
+}
+
+@fragment
+fn fragment(in: Inputs) -> @location(0) vec4f {
+    let column = u32(in.at.x);
+    let is_left = column < 2u;
+    if (is_left) {
+        return vec4f(0.25);
+    }
+    let direction = normalize(vec3f(in.uv, 1.0));
+    let sum = wave(in.uv.x, column);
+    let twice = mat2x2f(in.uv, in.uv + 1.0);
+    if (in.at.y < 1.0) {
+        discard;
+    }
+    let none = 2.0;
+    return vec4f(sum * none, direction.xy, determinant(twice));
+}
+
+@fragment
+fn red(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    let from_red = at.x + 100.0;
+    return vec4f(from_red, 0.0, 0.0, 0.5);
+}
+
+struct Two { @location(0) a: vec4f, @location(1) b: vec4f, @builtin(frag_depth) depth: f32 }
+
+@fragment
+fn two(@builtin(position) at: vec4f) -> Two {
+    let depth = 0.5 * at.x / 4.0;
+    return Two(vec4f(1.0), vec4f(2.0), depth);
+}
+
+@vertex
+fn vertex(@location(0) position: vec3f, @builtin(instance_index) i: u32) -> @builtin(position) vec4f {
+    return vec4f(position.x + f32(i), position.y, position.z, 1.0);
+}
+
+@fragment
+fn nothing() -> @location(0) vec4f {
+    let nothing = vec4f(0.25);
+    return nothing;
+}
+";
+
+fn package() -> Package {
+    Package::from_source("m", SHADER)
+}
+
+fn drivers() -> Vec<Path> {
+    let all = karat::unstable::path::selected().expect("paths are open");
+    all.into_iter().filter(|path| *path != Path::CPU).collect()
+}
+
+fn tapped(frame: &Frame<'_>, path: Path, tap: &Tap) -> Tapped {
+    frame.tap(path, tap).unwrap_or_else(|error| panic!("{tap:?} on {path}: {error}"))
+}
+
+fn floats(tapped: &Tapped) -> Vec<f32> {
+    tapped.lanes.iter().map(|lane| f32::from_bits(*lane)).collect()
+}
+
+/// Each driver with the value on 4 x 2 pixels.
+fn each(frame: impl Fn(&Package) -> Frame<'_>, tap: &Tap, check: impl Fn(&Tapped)) {
+    let package = package();
+    let drivers = drivers();
+    assert!(!drivers.is_empty(), "there is a driver");
+    for path in drivers {
+        check(&tapped(&frame(&package), path, tap));
+    }
+}
+
+fn plain(package: &Package) -> Frame<'_> {
+    package.frame("", 4, 2).fragment("fragment")
+}
+
+#[test]
+fn a_value_is_that_of_its_pixel() {
+    each(plain, &Tap::new("column"), |tapped| {
+        // Two pixels of the upper row are discarded.
+        assert_eq!(tapped.lanes, [0, 1, 0, 0, 0, 1, 2, 3]);
+        assert_eq!(tapped.times[..4], [Some(1), Some(1), None, None]);
+        assert_eq!((&*tapped.function, &*tapped.text), ("fragment", "u32(in.at.x)"));
+        assert_eq!(tapped.changed, Some(0));
+    });
+    each(plain, &Tap::new("is_left"), |tapped| {
+        assert_eq!(tapped.lanes, [1, 1, 0, 0, 1, 1, 0, 0]);
+        assert_eq!(tapped.told[6..], [true; 2], "false is a value");
+    });
+    each(plain, &Tap::new("in.uv + 1.0"), |tapped| {
+        let uv = floats(tapped);
+        assert_eq!(&uv[..4], [0.0; 4]);
+        assert_eq!(&uv[14..], [1.875, 1.75]);
+    });
+}
+
+#[test]
+fn what_a_pixel_does_not_come_to_is_not_told() {
+    each(plain, &Tap::new("direction"), |tapped| {
+        assert_eq!(tapped.told, [false, false, false, false, false, false, true, true]);
+        assert_eq!(tapped.times[4..], [Some(0), Some(0), Some(1), Some(1)]);
+        assert_eq!(tapped.lanes[..3], [0; 3]);
+    });
+    // A pixel that is discarded is drawn by nothing.
+    each(plain, &Tap::new("in.at.y < 1.0"), |tapped| {
+        assert_eq!(tapped.times, [Some(0), Some(0), None, None, Some(0), Some(0), Some(1), Some(1)]);
+    });
+}
+
+#[test]
+fn rounds_are_told_one_by_one() {
+    let term = |round| Tap::new("term").round(round);
+    // uv.x is 0.625 and 0.875 in columns 2 and 3, which go round 2 and 3 times.
+    each(plain, &term(None), |tapped| {
+        assert_eq!(floats(tapped)[6..], [1.25, 2.625]);
+        assert_eq!(tapped.times[6..], [Some(2), Some(3)]);
+    });
+    each(plain, &term(Some(1)), |tapped| assert_eq!(floats(tapped)[6..], [0.625, 0.875]));
+    each(plain, &term(Some(3)), |tapped| {
+        assert_eq!(tapped.told[6..], [false, true]);
+        assert_eq!(floats(tapped)[6..], [0.0, 2.625]);
+    });
+}
+
+#[test]
+fn every_shape_is_told() {
+    each(plain, &Tap::new("twice"), |tapped| {
+        assert_eq!(floats(tapped)[28..], [0.875, 0.75, 1.875, 1.75]);
+    });
+    each(plain, &Tap::new("in"), |tapped| {
+        assert_eq!(tapped.shape.lanes().len(), 6);
+        assert_eq!(floats(tapped)[42..46], [0.875, 0.75, 3.5, 1.5]);
+    });
+    each(plain, &Tap::new("x"), |tapped| assert_eq!(floats(tapped)[6..], [0.625, 0.875]));
+}
+
+/// The left half.
+fn half() -> Mesh {
+    let corners = [Vec2::NEG_ONE, Vec2::new(0.0, -1.0), Vec2::new(-1.0, 3.0), Vec2::new(0.0, 3.0)];
+    let corners = corners.map(|corner| Vec3::new(corner.x, corner.y, 0.5)).to_vec();
+    Mesh::new(corners, vec![0, 1, 2, 2, 1, 3])
+}
+
+fn both(package: &Package) -> Frame<'_> {
+    let draw = Draw::mesh("vertex", "red", half()).instances(1);
+    package.frame("", 4, 2).draw(Draw::fragment("nothing")).draw(draw.blend(Blend::Alpha))
+}
+
+#[test]
+fn the_draw_that_is_seen_tells() {
+    let package = package();
+    for path in drivers() {
+        let told = tapped(&both(&package).clear([1.0; 4]), path, &Tap::new("from_red"));
+        assert_eq!(told.told, [true, true, false, false, true, true, false, false], "{path}");
+        assert_eq!(floats(&told)[..2], [100.5, 101.5]);
+        assert_eq!(told.times[2], Some(0), "the other draw covers it");
+        // Two copies cover all of it.
+        let draw = Draw::mesh("vertex", "red", half()).instances(2);
+        let copies = tapped(&package.frame("", 4, 2).draw(draw), path, &Tap::new("from_red"));
+        assert_eq!(floats(&copies)[..4], [100.5, 101.5, 102.5, 103.5]);
+        // Without a draw behind it, the clear colour is no value.
+        let draw = Draw::mesh("vertex", "red", half()).instances(1);
+        let alone = package.frame("", 4, 2).clear([1.0; 4]).draw(draw);
+        assert_eq!(tapped(&alone, path, &Tap::new("from_red")).times[2..4], [None, None]);
+        let samples = package.frame("", 4, 2).samples(4).draw(Draw::mesh("vertex", "red", half()));
+        let samples = tapped(&samples, path, &Tap::new("from_red"));
+        assert_eq!((samples.changed, &floats(&samples)[..2]), (None, &[100.5, 101.5][..]));
+    }
+}
+
+#[test]
+fn several_targets_and_depth_stay() {
+    let package = package();
+    let frame = package.frame("", 4, 2).formats([Format::Rgba8Unorm, Format::Rgba16Float]);
+    let frame = frame.fragment("two");
+    for path in drivers() {
+        let told = tapped(&frame, path, &Tap::new("depth"));
+        assert_eq!(floats(&told)[..4], [0.0625, 0.1875, 0.3125, 0.4375]);
+        assert_eq!(told.changed, None, "with several targets the colour isn't compared");
+    }
+}
+
+#[test]
+fn places_name_the_largest_expression() {
+    let package = package();
+    let file = tapped(&plain(&package), drivers()[0], &Tap::new("column")).span.file.name.clone();
+    let line = SHADER.lines().position(|line| line.contains("let sum")).expect("it is there") + 1;
+    let error = |wanted: &str| {
+        let error = plain(&package).tap(drivers()[0], &Tap::new(wanted)).expect_err(wanted);
+        error.to_string()
+    };
+    let of = |wanted: &str| {
+        let told = tapped(&plain(&package), drivers()[0], &Tap::new(wanted));
+        told.text
+    };
+    assert_eq!(of(&format!("{file}:{line}")), "wave(in.uv.x, column)");
+    assert_eq!(of(&format!("{file}:{line}:9")), "wave(in.uv.x, column)", "on the name of the let");
+    assert_eq!(of(&format!("{file}:{line}:15")), "wave(in.uv.x, column)");
+    assert_eq!(of(&format!("{file}:{line}:20")), "in.uv.x");
+    let between = error(&format!("{file}:{line}:11"));
+    assert!(between.contains("on this line there are") && between.contains("`sum = wave(in.uv.x, column)`"));
+    assert!(error("collumn").contains("did you mean `column`?"));
+    let several = error("in.uv");
+    assert!(several.contains("stands in"), "{several}");
+}
+
+#[test]
+fn what_has_no_value_is_refused_by_name() {
+    let package = package();
+    let refused = |frame: Frame<'_>, wanted: &str| {
+        frame.tap(drivers()[0], &Tap::new(wanted)).expect_err(wanted)
+    };
+    let constant = refused(plain(&package), "none");
+    assert!(matches!(constant, TapError::Untold { .. }), "{constant}");
+    assert!(constant.to_string().contains("`2.0` can't be tapped: it is a constant"), "{constant}");
+    let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    let depth = package.frame("", 4, 2).draw(Draw::depth("vertex", mesh)).depth();
+    assert!(matches!(refused(depth, "at"), TapError::Depth));
+    assert!(plain(&package).tap(Path::CPU, &Tap::new("column")).is_err(), "the engine draws no frames");
+}
