@@ -59,8 +59,8 @@ pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
 pub use rounds::Watched;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, count_rounds};
 pub(crate) use signature::Passed;
-pub(crate) use tapped::{Telling, Valued, WORDS};
 pub use signature::{Function, State};
+pub(crate) use tapped::{Telling, Valued, WORDS};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 

@@ -85,7 +85,7 @@ pub mod golden {
 pub mod image {
     pub use karat_core::image::{
         ExrFile, ImageFormat, NonFinite, Part, Staged, encode_srgb, is_beside, is_leftover,
-        luminance, remove_leftover, write_whole,
+        luminance, remove_leftover, write_colours, write_whole,
     };
 }
 

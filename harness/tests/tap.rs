@@ -121,7 +121,10 @@ fn what_a_pixel_does_not_come_to_is_not_told() {
     });
     // A pixel that is discarded is drawn by nothing.
     each(plain, &Tap::new("in.at.y < 1.0"), |tapped| {
-        assert_eq!(tapped.times, [Some(0), Some(0), None, None, Some(0), Some(0), Some(1), Some(1)]);
+        assert_eq!(
+            tapped.times,
+            [Some(0), Some(0), None, None, Some(0), Some(0), Some(1), Some(1)]
+        );
     });
 }
 
@@ -216,10 +219,15 @@ fn places_name_the_largest_expression() {
     assert_eq!(of(&format!("{file}:{line}:15")), "wave(in.uv.x, column)");
     assert_eq!(of(&format!("{file}:{line}:20")), "in.uv.x");
     let between = error(&format!("{file}:{line}:11"));
-    assert!(between.contains("on this line there are") && between.contains("`sum = wave(in.uv.x, column)`"));
+    assert!(
+        between.contains("on this line there are")
+            && between.contains("fragment::sum: f32 = wave(in.uv.x, column)")
+    );
     assert!(error("collumn").contains("did you mean `column`?"));
     let several = error("in.uv");
-    assert!(several.contains("stands in"), "{several}");
+    assert!(several.contains("is 4 values: say which"), "{several}");
+    assert_eq!(of("wave::term"), "x * f32(i + 1u)");
+    assert!(error("ave::term").contains("has `ave::term`"));
 }
 
 #[test]
@@ -234,5 +242,8 @@ fn what_has_no_value_is_refused_by_name() {
     let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
     let depth = package.frame("", 4, 2).draw(Draw::depth("vertex", mesh)).depth();
     assert!(matches!(refused(depth, "at"), TapError::Depth));
-    assert!(plain(&package).tap(Path::CPU, &Tap::new("column")).is_err(), "the engine draws no frames");
+    assert!(
+        plain(&package).tap(Path::CPU, &Tap::new("column")).is_err(),
+        "the engine draws no frames"
+    );
 }

@@ -36,6 +36,7 @@ mod search;
 mod show;
 mod suite;
 mod table;
+mod tap;
 mod terminal;
 mod test;
 mod translate;
@@ -314,6 +315,9 @@ enum Command {
                             karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
+    /// Show a value of a frame's fragment functions on every pixel, as a picture and in numbers
+    #[command(after_help = tap::EXAMPLES)]
+    Tap(tap::Args),
     /// Write an EXR image as a tone-mapped PNG, to look at it
     Preview(preview::Args),
     /// Build the manual of the karat that your project uses, and open it in a browser
@@ -477,6 +481,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Diff(args) => diff::run(&args, out),
         Command::Review(args) => review::run(&args, out),
         Command::Render(args) => render::run(args, out),
+        Command::Tap(args) => tap::run(&args, out),
         Command::Preview(args) => preview::run(&args, out),
         Command::Manual(args) => manual::run(&args, out),
         Command::Completions { shell } => {

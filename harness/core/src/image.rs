@@ -13,6 +13,8 @@ use half::slice::HalfFloatSliceExt;
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
 #[doc(hidden)]
+pub use self::png::write_colours;
+#[doc(hidden)]
 pub use self::whole::{Staged, remove_leftover};
 pub use self::whole::{append_line, is_beside, is_leftover, write_whole};
 

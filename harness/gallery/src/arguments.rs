@@ -28,28 +28,41 @@ pub struct RenderArguments {
     /// Render every frame
     #[arg(long, conflicts_with = "frames")]
     pub(super) all: bool,
-    /// Folder that FRAME.exr and FRAME.png are written into [default: `karat/frames` in Cargo's
-    /// target folder]
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
-    /// Width and height in pixels, such as 640x360 [default: the frame's own]
-    #[arg(long, value_name = "WxH", value_parser = size)]
-    pub(super) size: Option<(u32, u32)>,
-    /// Samples a pixel, or as the frame defines; at least 1 [default: the frame's own]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) samples: Option<u32>,
+    #[command(flatten)]
+    pub(super) drawn: DrawArguments,
     #[command(flatten)]
     pub(super) exposure: ExposureArguments,
+    /// Values to tell in place of the frame: see `karat tap`
+    #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
+    pub(super) tap: Option<Vec<String>>,
+    /// The time that a pixel computes them
+    #[arg(long, hide = true, value_name = "N")]
+    pub(super) round: Option<u32>,
+}
+
+/// How frames are drawn, and where to.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct DrawArguments {
+    /// Folder that images are written into [default: `karat/frames` in Cargo's target folder]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Width and height in pixels, such as 640x360 [default: the frame's own]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: Option<(u32, u32)>,
+    /// Samples a pixel, or as the frame defines; at least 1 [default: the frame's own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: Option<u32>,
     /// The light around the scene, such as an EXR panorama, for frames that take one
     #[arg(
         long,
         value_name = "FILE",
         value_parser = PathBufValueParser::new().try_map(existing_file)
     )]
-    pub(super) environment: Option<PathBuf>,
+    pub environment: Option<PathBuf>,
     /// Path to render on: `vulkan`, `gl`, ... [default: the first one that tests run on]
     #[arg(long, value_name = "PATH")]
-    pub(super) path: Option<Path>,
+    pub path: Option<Path>,
 }
 
 /// How bright a preview is.
@@ -73,16 +86,27 @@ impl RenderArguments {
     /// Sets the folder to write into, unless one is set already.
     #[must_use]
     pub fn out_or(mut self, folder: PathBuf) -> Self {
-        self.out.get_or_insert(folder);
+        self.drawn.out.get_or_insert(folder);
         self
+    }
+
+    /// Those of values of a frame; without one it lists what the frame has.
+    #[must_use]
+    pub fn tapping(
+        frame: &str,
+        values: Vec<String>,
+        round: Option<u32>,
+        drawn: DrawArguments,
+    ) -> Self {
+        Self { frames: vec![frame.to_owned()], tap: Some(values), round, drawn, ..Self::default() }
     }
 
     /// The same arguments, as a command line has them.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
         // All fields are named, so that none is forgotten.
-        let Self { frames, first, list, all, out, size, samples, exposure, environment, path } =
-            self;
+        let Self { frames, first, list, all, drawn, exposure, tap, round } = self;
+        let DrawArguments { out, size, samples, environment, path } = drawn;
         let mut words: Vec<OsString> = Vec::new();
         let flags = [("--first", first), ("--list", list), ("--all", all)];
         words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
@@ -108,6 +132,16 @@ impl RenderArguments {
         if let Some(path) = path {
             option("path", path.name().into());
         }
+        match tap.as_deref() {
+            Some([]) => words.push("--tap".into()),
+            Some(values) => {
+                words.extend(values.iter().map(|value| format!("--tap={value}").into()))
+            }
+            None => {}
+        }
+        if let Some(round) = round {
+            words.push(format!("--round={round}").into());
+        }
         words.push("--".into());
         words.extend(frames.iter().map(Into::into));
         words
@@ -115,8 +149,8 @@ impl RenderArguments {
 
     /// What a frame is told of it.
     pub(super) fn options(&self, path: Path) -> RenderOptions {
-        let environment = self.environment.clone();
-        RenderOptions { size: self.size, samples: self.samples, environment, path }
+        let DrawArguments { size, samples, environment, .. } = self.drawn.clone();
+        RenderOptions { size, samples, environment, path }
     }
 }
 
@@ -181,6 +215,8 @@ mod tests {
             &["scene", "--size", "1x16384", "--path", "gl", "--environment", environment],
             &["--out", "a folder", "--exposure=1e-30", "--", "--first"],
             &["--out=--all", "--exposure", "1.5", "a[0]"],
+            &["scene", "--tap"],
+            &["--tap=-x", "--tap=a < b", "--round=2", "scene"],
         ] {
             let arguments = parse(words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
             assert_eq!(parse(&arguments.words()), Ok(arguments), "{words:?}");
@@ -195,8 +231,8 @@ mod tests {
         assert_eq!(arguments.exposure.stops, -2.0);
         let options = arguments.options(Path::GL);
         assert_eq!((options.size_or(9, 9), options.samples_or(9)), ((3, 2), 7));
-        assert_eq!((arguments.path, options.path), (Some(Path::GL), Path::GL));
-        let folder = |arguments: RenderArguments| arguments.out_or("default".into()).out;
+        assert_eq!((arguments.drawn.path, options.path), (Some(Path::GL), Path::GL));
+        let folder = |arguments: RenderArguments| arguments.out_or("default".into()).drawn.out;
         assert_eq!(folder(arguments), Some("default".into()));
         assert_eq!(folder(parse(&["--out", "own"]).expect("good")), Some("own".into()));
         let options = RenderOptions::new(Path::GL);

@@ -5,6 +5,7 @@
 //! the same arguments, which are defined once, in `arguments.rs`.
 
 mod arguments;
+mod taps;
 
 use std::error::Error;
 use std::io::{self, Write};
@@ -15,11 +16,13 @@ use std::time::Instant;
 
 use clap::Parser;
 
-pub use arguments::{ExposureArguments, RenderArguments};
+pub use arguments::{DrawArguments, ExposureArguments, RenderArguments};
+pub use taps::{TapWriteError, write_tapped};
 
 use karat::Frame;
 use karat::Image;
 use karat::Path;
+use karat::frame::Tap;
 use karat::image::{ImageError, Precision};
 use karat::path::PathError;
 use karat::unstable::diagnostic::{nearest, shown};
@@ -194,9 +197,12 @@ impl Gallery {
             return Ok(Vec::new());
         }
         let selected = self.select(arguments)?;
-        let folder = arguments.out.clone().unwrap_or_else(output);
-        let options = arguments.options(open(arguments.path)?);
+        let folder = arguments.drawn.out.clone().unwrap_or_else(output);
+        let options = arguments.options(open(arguments.drawn.path)?);
         prepare(&folder).map_err(|cause| GalleryError::Out { folder: shown(&folder), cause })?;
+        if let Some(values) = &arguments.tap {
+            return tapped(&selected, &options, &folder, (values, arguments.round), (out, err));
+        }
         let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let mut failed = Vec::new();
         for entry in &selected {
@@ -299,17 +305,76 @@ impl Gallery {
     }
 }
 
+/// Tells values of frames. The names of the frames that have one of them not.
+fn tapped<'e>(
+    selected: &[&'e Entry],
+    options: &RenderOptions,
+    folder: &FilePath,
+    (values, round): (&[String], Option<u32>),
+    (out, err): (&mut dyn Write, &mut dyn Write),
+) -> Result<Vec<&'e str>, GalleryError> {
+    let mut failed = Vec::new();
+    for entry in selected {
+        let name = entry.name.as_str();
+        let told = entry.described(options, |frame| {
+            Ok(tap(&frame, name, folder, options.path, (values, round), out)?)
+        });
+        if let Err(error) = told {
+            failed.push(name);
+            report(err, &format!("frame `{name}`"), &*error)?;
+        }
+    }
+    Ok(failed)
+}
+
+/// Writes values of a frame, or lists what it has.
+///
+/// # Errors
+/// If there is no such value, the frame can't be drawn, or an image can't be written.
+pub fn tap(
+    frame: &Frame<'_>,
+    name: &str,
+    folder: &FilePath,
+    path: Path,
+    (values, round): (&[String], Option<u32>),
+    out: &mut dyn Write,
+) -> Result<(), Box<dyn Error>> {
+    if values.is_empty() {
+        for line in frame.values(path)? {
+            writeln!(out, "{line}")?;
+        }
+    }
+    for value in values {
+        let tapped = frame.tap(path, &Tap::new(value).round(round))?;
+        write_tapped(folder, name, &tapped, out)?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
 impl Entry {
-    fn render(&self, options: &RenderOptions) -> Result<Image, Box<dyn Error>> {
+    /// What is made of the frame.
+    fn described<T>(
+        &self,
+        options: &RenderOptions,
+        make: impl FnOnce(Frame<'static>) -> Result<T, Box<dyn Error>>,
+    ) -> Result<T, Box<dyn Error>> {
         // A panic is about this frame, too: the others are still rendered. The hook has printed
         // its message.
-        catch_unwind(AssertUnwindSafe(|| Ok((self.describe)(options)?.render(options.path)?)))
+        catch_unwind(AssertUnwindSafe(|| make((self.describe)(options)?)))
             .unwrap_or_else(|_| Err("it panicked, see above".into()))
+    }
+
+    fn render(&self, options: &RenderOptions) -> Result<Image, Box<dyn Error>> {
+        self.described(options, |frame| Ok(frame.render(options.path)?))
     }
 }
 
 /// The path that is asked for, or the first one of those that checks run on.
-fn open(asked: Option<Path>) -> Result<Path, PathError> {
+///
+/// # Errors
+/// If it doesn't open.
+pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     let Some(path) = asked else {
         let selected = path::selected()?;
         return Ok(*selected.first().expect("a selection is never empty"));

@@ -40,7 +40,10 @@ impl Row {
     /// The words of the texels.
     pub(super) fn words(&self, bytes: &[u8]) -> Vec<[u32; 4]> {
         let size = self.codec.size();
-        bytes[..self.width * size].chunks_exact(size).map(|texel| self.codec.decode(texel)).collect()
+        bytes[..self.width * size]
+            .chunks_exact(size)
+            .map(|texel| self.codec.decode(texel))
+            .collect()
     }
 
     /// The pixels as floats.

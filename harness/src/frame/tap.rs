@@ -20,8 +20,8 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// A value by what stands in the shader: the name of a `let` or of a parameter, another expression that stands there
-    /// once, or a place, `scene.wgsl:42:13`, which is the largest expression that begins there. On the name of a `let` that
+    /// A value by what stands in the shader: the name of a `let` or of a parameter, with the function's path before it where
+    /// several have it (`brdf::shade::n_dot_v`), another expression that stands there once, or a place, `scene.wgsl:42:13`, which is the largest expression that begins there. On the name of a `let` that
     /// is its value, and `scene.wgsl:42` is the value of the line's only `let`.
     #[must_use]
     pub fn new(wanted: &str) -> Self {
@@ -78,7 +78,7 @@ pub enum TapError {
         more: String,
     },
     /// It stands in several places.
-    #[error("`{wanted}` stands in {} places: say which\n{}", places.len(), places.join("\n"))]
+    #[error("`{wanted}` is {} values: say which\n  {}", places.len(), places.join("\n  "))]
     Several {
         /// What was asked for.
         wanted: String,
@@ -125,16 +125,34 @@ impl Candidate {
         format!("{}:{line}:{column}", self.span.file.name)
     }
 
-    fn told(&self, program: &Program) -> String {
-        let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
-        let name = self.value.name.as_ref().map_or_else(String::new, |name| format!("{name} = "));
-        format!("  {} `{name}{text}` in `{}`", self.place(), program.path_of(&self.value.function))
+    /// Its name, with the function's path before it, if it is a `let` or a parameter.
+    fn path(&self, program: &Program) -> Option<String> {
+        let name = self.value.name.as_ref()?;
+        let is_own = self.named.is_some() || self.value.range.is_none();
+        is_own.then(|| format!("{}::{name}", program.path_of(&self.value.function)))
     }
 
-    /// Whether it is a `let` or a parameter of this name.
-    fn is_named(&self, name: &str) -> bool {
-        self.value.name.as_deref() == Some(name)
-            && (self.named.is_some() || self.value.range.is_none())
+    /// It in a line: what it is called, its type, its place, its text.
+    fn told(&self, program: &Program) -> String {
+        let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let shape = self.value.shape.as_ref().map_or_else(String::clone, ToString::to_string);
+        let function = program.path_of(&self.value.function);
+        match (self.path(program), &self.value.range) {
+            (Some(path), Some(_)) => format!("{path}: {shape} = {text}  {}", self.place()),
+            (Some(path), None) => format!("{path}: {shape}, a parameter"),
+            (None, _) => format!("{}  {text}: {shape} in `{function}`", self.place()),
+        }
+    }
+
+    /// Whether it is a `let` or a parameter of this name, or of the end of this path.
+    fn is_named(&self, name: &str, program: &Program) -> bool {
+        let path = self.path(program);
+        path.is_some_and(|path| {
+            path.ends_with(name) && {
+                let before = &path[..path.len() - name.len()];
+                before.is_empty() || before.ends_with("::")
+            }
+        })
     }
 }
 
@@ -144,7 +162,8 @@ fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
     let values = program.values_of(&drawing.fragments());
     let mut all: Vec<Candidate> = Vec::new();
     for value in values {
-        let of_function = || Some((program.declaration_span(&value.function)?, value.name.clone()?));
+        let of_function =
+            || Some((program.declaration_span(&value.function)?, value.name.clone()?));
         let found = match &value.range {
             Some(range) => author(program, range.clone()),
             None => of_function(),
@@ -152,7 +171,9 @@ fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
         let Some((span, text)) = found else { continue };
         // Of several with one place the last is what the text says: others are parts that naga makes of it.
         let same = |other: &Candidate| {
-            value.range.is_some() && other.value.range == value.range && other.value.function == value.function
+            value.range.is_some()
+                && other.value.range == value.range
+                && other.value.function == value.function
         };
         if value.shape.is_ok() || !all.iter().any(same) {
             all.retain(|other| !same(other) || (value.shape.is_err() && other.value.shape.is_ok()));
@@ -164,10 +185,12 @@ fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
         for statement in let_statements(program.text(), &function) {
             let (start, end) = (statement.name.end, statement.end.unwrap_or(statement.name.end));
             let is_inside = |one: &&mut Candidate| {
-                let inside = |range: &std::ops::Range<usize>| range.start >= start && range.end <= end;
+                let inside =
+                    |range: &std::ops::Range<usize>| range.start >= start && range.end <= end;
                 one.value.function == function && one.value.range.as_ref().is_some_and(inside)
             };
-            let length = |one: &&mut Candidate| one.value.range.as_ref().map_or(0, ExactSizeIterator::len);
+            let length =
+                |one: &&mut Candidate| one.value.range.as_ref().map_or(0, ExactSizeIterator::len);
             if let Some(found) = all.iter_mut().filter(is_inside).max_by_key(length) {
                 found.named = program.resolve(statement.name.clone());
                 found.value.name = Some(program.text()[statement.name].to_owned());
@@ -197,7 +220,8 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
     let mut found = match place_of(wanted) {
         Some((file, line, column)) => {
             let is_there = |one: &Candidate| {
-                std::path::Path::new(&one.span.file.name).ends_with(file) && one.value.range.is_some()
+                std::path::Path::new(&one.span.file.name).ends_with(file)
+                    && one.value.range.is_some()
             };
             let at = |span: &Span| span.file.line_column(span.range.start);
             let on_line = of(&all, &|one| is_there(one) && one.line_column().0 == line);
@@ -207,36 +231,41 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
                 }),
                 Some(column) => {
                     let named = of(&all, &|one| {
-                        is_there(one) && one.named.as_ref().is_some_and(|name| at(name) == (line, column))
+                        is_there(one)
+                            && one.named.as_ref().is_some_and(|name| at(name) == (line, column))
                     });
-                    let begins = of(&all, &|one| is_there(one) && one.line_column() == (line, column));
+                    let begins =
+                        of(&all, &|one| is_there(one) && one.line_column() == (line, column));
                     let largest = begins.into_iter().max_by_key(|index| all[*index].text.len());
                     if named.is_empty() { largest.into_iter().collect() } else { named }
                 }
             };
             if found.is_empty() && !on_line.is_empty() {
                 let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
-                more = format!("; on this line there are\n{}", there.join("\n"));
+                more = format!("; on this line there are\n  {}", there.join("\n  "));
             }
             found
         }
         None => {
-            let named = of(&all, &|one| one.is_named(wanted));
-            let without_blanks =
-                |text: &str| text.split_whitespace().collect::<String>();
+            let named = of(&all, &|one| one.is_named(wanted, program));
+            let without_blanks = |text: &str| text.split_whitespace().collect::<String>();
             let text = without_blanks(wanted);
             match named.is_empty() {
                 false => named,
-                true => of(&all, &|one| {
-                    one.value.range.is_some() && without_blanks(&one.text) == text
-                }),
+                true => {
+                    of(&all, &|one| one.value.range.is_some() && without_blanks(&one.text) == text)
+                }
             }
         }
     };
     // A function that two modules' copies share has one place.
     let mut places = BTreeSet::new();
     found.retain(|index| {
-        places.insert((all[*index].place(), all[*index].value.function.clone(), all[*index].value.name.clone()))
+        places.insert((
+            all[*index].place(),
+            all[*index].value.function.clone(),
+            all[*index].value.name.clone(),
+        ))
     });
     match *found {
         [one] => Ok(all.swap_remove(one)),
@@ -255,6 +284,22 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
 }
 
 impl Frame<'_> {
+    /// The values that have names, each with its place and function: the `let` statements and parameters of the frame's
+    /// fragment functions, and of what they call.
+    ///
+    /// # Errors
+    /// If the frame can't be drawn.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
+        let executor = executor::of(path).map_err(DrawError::from)?;
+        let drawing = self.drawing_on(executor)?;
+        let all = candidates(&drawing);
+        let program = drawing.program();
+        let named = all.iter().filter(|one| one.value.shape.is_ok() && one.path(program).is_some());
+        Ok(named.map(|one| one.told(program)).collect())
+    }
+
     /// A value that the frame's fragment functions compute, on all of its pixels, as a driver computes it. The last draw that a
     /// pixel shows tells it.
     ///

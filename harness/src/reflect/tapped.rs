@@ -136,7 +136,8 @@ impl Program {
             let mut all = function.expressions.iter().map(|(handle, _)| handle);
             all.nth(telling.value.expression).expect("it is an expression of its function")
         };
-        let (_, info) = self.body(&telling.value.function).expect("it is a function of the program");
+        let (_, info) =
+            self.body(&telling.value.function).expect("it is a function of the program");
         let value = at(self.body(&telling.value.function).expect("as above").0);
         let ty = match info[value].ty.clone() {
             TypeResolution::Handle(ty) => ty,
@@ -156,7 +157,10 @@ impl Program {
             };
             module.global_variables.append(variable, NOWHERE)
         };
-        let kept = Kept { value: variable("karat_told", ty), rounds: variable("karat_told_rounds", u32_type) };
+        let kept = Kept {
+            value: variable("karat_told", ty),
+            rounds: variable("karat_told_rounds", u32_type),
+        };
         let lanes = lanes(&module, ty, Vec::new());
         let name = &telling.value.function;
         let keep = |function: &mut Function| kept.keep(function, value, telling.round);
@@ -475,10 +479,7 @@ fn insert(block: &mut Block, value: Handle<Expression>, more: &mut dyn FnMut() -
 }
 
 /// Replaces each `return`.
-fn replace_returns(
-    block: &mut Block,
-    with: &mut dyn FnMut(Option<Handle<Expression>>) -> Block,
-) {
+fn replace_returns(block: &mut Block, with: &mut dyn FnMut(Option<Handle<Expression>>) -> Block) {
     let mut all = Block::new();
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
         match &mut statement {

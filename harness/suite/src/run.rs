@@ -7,7 +7,7 @@ use karat::check::{Agreement, Calls, Check, Failure, Limit, Probe};
 use karat::compute::ComputeError;
 use karat::draw::{DrawError, Format};
 use karat::fixture::FixtureError;
-use karat::frame::{FrameAgreement, FrameError};
+use karat::frame::FrameError;
 use karat::golden::FrameTolerance;
 use karat::unstable::check::{Condition, TestGroup, WgslTest, Words};
 use karat::unstable::diagnostic::{Diagnostic, Span};
@@ -235,13 +235,13 @@ impl Suite {
             }
             Kind::Frame(declared) => {
                 let place_of = |key: &str| declared.keys.place_of(key).cloned();
-                let drawn = frame(&self.package, declared, whole);
-                let (unknown, drawn) = drawn.map_err(|wrong| {
-                    let wrong = wrong.told(&|key| place_of(key?), whole);
-                    wrong.recorded(declared.subject(wrong.place.as_deref()))
-                })?;
-                drawn
-                    .map(drop)
+                let (unknown, frame) = self.drawn(declared, whole)?;
+                let matches = |frame: karat::Frame<'_>| {
+                    let goldens = Goldens::open(&declared.golden_folder());
+                    frame.try_matches(&goldens, &declared.name).map(drop)
+                };
+                frame
+                    .and_then(matches)
                     .map_err(|error| blamed(&error, &|_| unknown.clone(), &place_of, whole))
             }
         }
@@ -655,10 +655,38 @@ fn bound(
     Ok(all)
 }
 
-/// The verdict of a frame, and the key of a function that isn't there.
-type Drawn = (Option<String>, Result<FrameAgreement, FrameError>);
+/// A frame, and the key of a function that isn't there.
+type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
-fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdeclared> {
+impl Suite {
+    /// The frame of a `[[frame]]` by its name; `None` if there is none.
+    ///
+    /// # Errors
+    /// If it isn't declared as it should be.
+    #[must_use]
+    pub fn frame(&self, name: &str) -> Option<Result<karat::Frame<'_>, Wrong>> {
+        let mut tests = self.tests.iter();
+        tests.find_map(|test| match &test.kind {
+            Kind::Frame(declared) if declared.name == name => {
+                let frame = self.drawn(declared, &test.span).and_then(|(_, frame)| {
+                    let place_of = |key: &str| declared.keys.place_of(key).cloned();
+                    frame.map_err(|error| blamed(&error, &|_| None, &place_of, &test.span))
+                });
+                Some(frame)
+            }
+            _ => None,
+        })
+    }
+
+    fn drawn(&self, declared: &Frame, whole: &Span) -> Result<Drawn<'_>, Wrong> {
+        frame(&self.package, declared, whole).map_err(|wrong| {
+            let wrong = wrong.told(&|key| declared.keys.place_of(key?).cloned(), whole);
+            wrong.recorded(declared.subject(wrong.place.as_deref()))
+        })
+    }
+}
+
+fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<'p>, Misdeclared> {
     let module = declared.module.as_deref().unwrap_or_default();
     let [width, height] = declared.size.0;
     let program = match Program::of_module(package, module) {
@@ -734,6 +762,5 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<Drawn, Misdec
     for (on, reason) in &declared.refused_on {
         frame = frame.refused_on(on.as_str(), reason);
     }
-    let goldens = Goldens::open(&declared.golden_folder());
-    Ok((unknown, frame.try_matches(&goldens, &declared.name)))
+    Ok((unknown, Ok(frame)))
 }

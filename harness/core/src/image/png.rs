@@ -92,6 +92,27 @@ impl Image {
     }
 }
 
+/// Writes colours as they are, four bytes of 8-bit sRGB and alpha a pixel, row by row.
+///
+/// # Errors
+/// If the file can't be written.
+pub fn write_colours(
+    path: &Path,
+    (width, height): (u32, u32),
+    colours: &[u8],
+) -> Result<(), ImageError> {
+    let failed = |cause| ImageError::Write { path: shown(path), cause };
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(colours))
+        .map_err(|error| failed(std::io::Error::other(error)))?;
+    super::whole::write_whole(path, &file).map_err(failed)
+}
+
 /// From linear in 0..=1 to 8 bits.
 fn to_srgb(linear: f32) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]

@@ -1,0 +1,308 @@
+//! Values of frames as pictures: EXR with the numbers, PNG to look at, and a summary in words.
+
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::path::{Path as FilePath, PathBuf};
+
+use karat::Image;
+use karat::frame::Tapped;
+use karat::image::{ImageError, Precision};
+use karat::unstable::diagnostic::shown;
+use karat::unstable::image::write_colours;
+use karat::unstable::metric::ErrorMap;
+use karat::unstable::output::{Style, counted};
+use karat::unstable::value::{Scalar, format_f32, format_lane};
+
+/// NaN and infinities, as in previews of frames.
+const NAN: [u8; 4] = [255, 0, 255, 255];
+const INFINITE: [u8; 4] = [255, 255, 0, 255];
+
+/// A vector whose squared length is as near to 1 as this is a direction: `normalize` may be off by some steps of f32, and
+/// f16 has three digits.
+const UNIT: f64 = 4e-3;
+
+/// How numbers become colours.
+enum Mapping {
+    /// Black is false, white is true.
+    Truth,
+    /// One number: magma from the least to the largest.
+    Range([f64; 2]),
+    /// One number of both signs: blue below 0, red above, black is 0; as bright as the largest of either sign.
+    Signed(f64),
+    /// Three numbers of length 1: red, green and blue are half of 1 + x, y, z.
+    Direction,
+    /// Two to four numbers: red, green, blue from the least to the largest of all.
+    Channels([f64; 2]),
+}
+
+/// Writes a value's images into a folder as `<frame>.<value>.exr` and `.png`, and says what they show.
+///
+/// # Errors
+/// If a file can't be written.
+pub fn write_tapped(
+    folder: &FilePath,
+    frame: &str,
+    tapped: &Tapped,
+    out: &mut dyn Write,
+) -> Result<(), TapWriteError> {
+    let head = Style::HEAD;
+    let scalars = tapped.shape.lanes();
+    let text = tapped.text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let title = tapped.name.as_deref().unwrap_or(&text);
+    let (line, column) = tapped.span.file.line_column(tapped.span.range.start);
+    let place = format!("{}:{line}:{column}", tapped.span.file.name);
+    let of = &tapped.function;
+    writeln!(out, "{head}{title}{head:#}  {place} in `{of}`: {}", tapped.shape)?;
+    for (lane, name) in tapped.shape.lane_names().iter().enumerate() {
+        writeln!(out, "    {}", summary(tapped, &scalars, lane, name))?;
+    }
+    for note in notes(tapped) {
+        writeln!(out, "    {note}")?;
+    }
+    if tapped.told.iter().all(|told| !told) {
+        writeln!(out, "    no pixel has it: there is no picture")?;
+        return Ok(());
+    }
+    if scalars.len() > 4 {
+        let count = scalars.len();
+        writeln!(out, "    {count} numbers a pixel are no picture: tap one of its parts")?;
+        return Ok(());
+    }
+    let named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
+    let stem = folder.join(format!("{frame}.{}", file_name(named.as_deref().unwrap_or(&text))));
+    let [exr, png] = ["exr", "png"].map(|ending| with_ending(&stem, ending));
+    image(tapped, &scalars).write_exr(&exr, Precision::Float, None)?;
+    let mapping = mapping(tapped, &scalars);
+    write_colours(&png, tapped.size, &colours(tapped, &scalars, &mapping))?;
+    writeln!(out, "    {}  {}: {}", shown(&exr), shown(&png), mapping.told())?;
+    Ok(())
+}
+
+/// Why the images of a value can't be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TapWriteError {
+    /// An image.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// What is said of them.
+    #[error(transparent)]
+    Output(#[from] io::Error),
+}
+
+fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    name.into()
+}
+
+/// A number to six digits, as of f32.
+fn digits(x: f64) -> String {
+    let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
+    format_f32(to_f32(rounded))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "images and what is said of them are of f32")]
+fn to_f32(x: f64) -> f32 {
+    x as f32
+}
+
+/// A name for files: letters and digits stay.
+fn file_name(title: &str) -> String {
+    /// More would be unwieldy.
+    const MOST: usize = 48;
+    let mut name = String::new();
+    for c in title.chars().take(MOST) {
+        match c.is_ascii_alphanumeric() || c == '_' {
+            true => name.push(c),
+            false if name.ends_with('-') => {}
+            false => name.push('-'),
+        }
+    }
+    name.trim_matches('-').to_owned()
+}
+
+/// The values of a lane with their pixels, where it is told.
+fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
+    let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
+    rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
+}
+
+/// The least and the largest value of a lane, their pixels, the mean, and what isn't finite.
+fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> String {
+    let scalar = scalars[lane];
+    let of_lane = || lane_of(tapped, scalars.len(), lane);
+    let at = |pixel: usize| {
+        let width = tapped.size.0 as usize;
+        format!("({}, {})", pixel % width, pixel / width)
+    };
+    let mut text = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    let finite = || of_lane().filter(|(_, word)| scalar.decode(*word).is_finite());
+    // Of equal ones the first pixel is named.
+    let by = |a: &(usize, u32), b: &(usize, u32)| scalar.decode(a.1).total_cmp(&scalar.decode(b.1));
+    match (finite().min_by(by), finite().max_by(|a, b| by(a, b).then(b.0.cmp(&a.0)))) {
+        (Some(least), Some(most)) => {
+            let shown = |(pixel, word): (usize, u32)| {
+                format!("{} at {}", format_lane(scalar, word), at(pixel))
+            };
+            // Each sum is of as many numbers as an image has pixels, which f64 holds to 9 digits.
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "an image has far fewer pixels than 2^53"
+            )]
+            let mean = finite().map(|(_, word)| scalar.decode(word)).sum::<f64>()
+                / finite().count() as f64;
+            let _ = write!(text, "{} to {}, mean {}", shown(least), shown(most), digits(mean));
+        }
+        _ => text += "nothing finite",
+    }
+    let mut strange = |what: &str, is: fn(f64) -> bool| {
+        let mut all = of_lane().filter(|(_, word)| is(scalar.decode(*word))).peekable();
+        if let Some((first, _)) = all.peek().copied() {
+            let _ =
+                write!(text, "; {what} on {}, first {}", counted(all.count(), "pixel"), at(first));
+        }
+    };
+    strange("NaN", f64::is_nan);
+    strange("infinite", f64::is_infinite);
+    text
+}
+
+/// What pixels without a value are, and what the tap changed.
+fn notes(tapped: &Tapped) -> Vec<String> {
+    let all = tapped.told.len();
+    let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();
+    let told = tapped.told.iter().filter(|told| **told).count();
+    let mut notes = Vec::new();
+    if told < all {
+        let mut parts = vec![format!("{told} of {} have it", counted(all, "pixel"))];
+        if undrawn > 0 {
+            parts.push(format!("{undrawn} aren't drawn"));
+        }
+        if all - told - undrawn > 0 {
+            parts.push(format!("{} don't come there", all - told - undrawn));
+        }
+        notes.push(parts.join(", "));
+    }
+    let most = tapped.times.iter().flatten().max().copied().unwrap_or(0);
+    if most > 1 {
+        notes.push(format!(
+            "computed up to {most} times a pixel: --round says which, and the last is shown"
+        ));
+    }
+    match tapped.changed {
+        Some(0) => {}
+        Some(pixels) => notes.push(format!(
+            "the driver compiles another program to tell it: {} of the frame have another colour then",
+            counted(pixels, "pixel")
+        )),
+        None => notes.push(
+            "at the centre of each pixel; the frame has several targets or samples, and its colour wasn't compared"
+                .to_owned(),
+        ),
+    }
+    notes
+}
+
+/// The numbers as an image, transparent where there is none.
+fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
+    let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
+    let pixel = |(lanes, told): (&[u32], &bool)| {
+        let mut pixel = [0.0, 0.0, 0.0, if *told { 1.0 } else { 0.0 }];
+        for ((channel, lane), scalar) in pixel.iter_mut().zip(lanes).zip(scalars) {
+            *channel = to_f32(scalar.decode(*lane)); // integers beyond 2^24 are rounded
+        }
+        if let ([_], true) = (lanes, told) {
+            pixel = [pixel[0], pixel[0], pixel[0], 1.0];
+        }
+        pixel
+    };
+    Image::new(tapped.size.0, tapped.size.1, rows.map(pixel).collect())
+}
+
+/// The numbers of each pixel that has the value.
+fn numbers<'t>(tapped: &'t Tapped, scalars: &'t [Scalar]) -> impl Iterator<Item = Vec<f64>> + 't {
+    let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
+    let told = rows.filter(|(_, told)| **told);
+    told.map(move |(lanes, _)| {
+        lanes.iter().zip(scalars).map(|(lane, scalar)| scalar.decode(*lane)).collect()
+    })
+}
+
+fn mapping(tapped: &Tapped, scalars: &[Scalar]) -> Mapping {
+    if scalars.iter().all(|scalar| *scalar == Scalar::Bool) {
+        return Mapping::Truth;
+    }
+    let finite = numbers(tapped, scalars).flatten().filter(|x| x.is_finite());
+    let [least, most] = finite
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| [least.min(x), most.max(x)]);
+    let range = if least <= most { [least, most] } else { [0.0, 1.0] };
+    let is_unit =
+        |numbers: Vec<f64>| (numbers.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() <= UNIT;
+    match scalars {
+        [_] if least < 0.0 && most > 0.0 => Mapping::Signed(most.max(-least)),
+        [_] => Mapping::Range(range),
+        [_, _, _] if numbers(tapped, scalars).all(is_unit) => Mapping::Direction,
+        _ => Mapping::Channels(range),
+    }
+}
+
+impl Mapping {
+    /// The mapping in words.
+    fn told(&self) -> String {
+        match self {
+            Self::Truth => "white is true".to_owned(),
+            Self::Range([least, most]) => {
+                format!("black is {}, light yellow {} (magma)", digits(*least), digits(*most))
+            }
+            Self::Signed(most) => format!("black is 0, red {0}, blue -{0}", digits(*most)),
+            Self::Direction => "directions: red, green and blue are half of 1 + x, y, z".to_owned(),
+            Self::Channels([least, most]) => {
+                let [least, most] = [least, most].map(|end| digits(*end));
+                format!("red, green and blue are its numbers, from {least} to {most}")
+            }
+        }
+    }
+
+    fn colour(&self, numbers: &[f64]) -> [u8; 4] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let share = |x: f64, [least, most]: [f64; 2]| {
+            if most > least { (x - least) / (most - least) } else { 0.0 }
+        };
+        match self {
+            _ if numbers.iter().any(|x| x.is_nan()) => NAN,
+            _ if numbers.iter().any(|x| x.is_infinite()) => INFINITE,
+            Self::Truth => {
+                let [r, g, b] = [0, 1, 2].map(|at| byte(*numbers.get(at).unwrap_or(&numbers[0])));
+                [r, g, b, 255]
+            }
+            Self::Range(range) => {
+                let [r, g, b] = ErrorMap::colour(to_f32(share(numbers[0], *range)));
+                [r, g, b, 255]
+            }
+            Self::Signed(most) => {
+                let x = numbers[0] / most;
+                [byte(x), 0, byte(-x), 255]
+            }
+            Self::Direction => {
+                let [r, g, b] = [0, 1, 2].map(|at| byte(0.5 + 0.5 * numbers[at]));
+                [r, g, b, 255]
+            }
+            Self::Channels(range) => {
+                let of = |at: usize| numbers.get(at).map_or(0, |x| byte(share(*x, *range)));
+                [of(0), of(1), of(2), 255]
+            }
+        }
+    }
+}
+
+fn colours(tapped: &Tapped, scalars: &[Scalar], mapping: &Mapping) -> Vec<u8> {
+    let mut numbers = numbers(tapped, scalars);
+    let mut colour = |told: &bool| match told {
+        true => numbers.next().map_or([0; 4], |numbers| mapping.colour(&numbers)),
+        false => [0; 4],
+    };
+    tapped.told.iter().flat_map(|told| colour(told)).collect()
+}
