@@ -5,12 +5,14 @@
 
 mod comparison;
 mod expectation;
+mod pixel;
 mod tap;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
+pub use pixel::TracedPixel;
 pub use tap::{Tap, TapError, Tapped};
 
 use crate::diagnostic::{Blame, Blamed};

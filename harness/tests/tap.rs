@@ -99,7 +99,10 @@ fn a_value_is_that_of_its_pixel() {
         assert_eq!(tapped.lanes, [0, 1, 0, 0, 0, 1, 2, 3]);
         assert_eq!(tapped.times[..4], [Some(1), Some(1), None, None]);
         assert_eq!((&*tapped.function, &*tapped.text), ("fragment", "u32(in.at.x)"));
-        assert_eq!(tapped.changed, Some(0));
+        assert_eq!(tapped.changed, None);
+    });
+    each(plain, &Tap::new("column").beside(true), |tapped| {
+        assert_eq!((tapped.changed, tapped.lanes[7]), (Some(0), 3));
     });
     each(plain, &Tap::new("is_left"), |tapped| {
         assert_eq!(tapped.lanes, [1, 1, 0, 0, 1, 1, 0, 0]);
@@ -197,7 +200,8 @@ fn several_targets_and_depth_stay() {
     for path in drivers() {
         let told = tapped(&frame, path, &Tap::new("depth"));
         assert_eq!(floats(&told)[..4], [0.0625, 0.1875, 0.3125, 0.4375]);
-        assert_eq!(told.changed, None, "with several targets the colour isn't compared");
+        let beside = Tap::new("depth").beside(true);
+        assert!(matches!(frame.tap(path, &beside), Err(TapError::Beside)));
     }
 }
 

@@ -39,6 +39,7 @@ mod table;
 mod tap;
 mod terminal;
 mod test;
+mod trace;
 mod translate;
 mod unreferenced;
 mod watch;
@@ -318,6 +319,9 @@ enum Command {
     /// Show a value of a frame's fragment functions on every pixel, as a picture and in numbers
     #[command(after_help = tap::EXAMPLES)]
     Tap(tap::Args),
+    /// Show how a pixel of a frame comes about, step by step
+    #[command(after_help = trace::EXAMPLES)]
+    Trace(trace::Args),
     /// Write an EXR image as a tone-mapped PNG, to look at it
     Preview(preview::Args),
     /// Build the manual of the karat that your project uses, and open it in a browser
@@ -482,6 +486,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Review(args) => review::run(&args, out),
         Command::Render(args) => render::run(args, out),
         Command::Tap(args) => tap::run(&args, out),
+        Command::Trace(args) => trace::run(&args, out),
         Command::Preview(args) => preview::run(&args, out),
         Command::Manual(args) => manual::run(&args, out),
         Command::Completions { shell } => {

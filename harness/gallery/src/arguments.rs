@@ -38,6 +38,12 @@ pub struct RenderArguments {
     /// The time that a pixel computes them
     #[arg(long, hide = true, value_name = "N")]
     pub(super) round: Option<u32>,
+    /// Whether the frame's colours are drawn beside them
+    #[arg(long, hide = true)]
+    pub(super) beside: bool,
+    /// A pixel whose steps are printed as JSON: see `karat trace`
+    #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel)]
+    pub(super) trace: Option<(u32, u32)>,
 }
 
 /// How frames are drawn, and where to.
@@ -95,20 +101,27 @@ impl RenderArguments {
     pub fn tapping(
         frame: &str,
         values: Vec<String>,
-        round: Option<u32>,
+        (round, beside): (Option<u32>, bool),
         drawn: DrawArguments,
     ) -> Self {
-        Self { frames: vec![frame.to_owned()], tap: Some(values), round, drawn, ..Self::default() }
+        let (frames, tap) = (vec![frame.to_owned()], Some(values));
+        Self { frames, tap, round, beside, drawn, ..Self::default() }
+    }
+
+    /// Those of a pixel of a frame.
+    #[must_use]
+    pub fn tracing(frame: &str, pixel: (u32, u32), drawn: DrawArguments) -> Self {
+        Self { frames: vec![frame.to_owned()], trace: Some(pixel), drawn, ..Self::default() }
     }
 
     /// The same arguments, as a command line has them.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
         // All fields are named, so that none is forgotten.
-        let Self { frames, first, list, all, drawn, exposure, tap, round } = self;
+        let Self { frames, first, list, all, drawn, exposure, tap, round, beside, trace } = self;
         let DrawArguments { out, size, samples, environment, path } = drawn;
         let mut words: Vec<OsString> = Vec::new();
-        let flags = [("--first", first), ("--list", list), ("--all", all)];
+        let flags = [("--first", first), ("--list", list), ("--all", all), ("--beside", beside)];
         words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
         // One word each, so that no value is taken for an option.
         let mut option = |name: &str, value: OsString| {
@@ -142,6 +155,9 @@ impl RenderArguments {
         if let Some(round) = round {
             words.push(format!("--round={round}").into());
         }
+        if let Some((x, y)) = trace {
+            words.push(format!("--trace={x},{y}").into());
+        }
         words.push("--".into());
         words.extend(frames.iter().map(Into::into));
         words
@@ -152,6 +168,17 @@ impl RenderArguments {
         let DrawArguments { size, samples, environment, .. } = self.drawn.clone();
         RenderOptions { size, samples, environment, path }
     }
+}
+
+/// A pixel by its column and its row, from 0.
+///
+/// # Errors
+/// If it is none.
+pub fn pixel(text: &str) -> Result<(u32, u32), String> {
+    let found = text
+        .split_once(',')
+        .and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    found.ok_or_else(|| format!("`{text}` is no pixel: write its column and its row, as 120,64"))
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
@@ -215,7 +242,8 @@ mod tests {
             &["scene", "--size", "1x16384", "--path", "gl", "--environment", environment],
             &["--out", "a folder", "--exposure=1e-30", "--", "--first"],
             &["--out=--all", "--exposure", "1.5", "a[0]"],
-            &["scene", "--tap"],
+            &["scene", "--tap", "--beside"],
+            &["scene", "--trace=3,4"],
             &["--tap=-x", "--tap=a < b", "--round=2", "scene"],
         ] {
             let arguments = parse(words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
@@ -261,6 +289,7 @@ mod tests {
             (&["--exposure", "bright"], "`bright` isn't a finite number of stops"),
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
+            (&["--trace", "3"], "`3` is no pixel: write its column and its row, as 120,64"),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),
             (&["--first", "--all"], "cannot be used with"),

@@ -5,7 +5,9 @@
 //! the same arguments, which are defined once, in `arguments.rs`.
 
 mod arguments;
+mod steps;
 mod taps;
+mod traced;
 
 use std::error::Error;
 use std::io::{self, Write};
@@ -16,8 +18,10 @@ use std::time::Instant;
 
 use clap::Parser;
 
-pub use arguments::{DrawArguments, ExposureArguments, RenderArguments};
+pub use arguments::{DrawArguments, ExposureArguments, RenderArguments, pixel};
+pub use steps::{Row, rows};
 pub use taps::{TapWriteError, write_tapped};
+pub use traced::Traced;
 
 use karat::Frame;
 use karat::Image;
@@ -123,6 +127,8 @@ enum GalleryError {
             |name| format!("; did you mean `{name}`?"),
         ))]
     Unknown { name: String, nearest: Option<String>, names: Vec<String> },
+    #[error("a pixel of one frame is traced: name one")]
+    OneTraced,
     #[error("can't write into `{folder}`: {cause}")]
     Out { folder: String, cause: io::Error },
     #[error(transparent)]
@@ -201,7 +207,26 @@ impl Gallery {
         let options = arguments.options(open(arguments.drawn.path)?);
         prepare(&folder).map_err(|cause| GalleryError::Out { folder: shown(&folder), cause })?;
         if let Some(values) = &arguments.tap {
-            return tapped(&selected, &options, &folder, (values, arguments.round), (out, err));
+            let tap =
+                |value: &String| Tap::new(value).round(arguments.round).beside(arguments.beside);
+            let taps: Vec<Tap> = values.iter().map(tap).collect();
+            return tapped(&selected, &options, &folder, &taps, (out, err));
+        }
+        if let Some(pixel) = arguments.trace {
+            let [entry] = *selected else { return Err(GalleryError::OneTraced) };
+            let trace = |frame: Frame<'static>| Ok(Traced::from(frame.trace(options.path, pixel)?));
+            return match entry.described(&options, trace) {
+                Ok(traced) => {
+                    // In one piece, since what is written is looked through for its last line end.
+                    let line = serde_json::json!(traced).to_string() + "\n";
+                    out.write_all(line.as_bytes())?;
+                    Ok(Vec::new())
+                }
+                Err(error) => {
+                    report(err, &format!("frame `{}`", entry.name), &*error)?;
+                    Ok(vec![&entry.name])
+                }
+            };
         }
         let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let mut failed = Vec::new();
@@ -310,15 +335,14 @@ fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
     folder: &FilePath,
-    (values, round): (&[String], Option<u32>),
+    taps: &[Tap],
     (out, err): (&mut dyn Write, &mut dyn Write),
 ) -> Result<Vec<&'e str>, GalleryError> {
     let mut failed = Vec::new();
     for entry in selected {
         let name = entry.name.as_str();
-        let told = entry.described(options, |frame| {
-            Ok(tap(&frame, name, folder, options.path, (values, round), out)?)
-        });
+        let told = entry
+            .described(options, |frame| Ok(tap(&frame, name, folder, options.path, taps, out)?));
         if let Err(error) = told {
             failed.push(name);
             report(err, &format!("frame `{name}`"), &*error)?;
@@ -336,16 +360,16 @@ pub fn tap(
     name: &str,
     folder: &FilePath,
     path: Path,
-    (values, round): (&[String], Option<u32>),
+    taps: &[Tap],
     out: &mut dyn Write,
 ) -> Result<(), Box<dyn Error>> {
-    if values.is_empty() {
+    if taps.is_empty() {
         for line in frame.values(path)? {
             writeln!(out, "{line}")?;
         }
     }
-    for value in values {
-        let tapped = frame.tap(path, &Tap::new(value).round(round))?;
+    for tap in taps {
+        let tapped = frame.tap(path, tap)?;
         write_tapped(folder, name, &tapped, out)?;
         out.flush()?;
     }

@@ -192,15 +192,12 @@ fn notes(tapped: &Tapped) -> Vec<String> {
         ));
     }
     match tapped.changed {
-        Some(0) => {}
+        None => {}
+        Some(0) => notes.push("the frame's own colours are the same beside it".to_owned()),
         Some(pixels) => notes.push(format!(
             "the driver compiles another program to tell it: {} of the frame have another colour then",
             counted(pixels, "pixel")
         )),
-        None => notes.push(
-            "at the centre of each pixel; the frame has several targets or samples, and its colour wasn't compared"
-                .to_owned(),
-        ),
     }
     notes
 }

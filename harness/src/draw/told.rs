@@ -20,23 +20,24 @@ impl Drawing<'_> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Whether its own colours stay where a value is told. Words have no mean over several samples, and devices may have no
-    /// room for a target beside several others: then they are left out.
-    pub(crate) fn keeps_colours(&self) -> bool {
+    /// Whether its own colours can be drawn beside a value. Words have no mean over several samples, and devices may have no
+    /// room for a target beside several others.
+    pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// The same draws, whose fragment functions tell a value: in a round, or in the last one.
+    /// The same draws, whose fragment functions tell a value, in a round or in the last one; or which of them they are, from
+    /// 1 in the order of [`fragments`](Self::fragments). Alone, a driver computes nothing else.
     ///
     /// # Errors
     /// If naga doesn't take it.
     pub(crate) fn telling(
         &self,
-        value: &Valued,
+        value: Option<&Valued>,
         round: Option<u32>,
         first: usize,
+        alone: bool,
     ) -> Result<Told<'_>, DrawError> {
-        let alone = !self.keeps_colours();
         let mut scene = Scene::clone(&self.scene);
         if alone {
             scene.formats.clear();

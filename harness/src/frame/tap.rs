@@ -9,6 +9,7 @@ use crate::executor;
 use crate::interpret::author;
 use crate::package::let_statements;
 use crate::path::{self, Device, Path};
+use crate::probe::ProbeError;
 use crate::reflect::{Program, Valued, WORDS};
 use crate::value::Shape;
 
@@ -17,6 +18,7 @@ use crate::value::Shape;
 pub struct Tap {
     wanted: String,
     round: Option<u32>,
+    beside: bool,
 }
 
 impl Tap {
@@ -25,13 +27,20 @@ impl Tap {
     /// is its value, and `scene.wgsl:42` is the value of the line's only `let`.
     #[must_use]
     pub fn new(wanted: &str) -> Self {
-        Self { wanted: wanted.to_owned(), round: None }
+        Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
     /// The value that a pixel computes for the `round`th time, from 1, in place of the last one.
     #[must_use]
     pub fn round(self, round: Option<u32>) -> Self {
         Self { round, ..self }
+    }
+
+    /// Draws the frame's colours beside the value, and compares them with those of the frame: a driver may compute
+    /// otherwise what it computes alone, and it takes as long as the frame twice.
+    #[must_use]
+    pub fn beside(self, beside: bool) -> Self {
+        Self { beside, ..self }
     }
 }
 
@@ -57,8 +66,8 @@ pub struct Tapped {
     pub lanes: Vec<u32>,
     /// True of pixels that have the value.
     pub told: Vec<bool>,
-    /// Pixels whose colour is another one while the value is told, since a driver compiles another program then. `None`: the
-    /// frame has several targets or samples, and its colour wasn't compared.
+    /// Pixels whose colour is another one while the value is told beside it, since a driver compiles another program then.
+    /// `None`: the value was drawn alone.
     pub changed: Option<usize>,
 }
 
@@ -95,6 +104,28 @@ pub enum TapError {
         /// What it is.
         why: String,
     },
+    /// The engine doesn't execute the fragment function.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// The frame has no such pixel.
+    #[error("the frame has {} x {} pixels, from (0, 0) at the upper left, and no pixel ({}, {})", size.0, size.1, pixel.0, pixel.1)]
+    Outside {
+        /// Column and row.
+        pixel: (u32, u32),
+        /// Width and height.
+        size: (u32, u32),
+    },
+    /// Nothing is drawn there.
+    #[error("no draw covers the pixel ({}, {})", pixel.0, pixel.1)]
+    Undrawn {
+        /// Column and row.
+        pixel: (u32, u32),
+    },
+    /// The colours of the frame can't be drawn beside a value.
+    #[error(
+        "the frame has several targets or samples, so that its colours can't be drawn beside the value: tap it alone"
+    )]
+    Beside,
     /// The frame draws depth alone.
     #[error("the frame has no fragment function: it draws depth alone")]
     Depth,
@@ -107,10 +138,10 @@ impl From<DrawError> for TapError {
 }
 
 /// A value with its place in the author's file.
-struct Candidate {
-    value: Valued,
+pub(super) struct Candidate {
+    pub(super) value: Valued,
     span: Span,
-    text: String,
+    pub(super) text: String,
     /// Where a `let` names it.
     named: Option<Span>,
 }
@@ -120,7 +151,7 @@ impl Candidate {
         self.span.file.line_column(self.span.range.start)
     }
 
-    fn place(&self) -> String {
+    pub(super) fn place(&self) -> String {
         let (line, column) = self.line_column();
         format!("{}:{line}:{column}", self.span.file.name)
     }
@@ -157,7 +188,7 @@ impl Candidate {
 }
 
 /// All values of a frame's fragment functions, in the order of functions.
-fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
+pub(super) fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
     let program = drawing.program();
     let values = program.values_of(&drawing.fragments());
     let mut all: Vec<Candidate> = Vec::new();
@@ -337,7 +368,10 @@ impl Frame<'_> {
         let opened = path::open(path).map_err(DrawError::from)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let (names, span) = drawing.entry_points();
-        let read = || read(device, &drawing, &found.value, tap.round, shape.lanes().len());
+        if tap.beside && !drawing.may_keep_colours() {
+            return Err(TapError::Beside);
+        }
+        let read = || read(device, &drawing, &found.value, tap, shape.lanes().len());
         let Read { times, mut lanes, changed } = path::caught(path, &names, span.as_ref(), read)?;
         let least = tap.round.unwrap_or(1);
         let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
@@ -355,26 +389,25 @@ impl Frame<'_> {
 }
 
 /// What a device has told.
-struct Read {
-    times: Vec<Option<u32>>,
-    lanes: Vec<u32>,
+pub(super) struct Read {
+    pub(super) times: Vec<Option<u32>>,
+    pub(super) lanes: Vec<u32>,
     changed: Option<usize>,
 }
 
-fn read(
+pub(super) fn read(
     device: &Device,
     drawing: &Drawing<'_>,
     value: &Valued,
-    round: Option<u32>,
+    tap: &Tap,
     width: usize,
 ) -> Result<Read, DrawError> {
-    let keeps = drawing.keeps_colours();
     let pixels = drawing.size().0 as usize * drawing.size().1 as usize;
     let mut words: Vec<Vec<u32>> = vec![Vec::with_capacity(width + WORDS); pixels];
     let mut changed = None;
     for first in (0..=width).step_by(WORDS) {
-        let told = drawing.telling(value, round, first)?;
-        let colours = keeps && first == 0;
+        let colours = tap.beside && first == 0;
+        let told = drawing.telling(Some(value), tap.round, first, !colours)?;
         let targets = if colours { vec![told.target, 0] } else { vec![told.target] };
         let mut texels = device.texels(&told.drawing, &targets)?.into_iter();
         let own = texels.next().unwrap_or_default();

@@ -1,12 +1,12 @@
 //! Each operation of one call, in three arithmetics: a debugger's view without a debugger.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use karat_engine::{
     F32, F64, Interval, Intervals, Lanes, Observer, Program as Lowered, Range, Resources, Runs,
-    Truth, Wrong,
+    Site, Truth, Wrong,
 };
 
 use super::dispatch::{in_order, options};
@@ -74,7 +74,12 @@ struct Values {
     lost: AtomicBool,
     /// The case that it is about.
     case: usize,
+    /// How many components of each site are kept; none: of all sites together so many as a reader may want.
+    most: Option<Most>,
 }
+
+/// How many components of a site are kept, and how many there were.
+type Most = Arc<BTreeMap<usize, (usize, AtomicUsize)>>;
 
 macro_rules! values {
     ($arithmetic:ty, $active:expr, $float:expr, $int:expr, $bool:expr, $lost:expr) => {
@@ -86,7 +91,9 @@ macro_rules! values {
             fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
                 let mut values = self.all.lock().unwrap_or_else(PoisonError::into_inner);
                 let Some(at) = self.case.checked_sub(lanes.case) else { return };
-                if !lanes.active.get(at).is_some_and($active) || values.len() >= 16 * MOST {
+                if !lanes.active.get(at).is_some_and($active)
+                    || self.has_enough(lanes.site, values.len())
+                {
                     return;
                 }
                 let floats = lanes.floats.iter().map(|lane| $float(lane[at]));
@@ -118,8 +125,15 @@ values!(
 );
 
 impl Values {
-    fn of(case: usize) -> Self {
-        Self { all: Mutex::default(), lost: AtomicBool::new(false), case }
+    fn of(case: usize, most: Option<Most>) -> Self {
+        Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
+    }
+
+    /// Whether no more values of a site are kept.
+    fn has_enough(&self, site: &Site, kept: usize) -> bool {
+        let Some(most) = &self.most else { return kept >= 16 * MOST };
+        let own = most.get(&std::ptr::from_ref(site).addr());
+        own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
     /// The components of each operation together: its site, how often that came before, and values.
@@ -192,9 +206,34 @@ pub fn trace(
     fixtures: &Fixtures,
     arguments: &[u32],
 ) -> Result<Vec<Step>, ProbeError> {
+    Ok(traced(probed, fixtures, arguments, None)?.0)
+}
+
+/// The same, of an operation that runs often its first runs alone; and whether there are more.
+///
+/// # Errors
+/// Those of [`trace`].
+pub(crate) fn trace_briefly(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    arguments: &[u32],
+) -> Result<(Vec<Step>, bool), ProbeError> {
+    traced(probed, fixtures, arguments, Some(BRIEFLY))
+}
+
+/// Runs of an operation that a reader looks at: those of a loop's first round, of the next one, and of a third that shows
+/// how they go on.
+pub(crate) const BRIEFLY: usize = 3;
+
+fn traced(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    arguments: &[u32],
+    runs: Option<usize>,
+) -> Result<(Vec<Step>, bool), ProbeError> {
     match probed.function().form.alone {
-        true => steps(&Alone::new(probed, fixtures)?, arguments, 0),
-        false => steps(&Interpreted::new(probed, fixtures)?, arguments, 0),
+        true => steps(&Alone::new(probed, fixtures)?, arguments, 0, runs),
+        false => steps(&Interpreted::new(probed, fixtures)?, arguments, 0, runs),
     }
 }
 
@@ -231,7 +270,8 @@ pub(crate) fn trace_pass(
     let local = flat(std::array::from_fn(|k| invocation[k] % size[k]), size);
     let width: usize = size.iter().map(|count| *count as usize).product();
     let lowered = super::dispatch::lowered(last, &karat_engine::Settings::default())?;
-    Ok(steps(&OfPass { pass: last, lowered, resources }, &[], group * width + local)?)
+    let pass = OfPass { pass: last, lowered, resources };
+    Ok(steps(&pass, &[], group * width + local, None)?.0)
 }
 
 /// A pass over what those before it have left.
@@ -273,15 +313,31 @@ impl Traced for Interpreted {
 }
 
 /// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are given
-/// for.
-fn steps(traced: &impl Traced, row: &[u32], case: usize) -> Result<Vec<Step>, ProbeError> {
-    let [single, double, bounds] = [(); 3].map(|()| Values::of(case));
+/// for. Of an operation as many `runs` as are wanted, and whether there are more.
+fn steps(
+    traced: &impl Traced,
+    row: &[u32],
+    case: usize,
+    runs: Option<usize>,
+) -> Result<(Vec<Step>, bool), ProbeError> {
+    let most = || -> Option<Most> {
+        let (lowered, program) = traced.parts();
+        let limit = |site: &Site| {
+            let at = site.expression.map(|at| at.index());
+            let components = at.map_or(1, |at| program.components(&site.function, at));
+            (std::ptr::from_ref(site).addr(), (runs.unwrap_or(0) * components, AtomicUsize::new(0)))
+        };
+        runs.map(|_| Arc::new(lowered.sites().iter().map(limit).collect()))
+    };
+    let most_of_single = most();
+    let single = Values::of(case, most_of_single.clone());
+    let [double, bounds] = [(); 2].map(|()| Values::of(case, most()));
     traced.run::<F32>(row, &single)?;
     traced.run::<F64>(row, &double)?;
     // Some builtins of half precision have no bounds, and buffers that are written: then the column stays empty.
     let bounded = traced.run::<Intervals>(row, &bounds).is_ok();
     let (lowered, program) = traced.parts();
-    let sites: BTreeMap<usize, &karat_engine::Site> =
+    let sites: BTreeMap<usize, &Site> =
         lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
     let at = |site: usize| {
         let site = sites.get(&site)?;
@@ -311,5 +367,9 @@ fn steps(traced: &impl Traced, row: &[u32], case: usize) -> Result<Vec<Step>, Pr
                 .unwrap_or_default(),
         })
     };
-    Ok(single.groups(&components).into_iter().filter_map(step).take(MOST).collect())
+    let mut all: Vec<Step> = single.groups(&components).into_iter().filter_map(step).collect();
+    let is_beyond = |(most, seen): &(usize, AtomicUsize)| seen.load(Ordering::Relaxed) > *most;
+    let more = most_of_single.is_some_and(|all| all.values().any(is_beyond)) || all.len() > MOST;
+    all.truncate(MOST);
+    Ok((all, more))
 }

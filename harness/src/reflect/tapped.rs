@@ -39,7 +39,8 @@ pub(crate) struct Valued {
 /// What a tapped program tells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    pub(crate) value: &'t Valued,
+    /// `None`: which of the fragment functions it is, from 1.
+    pub(crate) value: Option<&'t Valued>,
     /// The round to tell, from 1, if not the last one.
     pub(crate) round: Option<u32>,
     /// The first of the words that are told: those of the value, and behind them a 1 and the rounds together.
@@ -122,7 +123,7 @@ impl Program {
         }
     }
 
-    /// A program whose fragment functions of these names tell a value.
+    /// A program whose fragment functions of these names tell a value, or which of these they are.
     ///
     /// # Errors
     /// If naga doesn't take it.
@@ -132,20 +133,43 @@ impl Program {
         telling: Telling<'_>,
     ) -> Result<Self, ReflectError> {
         let mut module = self.checked.module.clone();
-        let at = |function: &Function| {
-            let mut all = function.expressions.iter().map(|(handle, _)| handle);
-            all.nth(telling.value.expression).expect("it is an expression of its function")
-        };
-        let (_, info) =
-            self.body(&telling.value.function).expect("it is a function of the program");
-        let value = at(self.body(&telling.value.function).expect("as above").0);
-        let ty = match info[value].ty.clone() {
+        let (mut kept, mut ways) = (None, Vec::new());
+        if let Some(value) = telling.value {
+            let (kept, ways) = (&mut kept, &mut ways);
+            (*kept, *ways) = self.keeping(&mut module, value, telling.round);
+        }
+        for index in 0..module.entry_points.len() {
+            let entry = &module.entry_points[index];
+            let known = fragments.iter().position(|name| *name == entry.name);
+            if let (ShaderStage::Fragment, Some(number)) = (entry.stage, known) {
+                let mut function = entry.function.clone();
+                let number = u32::try_from(number).expect("there are few functions") + 1;
+                tell(&mut module, &mut function, (kept, number), &ways, telling);
+                module.entry_points[index].function = function;
+            }
+        }
+        let program = Self::from_ir(self.linked.clone(), module)?;
+        Ok(Self { overrides: self.overrides.clone(), ..program })
+    }
+
+    /// Lets a function keep a value: where it is kept, and the ways to its lanes.
+    fn keeping(
+        &self,
+        module: &mut Module,
+        value: &Valued,
+        round: Option<u32>,
+    ) -> (Option<Kept>, Vec<(Vec<u32>, Scalar)>) {
+        let (function, info) = self.body(&value.function).expect("it is a function of the program");
+        let mut all = function.expressions.iter().map(|(handle, _)| handle);
+        let handle = all.nth(value.expression).expect("it is an expression of its function");
+        let ty = match info[handle].ty.clone() {
             TypeResolution::Handle(ty) => ty,
             TypeResolution::Value(inner) => {
                 module.types.insert(Type { name: None, inner }, NOWHERE)
             }
         };
-        let u32_type = scalar_type(&mut module, Scalar::U32);
+        let inner = TypeInner::Scalar(Scalar::U32);
+        let u32_type = module.types.insert(Type { name: None, inner }, NOWHERE);
         let mut variable = |name: &str, ty| {
             let variable = GlobalVariable {
                 name: Some(name.to_owned()),
@@ -157,39 +181,24 @@ impl Program {
             };
             module.global_variables.append(variable, NOWHERE)
         };
-        let kept = Kept {
-            value: variable("karat_told", ty),
-            rounds: variable("karat_told_rounds", u32_type),
-        };
-        let lanes = lanes(&module, ty, Vec::new());
-        let name = &telling.value.function;
-        let keep = |function: &mut Function| kept.keep(function, value, telling.round);
+        let rounds = variable("karat_told_rounds", u32_type);
+        let kept = Kept { value: variable("karat_told", ty), rounds };
+        let ways = lanes(module, ty, Vec::new());
+        let name = &value.function;
         let found = module.functions.iter().find(|(_, one)| one.name.as_ref() == Some(name));
-        match found.map(|(handle, _)| handle) {
-            Some(handle) => keep(module.functions.get_mut(handle)),
+        let function = match found.map(|(handle, _)| handle) {
+            Some(handle) => module.functions.get_mut(handle),
             None => {
                 let mut entries = module.entry_points.iter_mut();
-                keep(&mut entries.find(|entry| entry.name == *name).expect("it has one").function);
+                &mut entries.find(|entry| entry.name == *name).expect("it has one").function
             }
-        }
-        for index in 0..module.entry_points.len() {
-            let entry = &module.entry_points[index];
-            if entry.stage == ShaderStage::Fragment && fragments.contains(&&*entry.name) {
-                let mut function = entry.function.clone();
-                kept.tell(&mut module, &mut function, &lanes, telling);
-                module.entry_points[index].function = function;
-            }
-        }
-        let program = Self::from_ir(self.linked.clone(), module)?;
-        Ok(Self { overrides: self.overrides.clone(), ..program })
+        };
+        kept.keep(function, handle, round);
+        (Some(kept), ways)
     }
 }
 
 const NOWHERE: Span = Span::UNDEFINED;
-
-fn scalar_type(module: &mut Module, scalar: Scalar) -> Handle<Type> {
-    module.types.insert(Type { name: None, inner: TypeInner::Scalar(scalar) }, NOWHERE)
-}
 
 /// The expressions that statements of a body compute.
 fn told(body: &Block) -> BTreeSet<Handle<Expression>> {
@@ -326,125 +335,130 @@ impl Kept {
         }
         function.body = body;
     }
+}
 
-    /// Lets an entry point return the words beside what it returns.
-    fn tell(
-        self,
-        module: &mut Module,
-        function: &mut Function,
-        lanes: &[(Vec<u32>, Scalar)],
-        telling: Telling<'_>,
-    ) {
-        let size = VectorSize::Quad;
-        let inner = TypeInner::Vector { size, scalar: Scalar::U32 };
-        let words_type = module.types.insert(Type { name: None, inner }, NOWHERE);
-        // What it returned, member by member.
-        let mut kept: Vec<(Option<u32>, StructMember)> = Vec::new();
-        if let Some(result) = &function.result {
-            match (&result.binding, &module.types[result.ty].inner) {
-                (None, TypeInner::Struct { members, .. }) => {
-                    kept.extend((0..).map(Some).zip(members.iter().cloned()));
-                }
-                (binding, _) => kept.push((
-                    None,
-                    StructMember {
-                        name: Some("karat_own".to_owned()),
-                        ty: result.ty,
-                        binding: binding.clone(),
-                        offset: 0,
-                    },
-                )),
+/// Lets an entry point return the words beside what it returns.
+fn tell(
+    module: &mut Module,
+    function: &mut Function,
+    (kept_in, number): (Option<Kept>, u32),
+    ways: &[(Vec<u32>, Scalar)],
+    telling: Telling<'_>,
+) {
+    let size = VectorSize::Quad;
+    let inner = TypeInner::Vector { size, scalar: Scalar::U32 };
+    let words_type = module.types.insert(Type { name: None, inner }, NOWHERE);
+    // What it returned, member by member.
+    let mut kept: Vec<(Option<u32>, StructMember)> = Vec::new();
+    if let Some(result) = &function.result {
+        match (&result.binding, &module.types[result.ty].inner) {
+            (None, TypeInner::Struct { members, .. }) => {
+                kept.extend((0..).map(Some).zip(members.iter().cloned()));
             }
+            (binding, _) => kept.push((
+                None,
+                StructMember {
+                    name: Some("karat_own".to_owned()),
+                    ty: result.ty,
+                    binding: binding.clone(),
+                    offset: 0,
+                },
+            )),
         }
-        let is_location =
-            |member: &StructMember| matches!(member.binding, Some(Binding::Location { .. }));
-        kept.retain(|(_, member)| !(telling.alone && is_location(member)));
-        let told = StructMember {
-            name: Some("karat_told".to_owned()),
-            ty: words_type,
-            binding: Some(Binding::Location {
-                location: telling.location,
-                interpolation: None,
-                sampling: None,
-                blend_src: None,
-                per_primitive: false,
-            }),
-            offset: 0,
-        };
-        let mut members: Vec<StructMember> = kept.iter().map(|(_, own)| own.clone()).collect();
-        members.push(told);
-        // No host sees it: its layout has to be one, as naga's validator has it.
-        let mut layouter = Layouter::default();
-        let mut span = 0;
-        if layouter.update(module.to_ctx()).is_ok() {
-            for member in &mut members {
-                let layout = layouter[member.ty];
-                member.offset = layout.alignment.round_up(span);
-                span = member.offset + layout.size;
-            }
-        }
-        let span = span.next_multiple_of(16); // the alignment of the words, which is the largest that there is
-        let name = Some(format!("karat_told_{}", function.name.as_deref().unwrap_or("fragment")));
-        let inner = TypeInner::Struct { members, span };
-        let ty = module.types.insert(Type { name, inner }, NOWHERE);
-        function.result = Some(FunctionResult { ty, binding: None });
-
-        let mut body = std::mem::take(&mut function.body);
-        replace_returns(&mut body, &mut |returned| {
-            let mut add = |expression| function.expressions.append(expression, NOWHERE);
-            let value = add(Expression::GlobalVariable(self.value));
-            let rounds = add(Expression::GlobalVariable(self.rounds));
-            let zero = add(Expression::Literal(Literal::U32(0)));
-            let one = add(Expression::Literal(Literal::U32(1)));
-            let start = add(Expression::Load { pointer: rounds });
-            let op = BinaryOperator::Add;
-            let mut last = add(Expression::Binary { op, left: start, right: one });
-            let count = last;
-            let mut words = Vec::new();
-            for at in telling.first..telling.first + WORDS {
-                let Some((way, scalar)) = lanes.get(at) else {
-                    words.push(if at == lanes.len() { count } else { zero });
-                    continue;
-                };
-                let mut pointer = value;
-                for index in way {
-                    pointer = add(Expression::AccessIndex { base: pointer, index: *index });
-                }
-                let lane = add(Expression::Load { pointer });
-                let as_bits = |expr, kind, convert| Expression::As { expr, kind, convert };
-                last = match scalar.kind {
-                    ScalarKind::Bool => add(as_bits(lane, ScalarKind::Uint, Some(4))),
-                    ScalarKind::Float if scalar.width != 4 => {
-                        let wide = add(as_bits(lane, ScalarKind::Float, Some(4)));
-                        add(as_bits(wide, ScalarKind::Uint, None))
-                    }
-                    ScalarKind::Uint => lane,
-                    _ => add(as_bits(lane, ScalarKind::Uint, None)),
-                };
-                words.push(last);
-            }
-            last = add(Expression::Compose { ty: words_type, components: words });
-            let told = last;
-            let mut components = Vec::new();
-            for (index, _) in &kept {
-                let Some(own) = returned else { continue };
-                components.push(match index {
-                    None => own,
-                    Some(index) => {
-                        last = add(Expression::AccessIndex { base: own, index: *index });
-                        last
-                    }
-                });
-            }
-            components.push(told);
-            last = add(Expression::Compose { ty, components });
-            let mut block = Block::new();
-            block.push(Statement::Emit(naga::Range::new_from_bounds(start, last)), NOWHERE);
-            block.push(Statement::Return { value: Some(last) }, NOWHERE);
-            block
-        });
-        function.body = body;
     }
+    let is_location =
+        |member: &StructMember| matches!(member.binding, Some(Binding::Location { .. }));
+    kept.retain(|(_, member)| !(telling.alone && is_location(member)));
+    let told = StructMember {
+        name: Some("karat_told".to_owned()),
+        ty: words_type,
+        binding: Some(Binding::Location {
+            location: telling.location,
+            interpolation: None,
+            sampling: None,
+            blend_src: None,
+            per_primitive: false,
+        }),
+        offset: 0,
+    };
+    let mut members: Vec<StructMember> = kept.iter().map(|(_, own)| own.clone()).collect();
+    members.push(told);
+    // No host sees it: its layout has to be one, as naga's validator has it.
+    let mut layouter = Layouter::default();
+    let mut span = 0;
+    if layouter.update(module.to_ctx()).is_ok() {
+        for member in &mut members {
+            let layout = layouter[member.ty];
+            member.offset = layout.alignment.round_up(span);
+            span = member.offset + layout.size;
+        }
+    }
+    let span = span.next_multiple_of(16); // the alignment of the words, which is the largest that there is
+    let name = Some(format!("karat_told_{}", function.name.as_deref().unwrap_or("fragment")));
+    let inner = TypeInner::Struct { members, span };
+    let ty = module.types.insert(Type { name, inner }, NOWHERE);
+    function.result = Some(FunctionResult { ty, binding: None });
+
+    let mut body = std::mem::take(&mut function.body);
+    replace_returns(&mut body, &mut |returned| {
+        let mut first = None;
+        // What needs no statement stands before what does.
+        let mut before = |expression| function.expressions.append(expression, NOWHERE);
+        let zero = before(Expression::Literal(Literal::U32(0)));
+        let one = before(Expression::Literal(Literal::U32(1)));
+        let number = before(Expression::Literal(Literal::U32(number)));
+        let variables = kept_in.map(|kept| {
+            [kept.value, kept.rounds].map(|one| before(Expression::GlobalVariable(one)))
+        });
+        let mut add = |expression| {
+            let handle = function.expressions.append(expression, NOWHERE);
+            first.get_or_insert(handle);
+            handle
+        };
+        let count = variables.map_or(number, |[_, rounds]| {
+            let left = add(Expression::Load { pointer: rounds });
+            add(Expression::Binary { op: BinaryOperator::Add, left, right: one })
+        });
+        let mut words = Vec::new();
+        for at in telling.first..telling.first + WORDS {
+            let (Some((way, scalar)), Some([value, _])) = (ways.get(at), variables) else {
+                words.push(if at == ways.len() { count } else { zero });
+                continue;
+            };
+            let mut pointer = value;
+            for index in way {
+                pointer = add(Expression::AccessIndex { base: pointer, index: *index });
+            }
+            let lane = add(Expression::Load { pointer });
+            let as_bits = |expr, kind, convert| Expression::As { expr, kind, convert };
+            words.push(match scalar.kind {
+                ScalarKind::Bool => add(as_bits(lane, ScalarKind::Uint, Some(4))),
+                ScalarKind::Float if scalar.width != 4 => {
+                    let wide = add(as_bits(lane, ScalarKind::Float, Some(4)));
+                    add(as_bits(wide, ScalarKind::Uint, None))
+                }
+                ScalarKind::Uint => lane,
+                _ => add(as_bits(lane, ScalarKind::Uint, None)),
+            });
+        }
+        let told = add(Expression::Compose { ty: words_type, components: words });
+        let mut components = Vec::new();
+        for (index, _) in &kept {
+            let Some(own) = returned else { continue };
+            components.push(match index {
+                None => own,
+                Some(index) => add(Expression::AccessIndex { base: own, index: *index }),
+            });
+        }
+        components.push(told);
+        let last = add(Expression::Compose { ty, components });
+        let start = first.unwrap_or(last);
+        let mut block = Block::new();
+        block.push(Statement::Emit(naga::Range::new_from_bounds(start, last)), NOWHERE);
+        block.push(Statement::Return { value: Some(last) }, NOWHERE);
+        block
+    });
+    function.body = body;
 }
 
 /// Puts statements behind the one that computes a value.

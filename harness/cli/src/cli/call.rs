@@ -7,6 +7,8 @@ mod curve;
 mod dispatch;
 mod trace;
 
+pub(super) use trace::write_rows;
+
 use std::io::Write;
 use std::path::PathBuf;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc;
 
 use anyhow::{Context, ensure};
@@ -13,7 +13,7 @@ use karat_inspect::compare::{
     Change, Compared, Missed, PathChange, Request, Uncovered, WordChange,
 };
 
-use super::git::git;
+use super::git::shaders_at;
 use super::project::Project;
 use super::search;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let folder = tempfile::tempdir().context("no temporary folder")?;
         let before = match Path::new(&args.before) {
             path if path.exists() => Package::open(path)?,
-            _ => at_revision(&args.before, &after.root(), folder.path())?,
+            _ => Package::open(&shaders_at(&args.before, &after.root(), folder.path())?)?,
         };
         let before = args.place.package.featured(before);
         let request = Request::new(before, after.clone());
@@ -125,37 +125,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let good = all.iter().all(good) && broken.is_empty();
     Ok(if good { Ending::Good } else { Ending::Bad })
-}
-
-/// The shaders of a folder or file as they were at a revision, written into another folder.
-fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Package> {
-    let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
-    let (base, file) = match root.is_file() {
-        true => (root.parent().unwrap_or(&root).to_owned(), root.file_name()),
-        false => (root.clone(), None),
-    };
-    let git = |arguments: &[&str]| git(&base, arguments);
-    let tree = format!("{revision}^{{commit}}");
-    git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &tree]).with_context(|| {
-        format!("`{revision}` is neither a folder nor a revision of git in `{}`", base.display())
-    })?;
-    let list = git(&["ls-tree", "-r", "-z", "--name-only", revision, "--", "."])?;
-    let is_shader = |name: &str| {
-        let end = Path::new(name).extension().unwrap_or_default();
-        end == "wgsl" || end == "wesl" || Path::new(name).ends_with("karat.toml")
-    };
-    let names = list.split(|byte| *byte == 0).filter_map(|name| std::str::from_utf8(name).ok());
-    let mut count = 0;
-    for name in names.filter(|name| is_shader(name)) {
-        let bytes = git(&["show", &format!("{revision}:./{name}")])?;
-        let to = folder.join(name);
-        std::fs::create_dir_all(to.parent().unwrap_or(folder)).context("no temporary folder")?;
-        std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
-        count += 1;
-    }
-    ensure!(count > 0, "there are no shaders in `{}` at `{revision}`", base.display());
-    let at: PathBuf = file.map_or_else(|| folder.to_owned(), |file| folder.join(file));
-    Ok(Package::open(&at)?)
 }
 
 /// Prints a verdict as it comes: one of so many.

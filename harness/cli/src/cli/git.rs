@@ -77,3 +77,34 @@ pub(super) fn lines_since(
     }
     Ok(all)
 }
+
+/// The shaders of a folder or file as they were at a revision, written into another folder;
+/// where they are there.
+pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
+    let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
+    let (base, file) = match root.is_file() {
+        true => (root.parent().unwrap_or(&root).to_owned(), root.file_name()),
+        false => (root.clone(), None),
+    };
+    let git = |arguments: &[&str]| git(&base, arguments);
+    let tree = format!("{revision}^{{commit}}");
+    git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &tree]).with_context(|| {
+        format!("`{revision}` is neither a folder nor a revision of git in `{}`", base.display())
+    })?;
+    let list = git(&["ls-tree", "-r", "-z", "--name-only", revision, "--", "."])?;
+    let is_shader = |name: &str| {
+        let end = Path::new(name).extension().unwrap_or_default();
+        end == "wgsl" || end == "wesl" || Path::new(name).ends_with("karat.toml")
+    };
+    let names = list.split(|byte| *byte == 0).filter_map(|name| std::str::from_utf8(name).ok());
+    let mut count = 0;
+    for name in names.filter(|name| is_shader(name)) {
+        let bytes = git(&["show", &format!("{revision}:./{name}")])?;
+        let to = folder.join(name);
+        std::fs::create_dir_all(to.parent().unwrap_or(folder)).context("no temporary folder")?;
+        std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
+        count += 1;
+    }
+    ensure!(count > 0, "there are no shaders in `{}` at `{revision}`", base.display());
+    Ok(file.map_or_else(|| folder.to_owned(), |file| folder.join(file)))
+}

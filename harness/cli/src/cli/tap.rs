@@ -3,6 +3,7 @@
 use std::io::Write;
 
 use anyhow::{anyhow, bail, ensure};
+use karat::frame::Tap;
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::output::tell;
 use karat_gallery::{DrawArguments, RenderArguments};
@@ -31,6 +32,10 @@ pub(super) struct Args {
     /// What a pixel computed for this time, from 1 [default: the last]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
+    /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it
+    /// computes alone
+    #[arg(long)]
+    beside: bool,
     #[command(flatten)]
     drawn: DrawArguments,
     #[command(flatten)]
@@ -39,51 +44,80 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
+    let suite = match find(&args.frame, &project, &args.package)? {
+        Found::Declared(suite) => suite,
+        Found::Gallery => {
+            let (values, drawn) = (args.values.clone(), args.drawn.clone());
+            let how = (args.round, args.beside);
+            let arguments = RenderArguments::tapping(&args.frame, values, how, drawn);
+            return render::run(arguments, out);
+        }
+    };
+    let path = expect_own(&args.drawn)?;
+    let frame = suite.frame(&args.frame).expect("it was there");
+    let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
+    let path = karat_gallery::open(path)?;
+    let folder = args.drawn.out.clone().unwrap_or_else(|| project.output().join("frames"));
+    std::fs::create_dir_all(&folder)?;
+    let tap = |value: &String| Tap::new(value).round(args.round).beside(args.beside);
+    let taps: Vec<Tap> = args.values.iter().map(tap).collect();
+    match karat_gallery::tap(&frame, &args.frame, &folder, path, &taps, out) {
+        Ok(()) => Ok(Ending::Good),
+        Err(error) => {
+            refuse(&*error);
+            Ok(Ending::Bad)
+        }
+    }
+}
+
+/// Where a frame is described.
+pub(super) enum Found {
+    /// As a `[[frame]]`.
+    Declared(Suite),
+    /// In Rust, if at all.
+    Gallery,
+}
+
+/// The frame of a name.
+pub(super) fn find(frame: &str, project: &Project, place: &PackageArgs) -> anyhow::Result<Found> {
     let mut names: Vec<String> = Vec::new();
-    // A project may have a gallery and no folder of shaders.
-    for package in project.packages(&args.package).unwrap_or_default() {
-        let Ok(suite) = Suite::of(package) else { continue };
-        if suite.frame(&args.frame).is_some() {
-            return declared(args, &suite, &project, out);
+    let packages = match (project.packages(place), project.gallery()) {
+        // A project may have a gallery and no folder of shaders.
+        (Err(_), Some(_)) => Vec::new(),
+        (packages, _) => packages?,
+    };
+    for package in packages {
+        let suite = Suite::of(package)?;
+        if suite.frame(frame).is_some() {
+            return Ok(Found::Declared(suite));
         }
         let own = suite.tests.iter().filter(|test| test.is_frame());
         names.extend(own.filter_map(|test| Some(test.name.strip_prefix("frame ")?.to_owned())));
     }
     if project.gallery().is_some() {
-        let (values, drawn) = (args.values.clone(), args.drawn.clone());
-        return render::run(RenderArguments::tapping(&args.frame, values, args.round, drawn), out);
+        return Ok(Found::Gallery);
     }
-    let frame = &args.frame;
     match nearest(frame, names.iter().map(String::as_str)) {
         Some(near) => bail!("there is no frame `{frame}`; did you mean `{near}`?"),
         None if names.is_empty() => bail!(
-            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery, which `karat render` tells more of"
+            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery, of which `karat render` tells more"
         ),
         None => bail!("there is no frame `{frame}`; there are {}", names.join(", ")),
     }
 }
 
-/// Of a `[[frame]]`.
-fn declared(args: &Args, suite: &Suite, project: &Project, out: &mut dyn Write) -> Outcome {
-    let DrawArguments { out: folder, size, samples, environment, path, .. } = args.drawn.clone();
+/// The path to draw a `[[frame]]` on, which says the rest itself.
+pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
-        size.is_none() && samples.is_none() && environment.is_none(),
-        "a `[[frame]]` says its size and its samples itself, and its light: leave `--size`, `--samples` and \
+        drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
+        "a `[[frame]]` says its size, its samples and its light itself: leave `--size`, `--samples` and \
          `--environment` out"
     );
-    let frame = suite.frame(&args.frame).expect("it was there");
-    let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
-    let path = karat_gallery::open(path)?;
-    let folder = folder.unwrap_or_else(|| project.output().join("frames"));
-    std::fs::create_dir_all(&folder)?;
-    let told =
-        karat_gallery::tap(&frame, &args.frame, &folder, path, (&args.values, args.round), out);
-    match told {
-        Ok(()) => Ok(Ending::Good),
-        Err(error) => {
-            // What was written before stays, and the reason is the command's.
-            tell(&format!("error: {error}"));
-            Ok(Ending::Bad)
-        }
-    }
+    Ok(drawn.path)
+}
+
+/// Says why a value isn't told. What was written before stays.
+pub(super) fn refuse(error: &dyn std::error::Error) {
+    let text = error.to_string();
+    tell(&if text.starts_with("error") { text } else { format!("error: {text}") });
 }

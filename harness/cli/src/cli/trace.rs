@@ -1,0 +1,259 @@
+//! `karat trace`: how a pixel of a frame comes about, step by step.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, anyhow, ensure};
+use karat::Image;
+use karat::unstable::output::trusted;
+use karat::unstable::value::format_f32;
+use karat_gallery::{DrawArguments, RenderArguments, Row, Traced};
+
+use super::git::shaders_at;
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD};
+use super::tap::{self, Found};
+use super::{Ending, Outcome, PackageArgs, call, child, render, write_json};
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  karat trace scene 120,64                 column 120, row 64, from 0,0 at the upper left
+  karat trace scene 120,64 --against HEAD  the first step that differs from a revision of git
+FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
+The driver tells what the pixel's fragment function is given, and Karat's engine runs it: each step in f32,
+in f64, and within what WGSL allows.
+Exit codes: 0 it was traced, and no step differs; 1 it can't be, or a step differs; 2 there is no such frame, or no driver.";
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// The frame
+    frame: String,
+    /// The pixel: its column and its row
+    #[arg(value_name = "X,Y", value_parser = karat_gallery::pixel)]
+    pixel: (u32, u32),
+    /// Compare the steps with those of the shaders at a revision of git
+    #[arg(long, value_name = "REVISION")]
+    against: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    drawn: DrawArguments,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let Some(traced) = traced(args, &project)? else { return Ok(Ending::Bad) };
+    let Some(revision) = &args.against else {
+        match args.json {
+            true => write_json(&traced, out)?,
+            false => write(args, &traced, &project, out)?,
+        }
+        return Ok(Ending::Good);
+    };
+    let Some(before) = at_revision(args, &project, revision)? else {
+        writeln!(out, "{DIM}the shaders are those of {revision}: no step differs{DIM:#}")?;
+        return Ok(Ending::Good);
+    };
+    match args.json {
+        true => write_json(&[&before, &traced], out)?,
+        false => write_parting(&before, &traced, revision, out)?,
+    }
+    let same = before.steps == traced.steps && before.engine == traced.engine;
+    Ok(if same { Ending::Good } else { Ending::Bad })
+}
+
+/// The pixel; `None` if it can't be traced, and the reason is told.
+fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
+    match tap::find(&args.frame, project, &args.package)? {
+        Found::Declared(suite) => {
+            let path = tap::expect_own(&args.drawn)?;
+            let frame = suite.frame(&args.frame).expect("it was there");
+            let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
+            match frame.trace(karat_gallery::open(path)?, args.pixel) {
+                Ok(pixel) => Ok(Some(pixel.into())),
+                Err(error) => {
+                    tap::refuse(&error);
+                    Ok(None)
+                }
+            }
+        }
+        Found::Gallery => {
+            let arguments = RenderArguments::tracing(&args.frame, args.pixel, args.drawn.clone());
+            let mut printed = Vec::new();
+            match render::run(arguments, &mut printed)? {
+                Ending::Good => {
+                    let json = String::from_utf8(printed).context("the gallery printed no text")?;
+                    let traced = serde_json::from_str(trusted(&json).trim());
+                    Ok(Some(traced.context("the gallery printed no pixel: is its `karat-gallery` as old as this program?")?))
+                }
+                _ => Ok(None),
+            }
+        }
+    }
+}
+
+/// The same pixel with the shaders of a revision; `None` if these are today's.
+fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
+    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let overlay = folder.path().join("overlay");
+    let mut any = false;
+    for package in project.packages(&args.package)? {
+        let before = folder.path().join("before");
+        shaders_at(revision, &package.root(), &before)?;
+        any |= keep_changed(&before, &package.root(), &overlay.join(package.name()))?;
+        std::fs::remove_dir_all(&before).context("no temporary folder")?;
+    }
+    if !any {
+        return Ok(None);
+    }
+    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let mut command = Command::new(program);
+    // The same words but for the revision, whose shaders the overlay has.
+    let mut words = std::env::args_os().skip(1);
+    while let Some(word) = words.next() {
+        match word.to_str() {
+            Some("--against") => drop(words.next()),
+            Some(text) if text.starts_with("--against=") => {}
+            _ => drop(command.arg(word)),
+        }
+    }
+    if !args.json {
+        command.arg("--json");
+    }
+    command.env("KARAT_OVERLAY", &overlay);
+    let (mut said, mut lines) = (String::new(), Vec::new());
+    let status = child::run_heard(
+        &mut command,
+        |line| {
+            said += line;
+            said.push('\n');
+            Ok(())
+        },
+        |line| {
+            lines.push(line.to_owned());
+            Ok(())
+        },
+    )?;
+    ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
+    let parsed = serde_json::from_str(&lines.join("\n"));
+    let mut before: Traced = parsed.context("this program printed no pixel")?;
+    // Of a revision the files are elsewhere for a moment: git's name of it says more.
+    let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
+    for row in &mut before.steps {
+        if let Some(own) = row.file.strip_prefix(&written) {
+            row.file = format!("{revision}:{own}");
+        }
+    }
+    Ok(Some(before))
+}
+
+/// Moves those files into an overlay that are others today. Whether there are some.
+fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
+    let mut any = false;
+    let mut open = vec![before.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder)? {
+            let path = entry?.path();
+            if path.is_dir() {
+                open.push(path);
+                continue;
+            }
+            let own = path.strip_prefix(before).context("it is in the folder")?;
+            let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
+            // A module that is gone today is read by nothing.
+            let Ok(now) = std::fs::read(today.join(own)) else { continue };
+            if is_module && now != std::fs::read(&path)? {
+                let to = overlay.join(own);
+                std::fs::create_dir_all(to.parent().unwrap_or(overlay))?;
+                std::fs::copy(&path, &to)?;
+                any = true;
+            }
+        }
+    }
+    Ok(any)
+}
+
+fn write_head(args: &Args, traced: &Traced, out: &mut dyn Write) -> anyhow::Result<()> {
+    let (x, y) = args.pixel;
+    writeln!(out, "{HEAD}{}{HEAD:#} at ({x}, {y}) of `{}`", traced.function, args.frame)?;
+    for (name, value) in &traced.arguments {
+        writeln!(out, "  {name} = {value}")?;
+    }
+    Ok(())
+}
+
+fn write(
+    args: &Args,
+    traced: &Traced,
+    project: &Project,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    write_head(args, traced, out)?;
+    call::write_rows(&traced.steps, out)?;
+    writeln!(out, "\nthe engine returns {}", traced.engine)?;
+    writeln!(out, "the driver drew    {}", traced.driver)?;
+    if let Some(golden) = golden(args, project) {
+        writeln!(out, "the golden has     {golden}")?;
+    }
+    for note in &traced.notes {
+        writeln!(out, "{DIM}{note}{DIM:#}")?;
+    }
+    Ok(())
+}
+
+/// The pixel of a golden of the frame's name.
+fn golden(args: &Args, project: &Project) -> Option<String> {
+    let (x, y) = args.pixel;
+    let own = |folder: std::path::PathBuf| {
+        let (image, _) = Image::read_exr(&folder.join(format!("{}.exr", args.frame))).ok()?;
+        let is_as_large =
+            args.drawn.size.is_none_or(|size| size == (image.width(), image.height()));
+        let inside = x < image.width() && y < image.height();
+        let pixel =
+            (is_as_large && inside).then(|| image.pixels()[(y * image.width() + x) as usize])?;
+        Some(format!("({})", pixel.map(format_f32).join(", ")))
+    };
+    project.goldens().into_iter().find_map(own)
+}
+
+/// Prints where the steps of two revisions part.
+fn write_parting(
+    before: &Traced,
+    after: &Traced,
+    revision: &str,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let pairs = before.steps.iter().zip(&after.steps);
+    let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
+    let at = pairs.clone().take_while(alike).count();
+    let given = before.arguments.iter().zip(&after.arguments).filter(|(a, b)| a != b);
+    for ((name, was), (_, is)) in given {
+        writeln!(out, "{BAD}{name}{BAD:#} is {is}, and was {was} at {revision}")?;
+    }
+    match (before.steps.get(at), after.steps.get(at)) {
+        (None, None) if before.engine == after.engine => {
+            writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
+        }
+        (None, None) => {
+            writeln!(out, "no step that is shown differs from {revision}: a later run of one does")?
+        }
+        (was, is) => {
+            let shown = |row: Option<&Row>| {
+                row.map_or_else(
+                    || "nothing more".to_owned(),
+                    |row| format!("{}  {}  is {}", row.place(), row.operation, row.single),
+                )
+            };
+            let count = at + 1;
+            writeln!(out, "step {count} is the first that differs from {revision}:")?;
+            writeln!(out, "  {revision}:  {}", shown(was))?;
+            writeln!(out, "  {HEAD}today{HEAD:#}:  {}", shown(is))?;
+        }
+    }
+    writeln!(out, "the engine returns {}; at {revision} {}", after.engine, before.engine)?;
+    Ok(())
+}

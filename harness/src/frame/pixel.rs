@@ -1,0 +1,187 @@
+//! How a pixel of a frame comes about: what its fragment function was given, and each step of it in the engine.
+
+use super::tap::{Candidate, Read, Tap, TapError, candidates, read};
+use super::{Frame, drawn};
+use crate::draw::{DrawError, Drawing};
+use crate::executor;
+use crate::interpret::trace::{BRIEFLY, Step, trace_briefly};
+use crate::path::{self, Device, Path};
+use crate::probe::Probed;
+use crate::value::Shape;
+
+/// A pixel with what its fragment function was given and did.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct TracedPixel {
+    /// The fragment function of the draw that the pixel shows: `scene::fragment`.
+    pub function: String,
+    /// Its arguments by name, as the driver interpolated them.
+    pub arguments: Vec<(String, String)>,
+    /// Each operation, in the engine.
+    pub steps: Vec<Step>,
+    /// What the function returns in the engine.
+    pub engine: String,
+    /// The pixel as the driver drew it.
+    pub driver: [f32; 4],
+    /// What to know of the values.
+    pub notes: Vec<String>,
+}
+
+/// An argument on all pixels.
+struct Argument {
+    name: String,
+    shape: Shape,
+    read: Read,
+}
+
+impl Argument {
+    /// Its lanes at a pixel, if its function ran there.
+    fn at(&self, pixel: usize) -> Option<&[u32]> {
+        let width = self.shape.lanes().len();
+        let ran = self.read.times.get(pixel)?.is_some_and(|times| times > 0);
+        ran.then(|| &self.read.lanes[pixel * width..][..width])
+    }
+}
+
+impl Frame<'_> {
+    /// The pixel in column `x` and row `y`, from 0 at the upper left: its inputs as a driver interpolated them, and the
+    /// fragment function run on them in the engine with the frame's resources.
+    ///
+    /// ```no_run
+    /// use karat::Path;
+    /// use karat::prelude::*;
+    ///
+    /// let text = "@fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f {
+    ///     let slope = 2.0 * uv.x;
+    ///     return vec4f(slope);
+    /// }";
+    /// let package = Package::from_source("m", text);
+    /// let traced = package.frame("", 4, 4).fragment("fragment").trace(Path::VULKAN, (1, 0))?;
+    /// assert_eq!(traced.arguments[0].1, "(0.375, 0.125)");
+    /// # Ok::<(), karat::frame::TapError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If no draw covers the pixel, the frame can't be drawn, or the engine doesn't execute the function.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn trace(&self, path: Path, (x, y): (u32, u32)) -> Result<TracedPixel, TapError> {
+        let executor = executor::of(path).map_err(DrawError::from)?;
+        let drawing = self.drawing_on(executor)?;
+        let size = drawing.size();
+        if x >= size.0 || y >= size.1 {
+            return Err(TapError::Outside { pixel: (x, y), size });
+        }
+        let fragments = drawing.fragments();
+        if fragments.is_empty() {
+            return Err(TapError::Depth);
+        }
+        let opened = path::open(path).map_err(DrawError::from)?;
+        let device = opened.device().ok_or(DrawError::Unable { path })?;
+        let pixel = (y * size.0 + x) as usize;
+        let told = drawing.telling(None, None, 0, true)?;
+        let seen = device.texels(&told.drawing, &[told.target])?.swap_remove(0);
+        let number = seen[pixel][0].checked_sub(1).ok_or(TapError::Undrawn { pixel: (x, y) })?;
+        let fragment = fragments[number as usize].to_owned();
+        let function = drawing.program().path_of(&fragment);
+        let arguments = arguments(device, &drawing, &fragment)?;
+
+        let scene = drawing.scene();
+        let of_module = || match scene.module.is_empty() || function.contains("::") {
+            true => function.clone(),
+            false => format!("{}::{function}", scene.module),
+        };
+        let probed = Probed::with_overrides(scene.package, &of_module(), &scene.overrides)?;
+        let mut probed = probed.with_varying();
+        probed.fit(drawing.fixtures())?;
+        let (lanes, mut notes) = lanes(&probed, &arguments, size, (x, y), path);
+        let (steps, more) = trace_briefly(&probed, drawing.fixtures(), &lanes)?;
+        if more {
+            notes.push(format!(
+                "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
+            ));
+        }
+        let results = executor::call(&probed, Path::CPU, &[lanes], drawing.fixtures())?;
+        if drawing.scene().samples > 1 {
+            notes.push(
+                "the inputs are those at the pixel's centre, and the frame has several samples"
+                    .to_owned(),
+            );
+        }
+        let image = drawn(device, &drawing)?;
+        let shown = arguments.iter().map(|one| {
+            let at = one
+                .at(pixel)
+                .map_or_else(|| "not told".to_owned(), |lanes| one.shape.format(lanes));
+            (one.name.clone(), at)
+        });
+        Ok(TracedPixel {
+            function: of_module(),
+            arguments: shown.collect(),
+            steps,
+            engine: probed.function().result.format(&results[0]),
+            driver: image.pixels()[pixel],
+            notes,
+        })
+    }
+}
+
+/// The arguments of a fragment function on all pixels, in their order.
+fn arguments(
+    device: &Device,
+    drawing: &Drawing<'_>,
+    fragment: &str,
+) -> Result<Vec<Argument>, TapError> {
+    let all = candidates(drawing);
+    let own = all.iter().filter(|one| one.value.function == fragment && one.value.range.is_none());
+    let told = |one: &Candidate| -> Result<Argument, TapError> {
+        let shape = one.value.shape.clone().map_err(|why| TapError::Untold {
+            place: one.place(),
+            text: one.text.clone(),
+            why,
+        })?;
+        let read = read(device, drawing, &one.value, &Tap::new(&one.text), shape.lanes().len())?;
+        Ok(Argument { name: one.text.clone(), shape, read })
+    };
+    own.map(told).collect()
+}
+
+/// The lanes of a call, with the slopes of those arguments that vary; and what isn't known of these.
+fn lanes(
+    probed: &Probed,
+    arguments: &[Argument],
+    (width, height): (u32, u32),
+    (x, y): (u32, u32),
+    path: Path,
+) -> (Vec<u32>, Vec<String>) {
+    let at = |x: u32, y: u32| (y * width + x) as usize;
+    let (mut lanes, mut notes) = (Vec::new(), Vec::new());
+    let mut unknown = false;
+    for (argument, (_, shape)) in arguments.iter().zip(&probed.function().parameters) {
+        let own = argument.at(at(x, y)).unwrap_or_default();
+        lanes.extend(own);
+        if shape.quad().is_none() {
+            continue;
+        }
+        // The other pixel of the quad, to the right or downwards of this one or before it.
+        let others = [(x ^ 1, y, x & 1 == 0), (x, y ^ 1, y & 1 == 0)];
+        for (x, y, is_behind) in others {
+            let other = (x < width && y < height).then(|| argument.at(at(x, y))).flatten();
+            unknown |= other.is_none();
+            for (index, scalar) in argument.shape.lanes().iter().enumerate() {
+                let slope = other.filter(|_| scalar.is_float()).map_or(0.0, |other| {
+                    let [own, other] = [own[index], other[index]].map(f32::from_bits);
+                    if is_behind { other - own } else { own - other }
+                });
+                lanes.push(slope.to_bits());
+            }
+        }
+    }
+    if unknown {
+        notes.push(format!(
+            "a neighbour in the pixel's quad isn't drawn by the same function, so that its inputs aren't known on {path}: \
+             derivatives towards it are 0 here"
+        ));
+    }
+    (lanes, notes)
+}
