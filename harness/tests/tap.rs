@@ -55,6 +55,17 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) i: u32) -> @bui
 }
 
 @fragment
+fn slopes(@location(0) uv: vec2f) -> @location(0) vec4f {
+    let across = dpdx(uv.x);
+    return vec4f(across);
+}
+
+@fragment
+fn steep(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    return vec4f(dpdx(at.x));
+}
+
+@fragment
 fn nothing() -> @location(0) vec4f {
     let nothing = vec4f(0.25);
     return nothing;
@@ -232,6 +243,99 @@ fn places_name_the_largest_expression() {
     assert!(several.contains("is 4 values: say which"), "{several}");
     assert_eq!(of("wave::term"), "x * f32(i + 1u)");
     assert!(error("ave::term").contains("has `ave::term`"));
+}
+
+/// Each step with a name, in `f32`: as `tap` has it.
+fn named_steps(traced: &karat::frame::TracedPixel) -> Vec<(String, Vec<f32>)> {
+    use karat::unstable::trace::Value;
+    let float = |value: &Value| match value {
+        Value::Single(x) => *x,
+        #[expect(clippy::cast_precision_loss, reason = "they are small")]
+        Value::Int(x) => *x as f32,
+        _ => f32::NAN,
+    };
+    let steps = traced.steps.iter();
+    let named = steps.filter_map(|step| Some((step.name.clone()?, &step.single)));
+    named.map(|(name, values)| (name, values.iter().map(float).collect())).collect()
+}
+
+/// What the engine computes for a pixel is what a driver computes there, and what the frame shows.
+#[test]
+fn a_traced_pixel_is_the_drawn_one() {
+    let package = package();
+    for path in drivers() {
+        let frame = plain(&package);
+        for pixel in [(0, 0), (2, 1), (3, 1)] {
+            let traced = frame.trace(path, pixel).unwrap_or_else(|error| panic!("{path}: {error}"));
+            assert_eq!(traced.function, "fragment");
+            let (x, y) = (pixel.0 as f32, pixel.1 as f32);
+            let uv = format!("uv: ({}, {})", (x + 0.5) / 4.0, (y + 0.5) / 2.0);
+            assert!(traced.arguments[0].1.contains(&uv), "{:?}", traced.arguments);
+            for (name, single) in named_steps(&traced) {
+                if !["direction", "sum", "term"].contains(&&*name) {
+                    continue;
+                }
+                let tapped = tapped(&frame, path, &Tap::new(&name));
+                let width = tapped.shape.lanes().len();
+                let at = (pixel.1 * 4 + pixel.0) as usize;
+                let driver = &floats(&tapped)[at * width..][..width];
+                let last = named_steps(&traced).into_iter().rfind(|(other, _)| *other == name);
+                let (_, engine) = last.expect("it is there");
+                for (a, b) in driver.iter().zip(&engine) {
+                    assert!((a - b).abs() <= 1e-6, "{name} at {pixel:?} on {path}: {a}, {b}");
+                }
+                assert_eq!(single.len(), width);
+            }
+            let engine: Vec<f32> = traced
+                .engine
+                .split(|c: char| !(c.is_ascii_digit() || "-.e".contains(c)))
+                .filter_map(|number| number.parse().ok())
+                .collect();
+            let driver = &traced.driver;
+            assert!(
+                driver.iter().all(|x| engine.iter().any(|y| (x - y).abs() <= 1e-5)),
+                "{driver:?}, {}",
+                traced.engine
+            );
+        }
+        let none = frame.trace(path, (2, 0)).expect_err("it is discarded");
+        assert!(matches!(none, TapError::Undrawn { pixel: (2, 0) }), "{none}");
+        let outside = frame.trace(path, (4, 0)).expect_err("there are 4 columns");
+        assert!(outside.to_string().contains("4 x 2 pixels"), "{outside}");
+    }
+}
+
+/// Derivatives are those of the pixel's quad; of several draws the one that is seen is traced.
+#[test]
+fn derivatives_and_draws_are_the_pixel_s_own() {
+    let package = package();
+    for path in drivers() {
+        let slopes = package.frame("", 4, 2).fragment("slopes");
+        for pixel in [(0, 0), (3, 1)] {
+            let traced =
+                slopes.trace(path, pixel).unwrap_or_else(|error| panic!("{path}: {error}"));
+            let found = named_steps(&traced).into_iter().find(|(name, _)| name == "across");
+            assert_eq!(found.map(|(_, values)| values), Some(vec![0.25]), "{path}");
+            assert_eq!(traced.driver[0], 0.25);
+            assert!(traced.notes.is_empty(), "{:?}", traced.notes);
+        }
+        let of = |pixel| both(&package).trace(path, pixel).expect("it is drawn");
+        assert_eq!((&*of((1, 0)).function, &*of((2, 0)).function), ("red", "nothing"));
+        assert_eq!(of((1, 0)).arguments[0].1, "(1.5, 0.5, 0.5, 1)");
+        // One column of a quad is another draw's.
+        let corner = Mesh::new(
+            vec![Vec3::new(-1.0, -1.0, 0.5), Vec3::new(-0.5, -1.0, 0.5), Vec3::new(-1.0, 3.0, 0.5)],
+            vec![0, 1, 2],
+        );
+        let draw = Draw::mesh("vertex", "steep", corner);
+        let edge = package.frame("", 4, 2).draw(Draw::fragment("nothing")).draw(draw);
+        let edge = edge.trace(path, (0, 1)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert!(
+            edge.notes.iter().any(|note| note.contains("isn't drawn by the same")),
+            "{:?}",
+            edge.notes
+        );
+    }
 }
 
 #[test]

@@ -48,6 +48,8 @@ mod outputs;
 mod pending;
 #[path = "cli/pipes.rs"]
 mod pipes;
+#[path = "cli/pixels.rs"]
+mod pixels;
 #[path = "given/program.rs"]
 mod program;
 #[path = "cli/replay.rs"]

@@ -271,7 +271,9 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
                     if named.is_empty() { largest.into_iter().collect() } else { named }
                 }
             };
-            if found.is_empty() && !on_line.is_empty() {
+            if found.is_empty() && on_line.is_empty() {
+                more = ": this line computes nothing of its own there".to_owned();
+            } else if found.is_empty() {
                 let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
                 more = format!("; on this line there are\n  {}", there.join("\n  "));
             }

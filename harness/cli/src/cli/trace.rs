@@ -62,8 +62,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         true => write_json(&[&before, &traced], out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
-    let same = before.steps == traced.steps && before.engine == traced.engine;
-    Ok(if same { Ending::Good } else { Ending::Bad })
+    let as_long = before.steps.len() == traced.steps.len();
+    let same = as_long && first_difference(&before, &traced) == traced.steps.len();
+    Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
 }
 
 /// The pixel; `None` if it can't be traced, and the reason is told.
@@ -220,6 +221,13 @@ fn golden(args: &Args, project: &Project) -> Option<String> {
     project.goldens().into_iter().find_map(own)
 }
 
+/// How many steps are alike until one differs.
+fn first_difference(before: &Traced, after: &Traced) -> usize {
+    let pairs = before.steps.iter().zip(&after.steps);
+    let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
+    pairs.take_while(alike).count()
+}
+
 /// Prints where the steps of two revisions part.
 fn write_parting(
     before: &Traced,
@@ -227,9 +235,7 @@ fn write_parting(
     revision: &str,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let pairs = before.steps.iter().zip(&after.steps);
-    let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
-    let at = pairs.clone().take_while(alike).count();
+    let at = first_difference(before, after);
     let given = before.arguments.iter().zip(&after.arguments).filter(|(a, b)| a != b);
     for ((name, was), (_, is)) in given {
         writeln!(out, "{BAD}{name}{BAD:#} is {is}, and was {was} at {revision}")?;

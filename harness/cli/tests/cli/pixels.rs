@@ -1,0 +1,159 @@
+//! `karat tap` and `karat trace`: from a picture to the line.
+
+use std::path::Path;
+
+use super::*;
+use crate::repository::git;
+
+const SHADER: &str = "fn falloff(x: f32) -> f32 {
+    let near = 1.0 - x;
+    return near * near;
+}
+
+@fragment
+fn shade(@location(0) uv: vec2f) -> @location(0) vec4f {
+    let n = normalize(vec3f(uv, 1.0));
+    let lit = falloff(uv.x);
+    let broken = sqrt(uv.y - 0.5);
+    let is_right = uv.x > 0.5;
+    if (is_right) {
+        let inner = lit - 0.05;
+        return vec4f(inner);
+    }
+    return vec4f(lit, broken, n.z, 1.0);
+}
+";
+
+const FRAME: &str = "[[frame]]\nname = \"disc\"\nfragment = \"shade\"\nsize = [8, 4]\n";
+
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(&folder.path().join("shaders"), "m.wgsl", SHADER);
+    write(&folder.path().join("shaders"), "m.test.toml", FRAME);
+    folder
+}
+
+/// Runs a command on Vulkan, whose images go into a folder.
+fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
+    let out = format!("--out={}", folder.join("out").display());
+    let mut all = words.to_vec();
+    if words[0] == "tap" {
+        all.push(&out);
+    }
+    karat(folder, &[&all[..], &["--path=vulkan"]].concat())
+}
+
+#[test]
+fn values_are_pictures_and_numbers() {
+    let folder = folder();
+    let all = on_vulkan(folder.path(), &["tap", "disc"]).good();
+    for line in [
+        "m::shade::uv: vec2<f32>, a parameter",
+        "m::falloff::near: f32 = 1.0 - x  shaders/m.wgsl:2:16",
+        "m::shade::is_right: bool = uv.x > 0.5  shaders/m.wgsl:11:20",
+    ] {
+        assert!(all.lines().any(|one| one == line), "no `{line}` in:\n{all}");
+    }
+    let ran = on_vulkan(
+        folder.path(),
+        &["tap", "disc", "near", "shade::n", "inner", "broken", "is_right"],
+    );
+    let out = ran.good();
+    for part in [
+        // The least is at the last column's centre, 1 - 15/16.
+        "near  shaders/m.wgsl:2:16 in `m::falloff`: f32\n    0.0625 at (7, 0) to 0.9375 at (0, 0), mean 0.5\n",
+        "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
+        "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
+        "16 of 32 pixels have it, 16 don't come there",
+        "red 0.141406, blue -0.141406",
+        "NaN on 16 pixels, first (0, 0)",
+        "disc.m-shade-is_right.png: white is true",
+    ] {
+        assert!(out.contains(part), "no `{part}` in:\n{out}");
+    }
+    let image = |name: &str| {
+        let file = folder.path().join("out").join(format!("disc.{name}.exr"));
+        karat::Image::read_exr(&file).expect("an image").0
+    };
+    assert_eq!(image("m-falloff-near").pixels()[0], [0.9375, 0.9375, 0.9375, 1.0]);
+    assert_eq!(image("m-shade-inner").pixels()[0], [0.0; 4], "it is transparent");
+    assert!(image("m-shade-broken").pixels()[0][0].is_nan());
+    // Colours of the picture: NaN is magenta, and nothing is transparent.
+    let colours = |name: &str| {
+        let file = std::fs::File::open(folder.path().join("out").join(format!("disc.{name}.png")));
+        let file = std::io::BufReader::new(file.expect("a picture"));
+        let mut reader = png::Decoder::new(file).read_info().expect("PNG");
+        let mut bytes = vec![0; reader.output_buffer_size().expect("it is small")];
+        reader.next_frame(&mut bytes).expect("PNG");
+        bytes
+    };
+    assert_eq!(colours("m-shade-broken")[..4], [255, 0, 255, 255]);
+    assert_eq!(colours("m-shade-inner")[..4], [0; 4]);
+    assert_eq!(colours("m-shade-is_right")[4 * 7..4 * 8], [255; 4]);
+    let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
+    assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
+}
+
+#[test]
+fn what_cannot_be_told_is_an_error() {
+    let folder = folder();
+    for (words, part) in [
+        (&["tap", "disk", "near"][..], "did you mean `disc`?"),
+        (&["tap", "disc", "nera"], "did you mean `near`?"),
+        (&["tap", "disc", "shaders/m.wgsl:11:1"], "on this line there are\n  shaders/m.wgsl:11:20"),
+        (&["tap", "disc", "shaders/m.wgsl:12:1"], "computes nothing of its own"),
+        (&["tap", "disc", "uv.x"], "is 2 values: say which\n  shaders/m.wgsl:9:23"),
+        (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
+        (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
+        (&["trace", "disc", "8,0"], "8 x 4 pixels, from (0, 0) at the upper left"),
+        (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),
+        (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
+    ] {
+        let ran = on_vulkan(folder.path(), words);
+        assert_ne!(ran.code, Some(0), "{words:?}");
+        assert!(ran.err.contains(part), "{words:?}: {ran:?}");
+    }
+    let ran = karat(folder.path(), &["tap", "disc", "near", "--path", "cpu"]);
+    assert!(ran.err.contains("path `cpu` draws no frames"), "{ran:?}");
+    let empty = tempfile::tempdir().expect("a folder");
+    write(empty.path(), "m.wgsl", SHADER);
+    let error = karat(empty.path(), &["tap", "disc", "near"]).error();
+    assert!(error.contains("no `*.test.toml` has a `[[frame]]`"), "{error}");
+}
+
+#[test]
+fn a_pixel_is_traced_and_compared_with_a_revision() {
+    let folder = folder();
+    git(folder.path(), &["init", "-q"]);
+    git(folder.path(), &["add", "."]);
+    git(folder.path(), &["commit", "-qm", "one"]);
+    let out = on_vulkan(folder.path(), &["trace", "disc", "1,3"]).good();
+    for part in [
+        "m::shade at (1, 3) of `disc`\n  uv = (0.1875, 0.875)\n",
+        "near = 1.0 - x",
+        "the driver drew    (0.66015625, 0.6123724",
+    ] {
+        assert!(out.contains(part), "no `{part}` in:\n{out}");
+    }
+    let against = &["trace", "disc", "1,3", "--against", "HEAD"];
+    let same = on_vulkan(folder.path(), against).good();
+    assert!(same.contains("the shaders are those of HEAD: no step differs"), "{same}");
+    let edit = |from: &str, to: &str| {
+        assert!(SHADER.contains(from));
+        write(&folder.path().join("shaders"), "m.wgsl", &SHADER.replace(from, to));
+        on_vulkan(folder.path(), against)
+    };
+    let ran = edit("near * near", "near * x");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "HEAD:  HEAD:shaders/m.wgsl:3  near * near  is 0.66015625",
+        "today:  shaders/m.wgsl:3  near * x  is 0.15234375",
+        "the engine returns (0.15234375, ",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
+    }
+    // An edit that this pixel doesn't come to.
+    let ran = edit("lit - 0.05", "lit - 0.25");
+    assert!(ran.out.contains("no step differs from HEAD"), "{ran:?}");
+    assert_eq!(ran.code, Some(0));
+}
