@@ -5,15 +5,13 @@
 
 mod comparison;
 mod expectation;
-mod pixel;
-mod tap;
+pub(crate) mod pixel;
+pub(crate) mod tap;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
-pub use pixel::TracedPixel;
-pub use tap::{Tap, TapError, Tapped};
 
 use crate::diagnostic::{Blame, Blamed};
 use crate::dispatch::Watched;

@@ -68,6 +68,12 @@ pub mod fixture {
     pub use crate::fixture::level::Level;
 }
 
+/// Values of frames' fragment functions, and pixels step by step.
+pub mod frame {
+    pub use crate::frame::pixel::TracedPixel;
+    pub use crate::frame::tap::{Tap, TapError, Tapped};
+}
+
 /// Goldens as files: pending ones, acceptance, provenance.
 pub mod golden {
     pub use crate::golden::acceptance::{AcceptError, Acceptance, Accepted};

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 use karat::draw::{Blend, Draw, Format, Mesh};
-use karat::frame::{Tap, TapError, Tapped};
 use karat::prelude::*;
+use karat::unstable::frame::{Tap, TapError, Tapped};
 use karat::{Frame, Path};
 
 const SHADER: &str = "
@@ -246,7 +246,7 @@ fn places_name_the_largest_expression() {
 }
 
 /// Each step with a name, in `f32`: as `tap` has it.
-fn named_steps(traced: &karat::frame::TracedPixel) -> Vec<(String, Vec<f32>)> {
+fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec<f32>)> {
     use karat::unstable::trace::Value;
     let float = |value: &Value| match value {
         Value::Single(x) => *x,

@@ -26,10 +26,10 @@ pub use traced::Traced;
 use karat::Frame;
 use karat::Image;
 use karat::Path;
-use karat::frame::Tap;
 use karat::image::{ImageError, Precision};
 use karat::path::PathError;
 use karat::unstable::diagnostic::{nearest, shown};
+use karat::unstable::frame::Tap;
 use karat::unstable::golden::build_output;
 use karat::unstable::image::NonFinite;
 use karat::unstable::output::{Output, Style, counted};
@@ -213,20 +213,7 @@ impl Gallery {
             return tapped(&selected, &options, &folder, &taps, (out, err));
         }
         if let Some(pixel) = arguments.trace {
-            let [entry] = *selected else { return Err(GalleryError::OneTraced) };
-            let trace = |frame: Frame<'static>| Ok(Traced::from(frame.trace(options.path, pixel)?));
-            return match entry.described(&options, trace) {
-                Ok(traced) => {
-                    // In one piece, since what is written is looked through for its last line end.
-                    let line = serde_json::json!(traced).to_string() + "\n";
-                    out.write_all(line.as_bytes())?;
-                    Ok(Vec::new())
-                }
-                Err(error) => {
-                    report(err, &format!("frame `{}`", entry.name), &*error)?;
-                    Ok(vec![&entry.name])
-                }
-            };
+            return traced(&selected, &options, pixel, (out, err));
         }
         let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let mut failed = Vec::new();
@@ -330,6 +317,29 @@ impl Gallery {
     }
 }
 
+/// Prints the steps of a pixel as JSON.
+fn traced<'e>(
+    selected: &[&'e Entry],
+    options: &RenderOptions,
+    pixel: (u32, u32),
+    (out, err): (&mut dyn Write, &mut dyn Write),
+) -> Result<Vec<&'e str>, GalleryError> {
+    let [entry] = *selected else { return Err(GalleryError::OneTraced) };
+    let trace = |frame: Frame<'static>| Ok(Traced::from(frame.trace(options.path, pixel)?));
+    match entry.described(options, trace) {
+        Ok(traced) => {
+            // In one piece, since what is written is looked through for its last line end.
+            let line = serde_json::json!(traced).to_string() + "\n";
+            out.write_all(line.as_bytes())?;
+            Ok(Vec::new())
+        }
+        Err(error) => {
+            report(err, &format!("frame `{}`", entry.name), &*error)?;
+            Ok(vec![&entry.name])
+        }
+    }
+}
+
 /// Tells values of frames. The names of the frames that have one of them not.
 fn tapped<'e>(
     selected: &[&'e Entry],
@@ -341,8 +351,8 @@ fn tapped<'e>(
     let mut failed = Vec::new();
     for entry in selected {
         let name = entry.name.as_str();
-        let told = entry
-            .described(options, |frame| Ok(tap(&frame, name, folder, options.path, taps, out)?));
+        let told =
+            entry.described(options, |frame| tap(&frame, name, folder, options.path, taps, out));
         if let Err(error) = told {
             failed.push(name);
             report(err, &format!("frame `{name}`"), &*error)?;

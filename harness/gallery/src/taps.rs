@@ -5,9 +5,9 @@ use std::io::{self, Write};
 use std::path::{Path as FilePath, PathBuf};
 
 use karat::Image;
-use karat::frame::Tapped;
 use karat::image::{ImageError, Precision};
 use karat::unstable::diagnostic::shown;
+use karat::unstable::frame::Tapped;
 use karat::unstable::image::write_colours;
 use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
@@ -301,5 +301,5 @@ fn colours(tapped: &Tapped, scalars: &[Scalar], mapping: &Mapping) -> Vec<u8> {
         true => numbers.next().map_or([0; 4], |numbers| mapping.colour(&numbers)),
         false => [0; 4],
     };
-    tapped.told.iter().flat_map(|told| colour(told)).collect()
+    tapped.told.iter().flat_map(&mut colour).collect()
 }

@@ -1,6 +1,6 @@
 //! A traced pixel as text that one process gives to another.
 
-use karat::frame::TracedPixel;
+use karat::unstable::frame::TracedPixel;
 use karat::unstable::value::format_f32;
 use serde::{Deserialize, Serialize};
 

@@ -58,7 +58,7 @@ impl Frame<'_> {
     /// let package = Package::from_source("m", text);
     /// let traced = package.frame("", 4, 4).fragment("fragment").trace(Path::VULKAN, (1, 0))?;
     /// assert_eq!(traced.arguments[0].1, "(0.375, 0.125)");
-    /// # Ok::<(), karat::frame::TapError>(())
+    /// # Ok::<(), karat::unstable::frame::TapError>(())
     /// ```
     ///
     /// # Errors

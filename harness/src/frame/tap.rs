@@ -244,61 +244,22 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
 fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
     let program = drawing.program();
     let mut all = candidates(drawing);
-    let of = |all: &[Candidate], is: &dyn Fn(&Candidate) -> bool| -> Vec<usize> {
-        (0..all.len()).filter(|index| is(&all[*index])).collect()
-    };
-    let mut more = String::new();
-    let mut found = match place_of(wanted) {
-        Some((file, line, column)) => {
-            let is_there = |one: &Candidate| {
-                std::path::Path::new(&one.span.file.name).ends_with(file)
-                    && one.value.range.is_some()
-            };
-            let at = |span: &Span| span.file.line_column(span.range.start);
-            let on_line = of(&all, &|one| is_there(one) && one.line_column().0 == line);
-            let found = match column {
-                None => of(&all, &|one| {
-                    is_there(one) && one.named.as_ref().is_some_and(|name| at(name).0 == line)
-                }),
-                Some(column) => {
-                    let named = of(&all, &|one| {
-                        is_there(one)
-                            && one.named.as_ref().is_some_and(|name| at(name) == (line, column))
-                    });
-                    let begins =
-                        of(&all, &|one| is_there(one) && one.line_column() == (line, column));
-                    let largest = begins.into_iter().max_by_key(|index| all[*index].text.len());
-                    if named.is_empty() { largest.into_iter().collect() } else { named }
-                }
-            };
-            if found.is_empty() && on_line.is_empty() {
-                more = ": this line computes nothing of its own there".to_owned();
-            } else if found.is_empty() {
-                let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
-                more = format!("; on this line there are\n  {}", there.join("\n  "));
-            }
-            found
-        }
+    let (mut found, mut more) = match place_of(wanted) {
+        Some(place) => at_place(&all, place, program),
         None => {
-            let named = of(&all, &|one| one.is_named(wanted, program));
             let without_blanks = |text: &str| text.split_whitespace().collect::<String>();
             let text = without_blanks(wanted);
-            match named.is_empty() {
-                false => named,
-                true => {
-                    of(&all, &|one| one.value.range.is_some() && without_blanks(&one.text) == text)
-                }
-            }
+            let named = of(&all, &|one| one.is_named(wanted, program));
+            let is_text =
+                |one: &Candidate| one.value.range.is_some() && without_blanks(&one.text) == text;
+            (if named.is_empty() { of(&all, &is_text) } else { named }, String::new())
         }
     };
     // A function that two modules' copies share has one place.
     let mut places = BTreeSet::new();
     found.retain(|index| {
-        places.insert((
-            all[*index].place(),
-            all[*index].value.function.clone(),
-            all[*index].value.name.clone(),
-        ))
+        let Candidate { value, .. } = &all[*index];
+        places.insert((all[*index].place(), value.function.clone(), value.name.clone()))
     });
     match *found {
         [one] => Ok(all.swap_remove(one)),
@@ -314,6 +275,45 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
             Err(TapError::Several { wanted: wanted.to_owned(), places })
         }
     }
+}
+
+/// Those of which something holds, by their indices.
+fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
+    (0..all.len()).filter(|index| is(&all[*index])).collect()
+}
+
+/// The value at a place, by its index, or what else there is on its line.
+fn at_place(
+    all: &[Candidate],
+    (file, line, column): (&str, usize, Option<usize>),
+    program: &Program,
+) -> (Vec<usize>, String) {
+    let is_there = |one: &Candidate| {
+        std::path::Path::new(&one.span.file.name).ends_with(file) && one.value.range.is_some()
+    };
+    let is_name = |one: &Candidate, is: &dyn Fn((usize, usize)) -> bool| {
+        let name = one.named.as_ref().filter(|_| is_there(one));
+        name.is_some_and(|name| is(name.file.line_column(name.range.start)))
+    };
+    let found = match column {
+        None => of(all, &|one| is_name(one, &|(own, _)| own == line)),
+        Some(column) => {
+            let named = of(all, &|one| is_name(one, &|place| place == (line, column)));
+            let begins = of(all, &|one| is_there(one) && one.line_column() == (line, column));
+            let largest = begins.into_iter().max_by_key(|index| all[*index].text.len());
+            if named.is_empty() { largest.into_iter().collect() } else { named }
+        }
+    };
+    let on_line = of(all, &|one| is_there(one) && one.line_column().0 == line);
+    let more = match (found.is_empty(), on_line.is_empty()) {
+        (false, _) => String::new(),
+        (true, true) => ": this line computes nothing of its own there".to_owned(),
+        (true, false) => {
+            let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
+            format!("; on this line there are\n  {}", there.join("\n  "))
+        }
+    };
+    (found, more)
 }
 
 impl Frame<'_> {
@@ -338,7 +338,7 @@ impl Frame<'_> {
     ///
     /// ```no_run
     /// use karat::Path;
-    /// use karat::frame::Tap;
+    /// use karat::unstable::frame::Tap;
     /// use karat::prelude::*;
     ///
     /// let text = "@fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f {
@@ -348,7 +348,7 @@ impl Frame<'_> {
     /// let package = Package::from_source("m", text);
     /// let tapped = package.frame("", 4, 4).fragment("fragment").tap(Path::VULKAN, &Tap::new("slope"))?;
     /// assert_eq!(f32::from_bits(tapped.lanes[0]), 0.25);
-    /// # Ok::<(), karat::frame::TapError>(())
+    /// # Ok::<(), karat::unstable::frame::TapError>(())
     /// ```
     ///
     /// # Errors

@@ -331,58 +331,54 @@ impl Kept {
             all.append(&mut body);
             body = all;
         } else {
-            insert(&mut body, value, &mut || store(function));
+            rewrite(&mut body, &mut |statement| {
+                let computes = match statement {
+                    Statement::Emit(range) => range.clone().any(|one| one == value),
+                    other => result_of(other) == Some(value),
+                };
+                if computes { Rewritten::Before(store(function)) } else { Rewritten::AsIs }
+            });
         }
         function.body = body;
     }
 }
 
-/// Lets an entry point return the words beside what it returns.
-fn tell(
+/// What an entry point returns with words: its type, that of the words, and which of the members that it returned before
+/// stay, by their indices; `None` stands for a result that was no structure.
+fn returning(
     module: &mut Module,
     function: &mut Function,
-    (kept_in, number): (Option<Kept>, u32),
-    ways: &[(Vec<u32>, Scalar)],
     telling: Telling<'_>,
-) {
-    let size = VectorSize::Quad;
-    let inner = TypeInner::Vector { size, scalar: Scalar::U32 };
-    let words_type = module.types.insert(Type { name: None, inner }, NOWHERE);
-    // What it returned, member by member.
-    let mut kept: Vec<(Option<u32>, StructMember)> = Vec::new();
+) -> ([Handle<Type>; 2], Vec<Option<u32>>) {
+    let inner = TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::U32 };
+    let words = module.types.insert(Type { name: None, inner }, NOWHERE);
+    let member = |name: &str, ty, binding| StructMember {
+        name: Some(name.to_owned()),
+        ty,
+        binding,
+        offset: 0,
+    };
+    let mut all: Vec<(Option<u32>, StructMember)> = Vec::new();
     if let Some(result) = &function.result {
         match (&result.binding, &module.types[result.ty].inner) {
             (None, TypeInner::Struct { members, .. }) => {
-                kept.extend((0..).map(Some).zip(members.iter().cloned()));
+                all.extend((0..).map(Some).zip(members.iter().cloned()));
             }
-            (binding, _) => kept.push((
-                None,
-                StructMember {
-                    name: Some("karat_own".to_owned()),
-                    ty: result.ty,
-                    binding: binding.clone(),
-                    offset: 0,
-                },
-            )),
+            (binding, _) => all.push((None, member("karat_own", result.ty, binding.clone()))),
         }
     }
     let is_location =
         |member: &StructMember| matches!(member.binding, Some(Binding::Location { .. }));
-    kept.retain(|(_, member)| !(telling.alone && is_location(member)));
-    let told = StructMember {
-        name: Some("karat_told".to_owned()),
-        ty: words_type,
-        binding: Some(Binding::Location {
-            location: telling.location,
-            interpolation: None,
-            sampling: None,
-            blend_src: None,
-            per_primitive: false,
-        }),
-        offset: 0,
+    all.retain(|(_, member)| !(telling.alone && is_location(member)));
+    let location = Binding::Location {
+        location: telling.location,
+        interpolation: None,
+        sampling: None,
+        blend_src: None,
+        per_primitive: false,
     };
-    let mut members: Vec<StructMember> = kept.iter().map(|(_, own)| own.clone()).collect();
-    members.push(told);
+    let (kept, mut members): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+    members.push(member("karat_told", words, Some(location)));
     // No host sees it: its layout has to be one, as naga's validator has it.
     let mut layouter = Layouter::default();
     let mut span = 0;
@@ -398,9 +394,21 @@ fn tell(
     let inner = TypeInner::Struct { members, span };
     let ty = module.types.insert(Type { name, inner }, NOWHERE);
     function.result = Some(FunctionResult { ty, binding: None });
+    ([ty, words], kept)
+}
 
+/// Lets an entry point return the words beside what it returns.
+fn tell(
+    module: &mut Module,
+    function: &mut Function,
+    (kept_in, number): (Option<Kept>, u32),
+    ways: &[(Vec<u32>, Scalar)],
+    telling: Telling<'_>,
+) {
+    let ([ty, words_type], kept) = returning(module, function, telling);
     let mut body = std::mem::take(&mut function.body);
-    replace_returns(&mut body, &mut |returned| {
+    rewrite(&mut body, &mut |statement| {
+        let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
         // What needs no statement stands before what does.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
@@ -443,8 +451,8 @@ fn tell(
         }
         let told = add(Expression::Compose { ty: words_type, components: words });
         let mut components = Vec::new();
-        for (index, _) in &kept {
-            let Some(own) = returned else { continue };
+        for index in &kept {
+            let Some(own) = *returned else { continue };
             components.push(match index {
                 None => own,
                 Some(index) => add(Expression::AccessIndex { base: own, index: *index }),
@@ -456,66 +464,46 @@ fn tell(
         let mut block = Block::new();
         block.push(Statement::Emit(naga::Range::new_from_bounds(start, last)), NOWHERE);
         block.push(Statement::Return { value: Some(last) }, NOWHERE);
-        block
+        Rewritten::Instead(block)
     });
     function.body = body;
 }
 
-/// Puts statements behind the one that computes a value.
-fn insert(block: &mut Block, value: Handle<Expression>, more: &mut dyn FnMut() -> Block) {
-    let mut all = Block::new();
-    for (mut statement, span) in std::mem::take(block).span_into_iter() {
-        match &mut statement {
-            Statement::Block(inner) => insert(inner, value, more),
-            Statement::If { accept, reject, .. } => {
-                insert(accept, value, more);
-                insert(reject, value, more);
-            }
-            Statement::Switch { cases, .. } => {
-                cases.iter_mut().for_each(|case| insert(&mut case.body, value, more));
-            }
-            Statement::Loop { body, continuing, .. } => {
-                insert(body, value, more);
-                insert(continuing, value, more);
-            }
-            _ => {}
-        }
-        let computes = match &statement {
-            Statement::Emit(range) => range.clone().any(|one| one == value),
-            other => result_of(other) == Some(value),
-        };
-        all.push(statement, span);
-        if computes {
-            all.append(&mut more());
-        }
-    }
-    *block = all;
+/// What a statement becomes.
+enum Rewritten {
+    AsIs,
+    /// It stays, and these follow.
+    Before(Block),
+    Instead(Block),
 }
 
-/// Replaces each `return`.
-fn replace_returns(block: &mut Block, with: &mut dyn FnMut(Option<Handle<Expression>>) -> Block) {
+/// Rewrites each statement of a block, the inner ones first.
+fn rewrite(block: &mut Block, with: &mut dyn FnMut(&Statement) -> Rewritten) {
     let mut all = Block::new();
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
         match &mut statement {
-            Statement::Block(inner) => replace_returns(inner, with),
+            Statement::Block(inner) => rewrite(inner, with),
             Statement::If { accept, reject, .. } => {
-                replace_returns(accept, with);
-                replace_returns(reject, with);
+                rewrite(accept, with);
+                rewrite(reject, with);
             }
             Statement::Switch { cases, .. } => {
-                cases.iter_mut().for_each(|case| replace_returns(&mut case.body, with));
+                cases.iter_mut().for_each(|case| rewrite(&mut case.body, with));
             }
             Statement::Loop { body, continuing, .. } => {
-                replace_returns(body, with);
-                replace_returns(continuing, with);
-            }
-            Statement::Return { value } => {
-                all.append(&mut with(*value));
-                continue;
+                rewrite(body, with);
+                rewrite(continuing, with);
             }
             _ => {}
         }
-        all.push(statement, span);
+        match with(&statement) {
+            Rewritten::AsIs => all.push(statement, span),
+            Rewritten::Before(mut more) => {
+                all.push(statement, span);
+                all.append(&mut more);
+            }
+            Rewritten::Instead(mut other) => all.append(&mut other),
+        }
     }
     *block = all;
 }

@@ -3,8 +3,8 @@
 use std::io::Write;
 
 use anyhow::{anyhow, bail, ensure};
-use karat::frame::Tap;
 use karat::unstable::diagnostic::nearest;
+use karat::unstable::frame::Tap;
 use karat::unstable::output::tell;
 use karat_gallery::{DrawArguments, RenderArguments};
 use karat_suite::Suite;
@@ -44,14 +44,11 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let suite = match find(&args.frame, &project, &args.package)? {
-        Found::Declared(suite) => suite,
-        Found::Gallery => {
-            let (values, drawn) = (args.values.clone(), args.drawn.clone());
-            let how = (args.round, args.beside);
-            let arguments = RenderArguments::tapping(&args.frame, values, how, drawn);
-            return render::run(arguments, out);
-        }
+    let Some(suite) = find(&args.frame, &project, &args.package)? else {
+        let (values, drawn) = (args.values.clone(), args.drawn.clone());
+        let how = (args.round, args.beside);
+        let arguments = RenderArguments::tapping(&args.frame, values, how, drawn);
+        return render::run(arguments, out);
     };
     let path = expect_own(&args.drawn)?;
     let frame = suite.frame(&args.frame).expect("it was there");
@@ -70,16 +67,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Where a frame is described.
-pub(super) enum Found {
-    /// As a `[[frame]]`.
-    Declared(Suite),
-    /// In Rust, if at all.
-    Gallery,
-}
-
-/// The frame of a name.
-pub(super) fn find(frame: &str, project: &Project, place: &PackageArgs) -> anyhow::Result<Found> {
+/// The suite with the `[[frame]]` of a name; `None`: it is one of the gallery's, if there is one.
+pub(super) fn find(
+    frame: &str,
+    project: &Project,
+    place: &PackageArgs,
+) -> anyhow::Result<Option<Suite>> {
     let mut names: Vec<String> = Vec::new();
     let packages = match (project.packages(place), project.gallery()) {
         // A project may have a gallery and no folder of shaders.
@@ -89,13 +82,13 @@ pub(super) fn find(frame: &str, project: &Project, place: &PackageArgs) -> anyho
     for package in packages {
         let suite = Suite::of(package)?;
         if suite.frame(frame).is_some() {
-            return Ok(Found::Declared(suite));
+            return Ok(Some(suite));
         }
         let own = suite.tests.iter().filter(|test| test.is_frame());
         names.extend(own.filter_map(|test| Some(test.name.strip_prefix("frame ")?.to_owned())));
     }
     if project.gallery().is_some() {
-        return Ok(Found::Gallery);
+        return Ok(None);
     }
     match nearest(frame, names.iter().map(String::as_str)) {
         Some(near) => bail!("there is no frame `{frame}`; did you mean `{near}`?"),

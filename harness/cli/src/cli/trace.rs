@@ -13,7 +13,7 @@ use karat_gallery::{DrawArguments, RenderArguments, Row, Traced};
 use super::git::shaders_at;
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD};
-use super::tap::{self, Found};
+use super::tap;
 use super::{Ending, Outcome, PackageArgs, call, child, render, write_json};
 
 pub(super) const EXAMPLES: &str = "\
@@ -69,32 +69,27 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// The pixel; `None` if it can't be traced, and the reason is told.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
-    match tap::find(&args.frame, project, &args.package)? {
-        Found::Declared(suite) => {
-            let path = tap::expect_own(&args.drawn)?;
-            let frame = suite.frame(&args.frame).expect("it was there");
-            let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
-            match frame.trace(karat_gallery::open(path)?, args.pixel) {
-                Ok(pixel) => Ok(Some(pixel.into())),
-                Err(error) => {
-                    tap::refuse(&error);
-                    Ok(None)
-                }
+    if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
+        let path = tap::expect_own(&args.drawn)?;
+        let frame = suite.frame(&args.frame).expect("it was there");
+        let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
+        return match frame.trace(karat_gallery::open(path)?, args.pixel) {
+            Ok(pixel) => Ok(Some(pixel.into())),
+            Err(error) => {
+                tap::refuse(&error);
+                Ok(None)
             }
-        }
-        Found::Gallery => {
-            let arguments = RenderArguments::tracing(&args.frame, args.pixel, args.drawn.clone());
-            let mut printed = Vec::new();
-            match render::run(arguments, &mut printed)? {
-                Ending::Good => {
-                    let json = String::from_utf8(printed).context("the gallery printed no text")?;
-                    let traced = serde_json::from_str(trusted(&json).trim());
-                    Ok(Some(traced.context("the gallery printed no pixel: is its `karat-gallery` as old as this program?")?))
-                }
-                _ => Ok(None),
-            }
-        }
+        };
     }
+    let arguments = RenderArguments::tracing(&args.frame, args.pixel, args.drawn.clone());
+    let mut printed = Vec::new();
+    if render::run(arguments, &mut printed)? != Ending::Good {
+        return Ok(None);
+    }
+    let json = String::from_utf8(printed).context("the gallery printed no text")?;
+    let traced = serde_json::from_str(trusted(&json).trim())
+        .context("the gallery printed no pixel: is its `karat-gallery` as old as this program?")?;
+    Ok(Some(traced))
 }
 
 /// The same pixel with the shaders of a revision; `None` if these are today's.
